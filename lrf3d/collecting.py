@@ -6,7 +6,7 @@ A simulation or its parts enter, or the scans of a user's own loop; a Run in mem
 
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
-from lrf3d.pose import as_pose
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.odometry import ImuRecord
@@ -112,11 +112,8 @@ class Snapshots:
     """The map snapshots of a simulation while it runs, and what its IMU measured."""
 
     def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
-        self._simulation, self._total, self.maps = (
-            simulation,
-            simulation.total,
-            dict[int, LineMap](),
-        )
+        self._simulation, self._total = simulation, simulation.total
+        self.maps: dict[int, LineMap] = {}
         self._most = None if snapshots is None else whole_number(snapshots, "snapshots")
         self._inertial = list[Float]()
 
@@ -144,11 +141,8 @@ class Collection(Snapshots):
 
     def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
         super().__init__(simulation, snapshots)
-        row = row_type(simulation)
-        self._rows: dict[str, Any] = {
-            name: np.empty((self._total, *row[name].shape), row[name].base)
-            for name in row.names or ()
-        }
+        wheels = simulation.motion_sensors[0] is not None
+        self._rows = rows_of(row_type(simulation.world, simulation.lasers, wheels), self._total)
 
     def add(self, step: Step) -> None:
         """Keep a step."""
@@ -175,26 +169,42 @@ class Collection(Snapshots):
         )
 
 
-def row_type(simulation: Simulation) -> np.dtype[Any]:
+class _Taken(NamedTuple):
+    """What the loop of a user gave of a moment, in the fields of a step."""
+
+    time: float
+    pose: Pose
+    scans: tuple[LaserScan, ...]
+    true_scans: tuple[LaserScan, ...]
+    odometry: None = None
+
+
+def row_type(
+    world: World, lasers: Sequence[LaserRangeFinder], wheels: bool = False
+) -> np.dtype[Any]:
     """What a run keeps of each scan: a field for each of the Run's attributes."""
-    lasers = simulation.lasers
     beams, echoes = (sum(each.beams for each in lasers),), lasers[0].echoes
     fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
     fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
     fields.append(("walls", np.int64, beams))
-    if simulation.world.materials:
+    if world.materials:
         fields.append(("intensities", np.float64, beams))
         if echoes > 1:
             each_echo = (*beams, echoes)
             fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
     if any(each.scan_duration for each in lasers):
         fields.append(("motions", np.float64, (len(lasers), 3)))
-    if simulation.motion_sensors[0] is not None:
+    if wheels:
         fields.append(("wheels", np.float64, 3))
     return np.dtype(fields)
 
 
-def fill_row(rows: Mapping[str, Any], index: int, step: Step) -> None:
+def rows_of(row: np.dtype[Any], count: int) -> dict[str, Any]:
+    """Arrays with so many rows, by the fields of a row."""
+    return {name: np.empty((count, *row[name].shape), row[name].base) for name in row.names or ()}
+
+
+def fill_row(rows: Mapping[str, Any], index: int, step: Step | _Taken) -> None:
     """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
     rows["times"][index], rows["poses"][index] = step.time, step.pose
     if "wheels" in rows:
@@ -244,12 +254,11 @@ class Recorder:
         expect(world, World, "recorder: world")
         self._world, self._lasers = world, lasers_of(lrf)
         self._obstacles = tuple(each_of(obstacles, DynamicObstacle, "recorder: obstacle"))
-        self._times, self._poses = list[float](), list[Any]()
-        self._columns: dict[str, list[Float]] = {name: [] for name in ("ranges", "truth", "walls")}
-        self._maps, self._estimates = dict[int, LineMap](), list[Any]()
+        self._taken, self._estimates = list[_Taken](), list[Pose]()
+        self._maps: dict[int, LineMap] = {}
 
     def __len__(self) -> int:
-        return len(self._times)
+        return len(self._taken)
 
     def add(
         self,
@@ -277,22 +286,18 @@ class Recorder:
         scans, true = self._scans(scan), self._scans(scan if truth is None else truth)
         if map is not None:
             expect(map, LineMap, "recorder: map")
-        last = self._times[-1] if self._times else -np.inf
+        last = self._taken[-1].time if self._taken else -np.inf
         if time is None:
             time = scans[0].time if scans[0].time > last else last + SCAN_INTERVAL
         elif number(time, "recorder: time", "seconds", least=-1e12) <= last:
             raise InputError(f"recorder: time {time:g} s; expected one after {last:g} s")
-        if self._times and (estimate is None) != (not self._estimates):
+        if self._taken and (estimate is None) != (not self._estimates):
             raise InputError("recorder: estimate: give one for every scan or for none")
         if estimate is not None:
             self._estimates.append(as_pose(estimate))
         if map is not None:
             self._maps[len(self)] = map
-        self._times.append(float(time))
-        self._poses.append(scans[0].robot)
-        for name, parts in (("ranges", scans), ("truth", true), ("walls", true)):
-            values = [getattr(each, name.replace("truth", "ranges")) for each in parts]
-            self._columns[name].append(np.concatenate(values))
+        self._taken.append(_Taken(float(time), scans[0].robot, scans, true))
 
     def run(self) -> Run:
         """The run so far.
@@ -310,17 +315,19 @@ class Recorder:
         if self._estimates:
             none = np.empty(0, np.int64), np.empty((0, 3, 3))
             estimate = EstimatedTrajectory(np.array(self._estimates), *none)
-        columns: dict[str, Any] = {name: np.array(rows) for name, rows in self._columns.items()}
-        poses = np.array(self._poses)
+        rows = rows_of(row_type(self._world, self._lasers), len(self))
+        for index, taken in enumerate(self._taken):
+            fill_row(rows, index, taken)
+        times, poses = rows.pop("times"), rows.pop("poses")
         poses[:, 2] = np.unwrap(poses[:, 2])
         return Run(
             self._world,
             self._lasers[0],
-            Trajectory(self._times, poses),
-            **columns,
+            Trajectory(times, poses),
+            **rows,
             snapshot_scans=tuple(sorted(kept)),
             maps=tuple(kept[scan] for scan in sorted(kept)),
-            obstacles=tuple(each.until(self._times[-1]) for each in self._obstacles),
+            obstacles=tuple(each.until(times[-1]) for each in self._obstacles),
             estimate=estimate,
             further=self._lasers[1:],
         )

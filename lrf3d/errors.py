@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
 
-MOST_PARTS = 10_000
-"""Largest number of parts of a value that is shown by all of them."""
-
 
 def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
@@ -63,7 +60,8 @@ def shown(value: object, most: int = 40) -> str:
 def _text(value: object) -> str:
     """The text of a value, or of its first parts if it has thousands: they may be all the same."""
     parts, count = [value], 0
-    while parts and count < MOST_PARTS:
+    most_parts = 10_000  # Largest number of parts of a value that is shown by all of them.
+    while parts and count < most_parts:
         part = parts.pop()
         count += 1
         parts += part if isinstance(part, list | tuple) else ()

@@ -27,12 +27,6 @@ GENERAL = frozenset(
 )
 """File names that say only what kind of file it is; the name of the folder is put before them."""
 
-LONGEST_NAME = 60
-"""Largest length of a folder's name: file systems allow 255 bytes, and suffixes are added."""
-
-_PRIVATE, _UNFINISHED = ".lrf3d-", ".unfinished"
-"""Beginning and end of the names of the private folders in which files are written."""
-
 
 def as_path(path: object) -> Path:
     """A path that comes from outside; a number would be an open file, such as the output."""
@@ -122,7 +116,9 @@ def folder_name(name: str) -> str:
         >>> folder_name("Lab 3/west"), folder_name("../..")
         ('Lab_3_west', 'world')
     """
-    return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST_NAME].strip("._") or "world"
+    # Largest length of a folder's name: file systems allow 255 bytes, and suffixes are added.
+    longest_name = 60
+    return re.sub(r"[^\w.+-]+", "_", name)[:longest_name].strip("._") or "world"
 
 
 def data_folder(name: str) -> Path:
@@ -168,14 +164,16 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
     left there when they were killed.
     """
     place = as_path(path).parent
+    # Beginning and end of the names of the private folders in which files are written.
+    private, unfinished = ".lrf3d-", ".unfinished"
     with writing(path):
-        for left in place.glob(f"{_PRIVATE}*{_UNFINISHED}"):
+        for left in place.glob(f"{private}*{unfinished}"):
             with suppress(OSError), _hold(left):
                 shutil.rmtree(left)
         folder, held = None, ExitStack()
         # Between its making and its locking another process may take a folder for one that is left.
         while folder is None or not folder.exists():
-            folder = Path(mkdtemp(_UNFINISHED, _PRIVATE, place))
+            folder = Path(mkdtemp(unfinished, private, place))
             unfinished_folders.add(str(folder))
             with suppress(FileNotFoundError):
                 held.enter_context(_hold(folder, wait=True))

@@ -38,17 +38,8 @@ from lrf3d.world import World
 APART = 0.5
 """Room [m] between two robots at the ends of their parts of a route: they cut corners."""
 
-MOST_SPOTS = 2000
-"""Places of a route that are compared with each other, at most."""
-
-WINDOW = 1000
-"""Number of scans for which giving way is planned at a time: memory grows with its square."""
-
 STILL = (0.0, 0.0, 0.0)
 """The twist of a robot at rest."""
-
-TOGETHER = 1e-12
-"""Time [s] within which two robots touch each other at once: more than rounding."""
 
 
 @stoppable()
@@ -184,7 +175,8 @@ def parts_of(route: Float, count: int, body: Body) -> list[Float]:
     """
     stations = np.append(0.0, np.cumsum(lengths(np.hstack([route[:-1], route[1:]]))))
     gap = 2.0 * body.reach + APART
-    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), MOST_SPOTS))
+    most_spots = 2000  # Places of a route that are compared with each other, at most.
+    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), most_spots))
     places = np.column_stack([np.interp(spots, stations, column) for column in route.T])
     near = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) < gap
     new = ~(near & (spots[:, None] - spots > 2.0 * gap)).any(axis=1)
@@ -211,12 +203,14 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
     far as it can.
     """
     given = list[Trajectory]()
+    # Number of scans for which giving way is planned at a time: memory grows with its square.
+    window = 1000
     for drive in drives:
         path, rows, last = drive.poses, [np.zeros(1, np.int64)], 0
         step = np.hypot(*np.diff(path[:, :2], axis=0).T).max(initial=0.0)
         room = float(np.hypot(2.0 * body.reach, step))
-        for begin in range(0, len(path) - 1, WINDOW):
-            part = slice(begin, begin + WINDOW + 1)
+        for begin in range(0, len(path) - 1, window):
+            part = slice(begin, begin + window + 1)
             others = [other.poses[part, :2] for other in given]
             count = len(drive.times[part])
             rows.append(last + _apart(path[last : last + count, :2], others, room, count))
@@ -306,11 +300,13 @@ class _Touches:
 
     def drive_until(self, time: float) -> None:
         """Find what is touched up to a time [s], the earliest first."""
+        # Time [s] within which two robots touch each other at once: more than rounding.
+        together = 1e-12
         while self._now < time and self._drives:
             hits = {robot: hit for robot in self._drives if (hit := self._hit(robot, time))}
             self._now = min((hit.time for hit in hits.values()), default=time)
             for robot, hit in hits.items():
-                if hit.time > self._now + TOGETHER:
+                if hit.time > self._now + together:
                     continue
                 if not self._stops:
                     raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")

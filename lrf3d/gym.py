@@ -46,12 +46,6 @@ GOAL_NEAR, GOAL_FAR, GOAL_RADIUS = 5.0, 20.0, 0.5
 """Least and largest distance of a goal from the start [m], in a world large enough, and that at
 which a robot has arrived."""
 
-CANDIDATES = 32
-"""Number of random candidates for a goal, of which the first at such a distance is used."""
-
-AT_GOAL, AT_WALL, EACH_STEP = 10.0, -10.0, -0.01
-"""Rewards at the goal, for a collision, and for each step, so that fast drives score higher."""
-
 GOAL_MARGIN = 0.1
 """Clearance of a robot from walls at its start, in addition to its radius [m]."""
 
@@ -180,7 +174,9 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self.poses = np.where(collided[:, None], self.poses, moved)
         after = self.distances()
         reached = (after < GOAL_RADIUS) & ~collided & ~again
-        rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
+        # Rewards at the goal, for a collision, and for each step, so that fast drives score higher.
+        at_goal, at_wall, each_step = 10.0, -10.0, -0.01
+        rewards = before - after + each_step + at_goal * reached + at_wall * collided
         self._steps += 1
         ended = reached | collided
         cut = (self._steps >= self.max_steps) & ~ended & ~again
@@ -198,7 +194,9 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _place(self, robots: Int) -> None:
         rng = self.np_random
-        cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
+        # Number of random candidates for a goal, of which the first at such a distance is used.
+        candidates = 32
+        cells = self._cells[rng.integers(len(self._cells), size=(len(robots), candidates + 1))]
         starts, goals = cells[:, 0], cells[:, 1:]
         if self.together:
             starts = self._apart(robots, starts, goals)

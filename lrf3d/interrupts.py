@@ -23,14 +23,6 @@ Progress = Callable[[int, int], None]
 SIGNALS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
 """Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed."""
 
-SAME = 0.1
-"""Time [s] within which a second signal counts as the first: programs that start others, such as
-``uv run``, forward a Ctrl-C that the terminal has sent to all."""
-
-PATIENCE = 1.5
-"""Time [s] after a signal at which a program ends that has not reached a check, as LLVM compiles
-for half a minute without one."""
-
 _asked, _since, _reads = 0, 0.0, False
 """The signal that asked to stop, 0 for none, when it came [s], and whether a file is being read."""
 
@@ -68,13 +60,16 @@ def handle_signals(name: str) -> None:
 
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked, _since
+        # Time [s] within which a second signal counts as the first: programs that start others,
+        # such as `uv run`, forward a Ctrl-C that the terminal has sent to all.
+        same = 0.1
         if not _asked:
             _asked, _since = number, monotonic()
             if _reads:
                 raise KeyboardInterrupt
             if sys.stderr is not None and sys.stderr.isatty():
                 _write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
-        elif monotonic() > _since + SAME:
+        elif monotonic() > _since + same:
             _end_now(name, _asked)
 
     usual = sys.unraisablehook
@@ -100,7 +95,10 @@ def limit_patience(name: str) -> None:
     def wait() -> None:
         while (number := os.read(reader, 1)[0]) not in SIGNALS:
             pass
-        sleep(PATIENCE)
+        # Time [s] after a signal at which a program ends that has not reached a check, as LLVM
+        # compiles for half a minute without one.
+        patience = 1.5
+        sleep(patience)
         _end_now(name, number)
 
     threading.Thread(target=wait, daemon=True).start()

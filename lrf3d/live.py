@@ -22,9 +22,6 @@ from lrf3d.robot.odometry import InertialUnit, WheelOdometry
 from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor, caster_of
 
-GAP = 1e-6
-"""How long before a touch the robot stops [s], so that it can drive away again."""
-
 
 class LiveRobot:
     """A robot from where a scenario with a route or poses starts.
@@ -88,10 +85,11 @@ class LiveRobot:
         last, twist = self.pose, (speed, 0.0, turning)
         hit = self._touched(last, twist, seconds)
         self.bumped = hit is not None
+        gap = 1e-6  # How long before a touch the robot stops [s], so that it can drive away again.
         if hit is None:
             self.pose = hold(last, twist, seconds)
         else:
-            free = max(0.0, hit - GAP)
+            free = max(0.0, hit - gap)
             self.pose = hold(last, twist, free)
             speed = 0.0
             if self._body.outline is None:

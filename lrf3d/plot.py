@@ -68,9 +68,6 @@ MOST_POINTS = 200_000
 FEW_POSES, FEW_OBJECTS = 6, 9
 """Up to this number of poses and objects, each is drawn with its name, as in Fig. 5 of Teslić."""
 
-JUMP = 0.15
-"""Poses that mostly lie farther apart than this part of the axes are places and no drive."""
-
 FIGURE, PICTURE = 6.4, 4.8
 """Width of a new figure, and the longer side of a value's picture in a notebook [inches]."""
 
@@ -185,7 +182,9 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
     ax.update_datalim(poses[:, :2])
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     usual = {"color": PATH, "linewidth": 1.1, "alpha": 0.9, "label": "path", "zorder": 3}
-    if np.nanmedian(steps) > JUMP * max(ax.dataLim.size):
+    # Poses that mostly lie farther apart than this part of the axes are places and no drive.
+    jump = 0.15
+    if np.nanmedian(steps) > jump * max(ax.dataLim.size):
         usual |= {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": "poses"}
         style = {key: value for key, value in style.items() if key != "label"}
     line = ax.plot(*poses[:, :2].T, **_styled(usual, style))[0]

@@ -36,32 +36,11 @@ from lrf3d.slam.odometry import (
     turns_between,
 )
 from lrf3d.solved_log import SolvedLog, maps_of, run_of
+from lrf3d.text import counted
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
 loop of 460 m, driven with wheels 15 % off, closes with a tenth of the error."""
-
-LEARNED, LEARNED_TURN = 0.012, 0.15
-"""Where the scale of distances or of turns moves by more than this share from its first estimate,
-the beginning is misplaced: the drive is solved again. Around blocks of 400 to 640 m of corridor
-that takes half to three quarters of the error away. Scans show turns, but hardly the distance along
-a corridor, so that only large errors of turns matter."""
-
-MOST_PASSES = 3
-"""Times that a drive is solved, at most."""
-
-MOST_LOST = 0.1
-"""Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
-quarter or more do, of those to be followed hardly one in a thousand."""
-
-LEAST_BEAMS = 3
-"""Beams that a scan must have to show a wall."""
-
-JITTER = 1e-4
-"""Angles of the beams may differ by this from scan to scan [rad]: some drivers round them."""
-
-LATEST = 1e12
-"""Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart."""
 
 
 @stoppable()
@@ -233,7 +212,13 @@ def solve_log(
     for scan, increment in zip(first, increments, strict=False):
         slam.update(scan, increment)
     passes, learned = 0, True
-    while learned and passes < MOST_PASSES:
+    most_passes = 3  # Times that a drive is solved, at most.
+    # Where the scale of distances or of turns moves by more than this share from its first
+    # estimate, the beginning is misplaced: the drive is solved again. Around blocks of 400 to 640 m
+    # of corridor that takes half to three quarters of the error away. Scans show turns, but hardly
+    # the distance along a corridor, so that only large errors of turns matter.
+    scale_change, turn_change = 0.012, 0.15
+    while learned and passes < most_passes:
         passes += 1
         wheels = slam.wheels
         slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=wheels,
@@ -243,9 +228,12 @@ def solve_log(
             progress(number, len(scans))
             check()
         change = np.abs((1.0 + slam.wheels.biases) / (1.0 + wheels.biases) - 1.0)
-        learned = change[2] > LEARNED or change[0] > LEARNED_TURN
+        learned = change[2] > scale_change or change[0] > turn_change
     lost = sum(not scan.matched for scan in slam.tracked[1:])
-    if not log.placed and lost > MOST_LOST * len(scans):
+    # Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
+    # quarter or more do, of those to be followed hardly one in a thousand.
+    most_lost = 0.1
+    if not log.placed and lost > most_lost * len(scans):
         raise InputError(
             f"{log.name}: {lost} of {len(scans)} scans match nothing before them, too far apart to"
             " be followed without odometry; expected scans every 0.3 m and 20°, or odometry"
@@ -274,13 +262,17 @@ def readable(log: LaserLog) -> LaserLog:
     if not log.scans:
         raise InputError(f"{log.name}: a log without scans; expected at least one")
     stamps = np.concatenate([log.odometry.times, log.times])
-    if (latest := np.abs(stamps).max()) > LATEST:
+    # Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart.
+    latest_stamp = 1e12
+    if (latest := np.abs(stamps).max()) > latest_stamp:
         raise InputError(f"{log.name}: a stamp of {latest:g} s; expected seconds")
     first = log.scans[0].angles
     scans = []
+    # Angles of the beams may differ by this from scan to scan [rad]: some drivers round them.
+    jitter = 1e-4
     for scan in log.scans:
         own = scan.angles
-        same = own.shape == first.shape and np.abs(own - first).max() <= JITTER
+        same = own.shape == first.shape and np.abs(own - first).max() <= jitter
         scans.append(replace(scan, angles=first) if same and own is not first else scan)
     return replace(log, scans=scans)
 
@@ -301,11 +293,12 @@ def _checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):
-        count = f"{len(scans)} scans and {len(wheels)} odometry lines"
+        count = f"{counted(len(scans), 'scan')} and {counted(len(wheels), 'odometry line')}"
         raise InputError(f"{count}; expected at least two scans and one line")
     first = scans[0].angles
-    if len(first) < LEAST_BEAMS:
-        raise InputError(f"scans of {len(first)} beams; expected at least {LEAST_BEAMS}")
+    least_beams = 3  # Beams that a scan must have to show a wall.
+    if len(first) < least_beams:
+        raise InputError(f"scans of {len(first)} beams; expected at least {least_beams}")
     if np.abs(first).max() > 2.0 * np.pi:
         angle = first[np.abs(first).argmax()]
         raise InputError(f"a beam at {angle:g} rad; expected angles of at most a turn")

@@ -19,18 +19,11 @@ from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
+from lrf3d.mapping import LineMapper
 from lrf3d.planning import Side
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory, follow_route
-from lrf3d.robot.following import (
-    CONTROL_STEP,
-    LOOKAHEAD,
-    SCAN_INTERVAL,
-    SPEED,
-    Patrol,
-    chain_laps,
-    drive_laps,
-)
+from lrf3d.robot import Trajectory, follow_route, following
+from lrf3d.robot.following import LOOKAHEAD, SCAN_INTERVAL, SPEED, Patrol
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.world import World, load_world
@@ -46,18 +39,8 @@ if TYPE_CHECKING:
     from lrf3d.simulation import Mapper, Simulation
     from lrf3d.steering import Controller
 
-POSE_INTERVAL = 4.0
-"""Time between two scans [s] at single poses, between which the robot does not drive."""
-
-CONTROLLED_SCANS = 1000
-"""Default number of scans of a controller's drive."""
-
 MOST_SCANS = 10_000_000
 """Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each."""
-
-PLANNED_LOOKAHEAD = 0.4
-"""Look-ahead [m] on planned routes, short enough for the doors of a house; with 1 m the robot would
-cut their corners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,12 +154,15 @@ class Scenario(Value):
             return self
         from lrf3d.planning.planner import find_route
 
+        # Look-ahead [m] on planned routes, short enough for the doors of a house; with 1 m the
+        # robot would cut their corners.
+        planned_lookahead = 0.4
         found = find_route(
             self.world,
             radius=None if self.radius == RADIUS else self.radius,
             speed=None if self.speed == SPEED else self.speed,
             range_max=self.lrf.range_max,
-            lookahead=min(self.lookahead, PLANNED_LOOKAHEAD),
+            lookahead=min(self.lookahead, planned_lookahead),
             dt=self.scan_interval / self._commands,
             where=where,
             start=self.start,
@@ -196,7 +182,7 @@ class Scenario(Value):
     @property
     def _commands(self) -> int:
         """Number of commands between two scans: steering is finer than the interval."""
-        return max(1, round(self.scan_interval / CONTROL_STEP))
+        return max(1, round(self.scan_interval / following.CONTROL_STEP))
 
     def trajectory(
         self,
@@ -210,9 +196,11 @@ class Scenario(Value):
         ``say`` is called with the first collision with a dynamic obstacle, which ends no drive.
         """
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
+        # Time between two scans [s] at single poses, between which the robot does not drive.
+        pose_interval = 4.0
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
-            return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
+            return Trajectory(pose_interval * stops, self.poses[stops % len(self.poses)])
         if self.route is None:
             raise InputError(f"{self.name}: neither poses nor a route to drive")
         commands = self._commands
@@ -222,7 +210,7 @@ class Scenario(Value):
             laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **settings),)
         else:
             most = (scans - 1) * commands + 1
-            laps = drive_laps(self.route, start=self.start, most=most, **settings)
+            laps = following.drive_laps(self.route, start=self.start, most=most, **settings)
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.collision import Body, check_drive, find_collision
 
@@ -234,7 +222,7 @@ class Scenario(Value):
                 on_collision(str(collision))
                 break
         laps = tuple(lap.every(commands) for lap in laps)
-        path = laps[0] if scans is None else chain_laps(laps, scans)
+        path = laps[0] if scans is None else following.chain_laps(laps, scans)
         if self.obstacles:
             nothing = World(np.empty((0, 4)))
             if (collision := find_collision(path, nothing, body, self.obstacles)) is not None:
@@ -276,12 +264,13 @@ class Scenario(Value):
         measured = [changes.pop(name, None) for name in ("sigma", "noise", "mode")]
         scenario, controlled = self.changed(**changes), dict[str, Any]()
         checks = isinstance(on_collision, str)
+        controlled_scans = 1000  # Default number of scans of a controller's drive.
         if drive is None:
             scenario = scenario.with_route()
             ignored = (lambda note: None) if isinstance(on_collision, str) else on_collision
             drive = scenario.trajectory(scans=scans, on_collision=ignored)
         elif callable(getattr(drive, "command", None)):
-            scans = CONTROLLED_SCANS if scans is None else scans
+            scans = controlled_scans if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
             start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
             controlled = {
@@ -385,7 +374,9 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             path = Patrol(given["route"], given.get("speed", 1.0))
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
-    sigmas = noise.get("sigma", SIGMA)
+    sigmas, sensors = noise.get("sigma", SIGMA), motion_sensors(file, tables)
+    with file.at("mapper"):
+        LineMapper(**tables["mapper"])
     with file.at("robot"):
         return Scenario(
             world=file.world,
@@ -395,7 +386,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
             obstacles=tuple(obstacles),
             mapper=tables["mapper"],
-            **motion_sensors(file, tables),
+            **sensors,
             film=film,
             name=own_name(file.path, file.world.name),
             **robot,

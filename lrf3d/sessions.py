@@ -23,10 +23,6 @@ from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.world import World, load_world
 
-JUMPED, JUMPED_SHARE, JUMPED_TURN = 1.0, 0.1, 0.5
-"""A robot that is found farther than this [m], this share of the path, or this turn [rad] from
-where its steps lead was carried there; else it was off the map for a while."""
-
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
@@ -115,6 +111,9 @@ def localise_log(
     front = np.array([tracked.pose for tracked in slam.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []
+    # A robot that is found farther than this [m], this share of the path, or this turn [rad] from
+    # where its steps lead was carried there; else it was off the map for a while.
+    jumped, jumped_share, jumped_turn = 1.0, 0.1, 0.5
     for found in search.found:
         first = parts[-1].last + 1 if parts else 0
         path = {k: pose for k, pose in found.path.items() if k >= first}
@@ -129,8 +128,8 @@ def localise_log(
             last = parts[-1].last
             step = between(front[last], front[begin])
             off = np.abs(between(compose(poses[last], step), poses[begin]))
-            most = JUMPED + JUMPED_SHARE * np.hypot(step[0], step[1])
-            carried = bool(np.hypot(off[0], off[1]) > most or off[2] > JUMPED_TURN)
+            most = jumped + jumped_share * np.hypot(step[0], step[1])
+            carried = bool(np.hypot(off[0], off[1]) > most or off[2] > jumped_turn)
         parts.append(Stretch(begin, end, found.probability, carried))
     return LocalisedLog(log, poses, tuple(parts), search.probability)
 

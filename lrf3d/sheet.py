@@ -25,16 +25,14 @@ DOTS_PER_INCH = 150
 MARGIN = 0.04
 """Free border inside axes, as a part of their size."""
 
-PAD = 0.1
-"""Room around panels, headline and legend [inches]."""
-
 _LETTER, _ENTRY = 0.115, 2.75
 """Widths of a letter of the headline and of an entry of the legend [inches]."""
 
 
 def sheet(width: float, height: float, title: str = "", words: str = "") -> Figure:
     """A white figure [inches] with a headline and a line below it; its layout is constrained."""
-    layout = ConstrainedLayoutEngine(h_pad=PAD, w_pad=PAD)
+    pad = 0.1  # Room around panels, headline and legend [inches].
+    layout = ConstrainedLayoutEngine(h_pad=pad, w_pad=pad)
     figure = Figure((width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     lines = [fill(plain(line), int(width / _LETTER)) for line in (title, words) if line]

@@ -32,18 +32,9 @@ from lrf3d.slam.odometry import Repairs
 from lrf3d.text import counted
 from lrf3d.world import World
 
-MOST_COVARIANCES = 128
-"""Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
-
-MOST_UNSEEN = 1.0
-"""Largest distance [m] along bare walls on a drive by the laser alone."""
-
 MOST_UNSURE = 0.4
 """Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
 along the walls grows with each scan."""
-
-PAUSE = 1.0
-"""Time [s] between two drives in their joint run."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,7 +76,8 @@ class SolvedLog:
             return []
         weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
         steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        if weak.sum() * steps.mean() < MOST_UNSEEN:
+        most_unseen = 1.0  # Largest distance [m] along bare walls on a drive by the laser alone.
+        if weak.sum() * steps.mean() < most_unseen:
             return self._unsure()
         starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
         longest = int((ends - starts).argmax())
@@ -153,7 +145,10 @@ class SolvedLog:
         poses[:, 2] = np.unwrap(poses[:, 2])
         if self.joined is not None:
             return joint_run(self.joined, slam, self.scans, poses, self.log.name)
-        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
+        # Key scans whose covariances are kept, at most: each takes a step over the whole pose
+        # graph.
+        most_covariances = 128
+        chosen = np.unique(np.linspace(0, len(keys) - 1, most_covariances).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.scans, poses, maps, estimate)
@@ -265,7 +260,8 @@ def joint_run(both: Joined, slam: Slam, scans: Sequence[LaserScan], poses: Float
     before = compose(both.first_poses, np.array(first.lrf.mount))
     whole = np.vstack([before, poses])
     whole[:, 2] = np.unwrap(whole[:, 2])
-    later = first.trajectory.times[-1] + PAUSE - scans[0].time
+    pause = 1.0  # Time [s] between two drives in their joint run.
+    later = first.trajectory.times[-1] + pause - scans[0].time
     shown = [first.scan(k) for k in range(count)]
     shown += [replace(scan, time=scan.time + later) for scan in scans]
     nothing = np.empty(0, np.int64), np.empty((0, 3, 3))

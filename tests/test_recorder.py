@@ -32,6 +32,23 @@ def test_it_is_the_run_of_the_same_drive(tmp_path):
     assert len(lrf3d.load_run(tmp_path / "run.npz").maps) == len(run)
 
 
+def test_light_and_motion_of_each_scan_are_kept():
+    walls = [[6, -4, 6, 4], [6, 4, -3, 4], [-3, 4, -3, -4]]
+    world = lrf3d.World(walls, range(3), materials=["glass", "plaster", "mirror"])
+    lrf = lrf3d.LaserRangeFinder(beams=61, range_max=20.0, scan_duration=0.2, echoes=2)
+    steps = lrf3d.Simulation(world, lrf3d.follow_route([[0, 0], [2, 1]]), lrf, rng=0)
+    recorder = lrf3d.Recorder(world, lrf)
+    for step in steps:
+        recorder.add(step.scans, truth=step.true_scans, time=step.time)
+    run, same = (
+        recorder.run(),
+        lrf3d.simulate(world, lrf3d.follow_route([[0, 0], [2, 1]]), lrf, rng=0),
+    )
+    assert run.motions[:, 0].any()
+    for name in ("ranges", "truth", "walls", "motions", *same.light):
+        assert np.array_equal(getattr(run, name), getattr(same, name), equal_nan=True)
+
+
 def test_what_it_cannot_keep_is_reported():
     recorder = recorded(estimate=(0, 0, 0))
     assert recorder.run().estimate.poses.shape == (len(recorder), 3)

@@ -33,10 +33,28 @@ MapAndLog = tuple[Run | World, LaserLog]
 """A map, and the log of a drive on it."""
 
 
+def refuse(args: Namespace, flags: str, why: str) -> None:
+    """Refuse options that were given and would change nothing."""
+    if given := [flag for flag in flags.split() if flag in args.flags]:
+        raise InputError(f"{', '.join(given)}: {why}")
+
+
+DRIVE = "--set --inside --outside --ignore-collisions"
+"""Options of a simulated drive."""
+
+READING = "--scale --resolution --threshold --page --layers --without"
+"""Options of how a world is read."""
+
+
 def read_world(args: Namespace) -> Scenario | None:
     """Read a world with its settings; None if none is named, or a run."""
-    if args.world is None or (args.command == "view" and is_run(args.world)):
+    if args.world is None:
         return None
+    if args.command == "view":
+        if is_run(args.world):
+            refuse(args, f"--seed {DRIVE} {READING}", f"{args.world} is a run, which is played")
+            return None
+        refuse(args, "--playback", f"{args.world} is a world, in which time passes as it does")
     file = read_file(args.world, **options_of(args))
     return scenario_of(file, getattr(args, "set", None) or ())
 
@@ -95,14 +113,21 @@ def read_log(args: Namespace) -> LaserLog:
 def read_map_and_log(args: Namespace) -> Scenario | MapAndLog | None:
     """Read a world for simulated drives; or a map and a log."""
     if args.log is None:
+        logs = "--out -o --largest-range --scan-topic --format --part"
+        refuse(args, logs, "of a recorded drive; give a LOG")
         return read_world(args)
+    drives = f"--known --strategy --seeds --sigma --position --heading --workers {DRIVE}"
+    refuse(args, drives, f"of simulated drives, and {args.log} is a recorded one")
     if is_run(args.world):
+        refuse(args, READING, f"{args.world} is a run")
         return load_run(args.world), read_log(args)
     return read_file(args.world, **options_of(args)).world, read_log(args)
 
 
 def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:
     """Read the worlds of a sweep, and import the user's own mappers, by their labels."""
+    if args.merge:
+        refuse(args, "--shard", "--merge makes no runs")
     files = [read_file(name) for name in args.world]
     names = args.mapper or ()
     return files, {name: load_plugin("mapper", name) if ":" in name else name for name in names}
@@ -204,18 +229,16 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
 with the options and the report."""
 
 
-COMPILED = ("run", "map", "slam", "sweep", "localise")
-"""Commands that need the kernels of casting, mapping or SLAM."""
-
-
 def start(args: Namespace) -> int | None:
     """Read the input of a command and run it; returns its exit status."""
     read, target = COMMANDS[args.command]
+    # Commands that need the kernels of casting, mapping or SLAM.
+    compiled = ("run", "map", "slam", "sweep", "localise")
     with ExitStack() as stack:
         report = Report(args.command, args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
         parts = ["slam"] if slam else []
-        compiling = start_compiling(*parts) if args.command in COMPILED else None
+        compiling = start_compiling(*parts) if args.command in compiled else None
         if compiling is not None:
             stack.callback(compiling.kill)
         source = read(args)

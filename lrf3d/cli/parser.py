@@ -17,9 +17,6 @@ from lrf3d.text import table
 
 _LINE = re.compile(r"((?:-\w )?--[\w-]+|\[?[A-Z|]+\]?(?:\.\.\.)?)(?: (\S+))??(?: = (\S+))?: (.*)")
 
-_NUMBER = r"[-+]?\.?[0-9][0-9.eE+-]*"
-"""A word that is a number, or meant to be one, but not ``--``, after which the arguments stand."""
-
 
 class Option(NamedTuple):
     """A line of a help page: an option, or an argument, whose name is in capitals."""
@@ -57,13 +54,16 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     words, ros_words = words[:end], words[end:]
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
     joined: list[str] = []
+    # A word that is a number, or meant to be one, but not `--`, after which the arguments stand.
+    number = r"[-+]?\.?[0-9][0-9.eE+-]*"
     for word in words[len(name.split()) :]:
         # ``--sigma 0.1 0.2`` is ``--sigma 0.1,0.2``.
-        if joined[-2:-1] and joined[-2] in several and re.fullmatch(_NUMBER, word):
+        if joined[-2:-1] and joined[-2] in several and re.fullmatch(number, word):
             joined[-1] += f",{word}"
         else:
             joined.append(word)
-    named = argparse.Namespace(command=name, ros_words=ros_words)
+    flags = [word.partition("=")[0] for word in joined if word.startswith("-")]
+    named = argparse.Namespace(command=name, ros_words=ros_words, flags=flags)
     given, rest = parser.parse_known_intermixed_args(joined, named)
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
     check_names(name, unknown, [flag for option in options for flag in option.names])

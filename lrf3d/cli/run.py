@@ -34,9 +34,6 @@ from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
 from lrf3d.world import World
 
-FEW = 0.6
-"""Share of the walls below which a run says that it saw few of them."""
-
 KEPT = "all scans kept; go on with --resume"
 """The note on a run that is stopped after its last scan."""
 
@@ -154,10 +151,11 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
     if not drive["length_m"]:
         rows = [("scans", f"{scans}, from single poses")]
+    few_seen = 0.6  # Share of the walls below which a run says that it saw few of them.
     if (share := summary["seen_share"]) is not None:
         side = f"{summary['planned'] or 'there'}"
         few = "; the map shows the smaller part: see the doors above, or drive on with more --scans"
-        rows.append(("seen", f"{100 * share:.0f} % of the walls {side}{few * (share < FEW)}"))
+        rows.append(("seen", f"{100 * share:.0f} % of the walls {side}{few * (share < few_seen)}"))
     if score is not None:
         found = "no wall is long enough to be looked for"
         if score["visible_segments"]:

@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from lrf3d.cli.console import Report, say, warn
-from lrf3d.cli.inputs import routed
+from lrf3d.cli.inputs import refuse, routed
 from lrf3d.errors import InputError, MissingLibraryError
 from lrf3d.exporting import EXPORTERS, export_run
 from lrf3d.files import make_folder, replacing
@@ -19,16 +19,12 @@ from lrf3d.text import counted
 _LARGE, _SMALL = (1280, 720), (640, 360)
 """Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
 
-_NOTED, _LONG = 3.0, 20.0
-"""After this time [s] the frames and the time of a film are printed, if it takes longer [s]."""
-
-_RATE, _GIF_RATE = 25.0, 10.0
-"""Frames a second. A GIF of 15 s then has less than 10 MB."""
-
 
 def render(run: Run, args: Namespace, report: Report) -> None:
     """Draw the film of a run, or a picture of one moment."""
     picture = args.at is not None
+    if picture:
+        refuse(args, "--from --to --fps --workers", "of a film, and --at draws a picture")
     if args.out is not None and picture != (args.out.suffix.lower() == ".png"):
         raise InputError(
             f"--out {args.out}: expected a name that ends in .png, as --at draws a picture"
@@ -79,7 +75,8 @@ def write_film(
     ending, look = path.suffix.lower(), _look(args)
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
-    rate = args.fps or (_GIF_RATE if ending == ".gif" else _RATE)
+    film_rate, gif_rate = 25.0, 10.0  # Frames a second. A GIF of 15 s then has less than 10 MB.
+    rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
     began, frames, noted = perf_counter(), 0, False
     first = 0.0
     with report.progress("film") as progress:
@@ -88,10 +85,13 @@ def write_film(
             nonlocal frames, noted, first
             frames, first = frames + 1, first or perf_counter()
             progress(number, total)
+            # After this time [s] the frames and the time of a film are printed, if it takes longer
+            # [s].
+            noted_after, long = 3.0, 20.0
             # A terminal has a bar that shows it.
-            if not noted and (passed := perf_counter() - first) > _NOTED:
+            if not noted and (passed := perf_counter() - first) > noted_after:
                 noted, time = True, passed * total / max(frames - 1, 1)
-                if time > _LONG and not sys.stderr.isatty():
+                if time > long and not sys.stderr.isatty():
                     report.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
         render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
@@ -131,7 +131,8 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
 
         if scenario is None:
             raise InputError(
-                f"--foxglove: {args.world} is a run; lrf3d export RUN --to mcap plays it"
+                f"--foxglove: {args.world} is a run; lrf3d export {args.world} --to mcap writes it"
+                " for Foxglove"
             )
         serve_foxglove(
             routed(scenario, args, report),

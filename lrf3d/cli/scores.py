@@ -25,9 +25,6 @@ from lrf3d.scoring.trajectory_score import PoseErrors, pose_errors
 from lrf3d.world import World, load_world
 from lrf3d.world.pieces import joined_objects
 
-FAR_OFF = 3.0
-"""Errors that are this many times larger without the alignment are those of another frame."""
-
 
 def score(run: Run, args: Namespace, report: Report) -> None:
     """Score an estimated trajectory of a run, and its map."""
@@ -95,7 +92,9 @@ def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, 
         ("relative", f"{relative['rmse']:.4f} m RMSE, {trajectory['rpe_deg']['rmse']:.3f}° RMSE"),
     ]
     plain = trajectory["ape_unaligned_m"]["rmse"]
-    if plain > FAR_OFF * max(absolute["rmse"], 0.01):
+    # Errors that are this many times larger without the alignment are those of another frame.
+    far_off = 3.0
+    if plain > far_off * max(absolute["rmse"], 0.01):
         x, y, theta = errors.alignment
         moved = f"({x:.2f} m, {y:.2f} m, {np.degrees(theta):.1f}°)"
         rows.append(("frame", f"another than the run's, which is {moved} off: {plain:.2f} m RMSE"))

@@ -20,10 +20,6 @@ from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.stage.stage import Stage
 
-_HORIZON, _LARGEST = 800.0, 2048
-"""How far the ground goes past its picture [m], and the largest side of that [pixels]: old graphics
-cards take no larger ones."""
-
 _STEPS, _COARSE, _LEAST_SURE = 12, 4, 0.05
 """Steps in which a run's world is lit, the side of the squares in which the ground is [cells], and
 from which surety on."""
@@ -56,7 +52,10 @@ def _steps(seen: Float, sure: Float) -> Iterator[tuple[int, Bool]]:
 def _add_ground(document: Document, stage: Stage) -> None:
     ground, exposure, setting = stage.ground, stage.exposure, stage.structures.setting
     picture = Image.fromarray(ground.picture)
-    picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
+    # How far the ground goes past its picture [m], and the largest side of that [pixels]: old
+    # graphics cards take no larger ones.
+    horizon, largest = 800.0, 2048
+    picture.thumbnail((largest, largest), Image.Resampling.LANCZOS)
     day = np.asarray(picture) / 255.0
     x, y = (
         low + (np.arange(count) + 0.5) / count * size
@@ -82,7 +81,7 @@ def _add_ground(document: Document, stage: Stage) -> None:
     )
     # Round the squares eight more reach to the horizon. None lies on another: far away viewers
     # cannot tell which is nearer.
-    level = ground_of(ground, _HORIZON)
+    level = ground_of(ground, horizon)
     ends = level.min(axis=0), *squares[[0, -1], [0, 2]], level.max(axis=0)
     grid = np.stack(np.meshgrid(*np.transpose(ends)), axis=-1)
     nine = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)

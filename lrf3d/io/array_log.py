@@ -33,12 +33,6 @@ a header may have thousands of columns."""
 LISTS = re.compile(r"[\[(]([^\[\](){}]*)[\])]")
 """Matches a list in a CSV."""
 
-BEGINNING = 4096
-"""Bytes that show what records begin with."""
-
-CUT = "..."
-"""What stands for the elements that ``ros2 topic echo`` leaves out."""
-
 
 def is_foreign(path: Path) -> bool:
     """Whether a .npz file is not a run of lrf3d."""
@@ -51,8 +45,9 @@ def is_foreign(path: Path) -> bool:
 
 def is_records(path: Path) -> bool:
     """Whether a file holds records."""
+    beginning = 4096  # Bytes that show what records begin with.
     with path.open("rb") as file:
-        return bool(RECORDS(file.read(BEGINNING)))
+        return bool(RECORDS(file.read(beginning)))
 
 
 def array_table(intake: Intake) -> Table:
@@ -168,6 +163,7 @@ def _yaml(text: str) -> Any:
 
 def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
     """The numbers in a record by their names: of messages, stamps and quaternions are one each."""
+    cut = "..."  # What stands for the elements that `ros2 topic echo` leaves out.
     if isinstance(value, dict):
         keys = set(value)
         if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
@@ -183,7 +179,7 @@ def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
         parts = [dict(_flat(each, name)) for each in value]
         for key in parts[0]:
             yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
-    elif isinstance(value, list) and CUT in value:
+    elif isinstance(value, list) and cut in value:
         raise ValueError("arrays are cut: ros2 topic echo --full-length prints them whole")
     elif value is not None:
         with suppress(ValueError, TypeError):

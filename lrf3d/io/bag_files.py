@@ -25,23 +25,11 @@ MOST_UNPACKED = 1 << 28
 """Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
 megabyte, some of a hundred."""
 
-MOST_TIMES = 200
-"""Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20."""
-
-BLOCK = 1 << 16
-"""Bytes of a packed file that are unpacked at a time; the last ones of one that is cut are lost."""
-
 FILES = (".mcap", ".db3", ".bag")
 """Endings of the files of bags; the last one is that of ROS 1."""
 
 MCAP, SQLITE, OLD, ZSTD = b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n", b"(\xb5/\xfd"
 """What files begin with; the last one is that of packed files and messages."""
-
-SCHEMA, CHANNEL, MESSAGE, CHUNK, DATA_END = 3, 4, 5, 6, 15
-"""Kinds of records of MCAP that are read, and the one after the last of the data."""
-
-OLD_MESSAGE, OLD_CHUNK, OLD_CONNECTION = 2, 5, 7
-"""Kinds of records of ROS 1 that are read."""
 
 
 class Topic(NamedTuple):
@@ -138,14 +126,17 @@ def _check_size(size: int) -> None:
 
 
 def _unpack(path: Path, whole: Any) -> None:
-    # Of a file that is cut short, what comes before is unpacked.
-    left = MOST_UNPACKED + MOST_TIMES * path.stat().st_size
+    # Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
+    most_times = 200
+    left = MOST_UNPACKED + most_times * path.stat().st_size
+    # Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
+    block = 1 << 16
     with suppress(EOFError), _zstd().open(path) as stream:
-        while part := stream.read(BLOCK):
+        while part := stream.read(block):
             check()
             left -= len(part)
             if left < 0:
-                raise InputError(f"a packed file unpacks to more than {MOST_TIMES} times its size")
+                raise InputError(f"a packed file unpacks to more than {most_times} times its size")
             whole.write(part)
     if not whole.tell():
         raise InputError("cut short, so that nothing in it is whole")
@@ -172,22 +163,24 @@ def _of_sqlite(path: Path) -> Iterator[Packet]:
 
 
 def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, Topic]) -> Iterator[Packet]:
-    while len(head := stream.read(9)) == 9 and head[0] != DATA_END:
+    # Kinds of records of MCAP that are read, and the one after the last of the data.
+    schema, channel, message, chunk, data_end = 3, 4, 5, 6, 15
+    while len(head := stream.read(9)) == 9 and head[0] != data_end:
         size = int.from_bytes(head[1:], "little")
-        if head[0] not in (SCHEMA, CHANNEL, MESSAGE, CHUNK):
+        if head[0] not in (schema, channel, message, chunk):
             stream.seek(size, 1)
             continue
         _check_size(size)
         data = stream.read(size)
-        if head[0] == CHUNK:
+        if head[0] == chunk:
             packing, place = _text(data, 28)
             inner = io.BytesIO(unpacked(packing, data[place + 8 :]))
             yield from _of_mcap(inner, schemas, topics)
         elif len(data) == size:
             own, other = (int.from_bytes(data[k : k + 2], "little") for k in (0, 2))
-            if head[0] == SCHEMA:
+            if head[0] == schema:
                 schemas[own] = _text(data, 2)[0]
-            elif head[0] == CHANNEL:
+            elif head[0] == channel:
                 name, place = _text(data, 4)
                 topics[own] = Topic(name, _new(schemas.get(other, "")), _text(data, place)[0])
                 yield topics[own], 0, None
@@ -202,21 +195,22 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 
 
 def _of_ros1(stream: Any, topics: dict[bytes, Topic]) -> Iterator[Packet]:
+    old_message, old_chunk, old_connection = 2, 5, 7  # Kinds of records of ROS 1 that are read.
     while header := _block(stream):
         fields = _fields(header)
         kind = int.from_bytes(fields.get(b"op", b""), "little")
-        if kind == OLD_CHUNK:
+        if kind == old_chunk:
             packing = fields[b"compression"].decode()
             inner = io.BytesIO(unpacked(packing, _block(stream)))
             yield from _of_ros1(inner, topics)
             continue
         data = _block(stream)
-        if kind == OLD_CONNECTION:
+        if kind == old_connection:
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
             topics[fields[b"conn"]] = Topic(name, _new(of_type), "ros1")
             yield topics[fields[b"conn"]], 0, None
-        elif kind == OLD_MESSAGE:
+        elif kind == old_message:
             sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
             yield topics[fields[b"conn"]], sec * 1_000_000_000 + nanosec, data
 

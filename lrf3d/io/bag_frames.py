@@ -13,9 +13,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from lrf3d.errors import InputError
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int
 
-GAP, GAPS = 1e9, 5.0
-"""Poses are unknown in a gap of this time [ns] and of this factor of the usual interval."""
-
 BACK = 1_000_000_000
 """A stamp earlier than the one before it by more than this [ns] begins another part of a recording:
 messages that overtake each other differ by less."""
@@ -137,11 +134,13 @@ class Motion:
             matrices = _matrices(np.column_stack([between, turns.as_quat()]))
         if not self.is_static:
             matrices[(times < first) | (times > last)] = np.nan
+        # Poses are unknown in a gap of this time [ns] and of this factor of the usual interval.
+        gap, gaps = 1e9, 5.0
         if self.moves:
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times
-            lost = steps[place] > max(GAP, GAPS * float(np.median(steps)))
+            lost = steps[place] > max(gap, gaps * float(np.median(steps)))
             matrices[lost & ~known] = np.nan
         return matrices
 

@@ -131,22 +131,8 @@ LEAST_UPRIGHT = np.cos(np.radians(15.0))
 BASE, DRIFTING = "base_link", "odom"
 """Frames of the robot and of its odometry, as REP 105 calls them."""
 
-CLOCKS_APART = 2e9
-"""Clocks that differ by more than this [ns] are not the same: transforms are published up to a
-second ahead, and scans some tenths late."""
-
-COARSE, SELDOM = 0.3, 3.0
-"""Interval of odometry [s], also as a multiple of that of scans, from which on it is coarse: a
-robot turns by ten degrees meanwhile."""
-
 STANDING = np.eye(4)
 """The pose of a laser that nothing is known of."""
-
-MOST_PARTS = 20
-"""Parts that a recording may have; where stamps go back more often, they are useless."""
-
-AIMS = ("goal", "initialpose")
-"""Words in the names of topics of poses where no robot is."""
 
 
 def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
@@ -193,7 +179,9 @@ def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
         return Part(back, 0)
     found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
     found += f" from {1e-9 * sent[back[0] - 1]:.10g} to {1e-9 * sent[back[0]]:.10g} s"
-    if count > MOST_PARTS:
+    # Parts that a recording may have; where stamps go back more often, they are useless.
+    most_parts = 20
+    if count > most_parts:
         notes.append(f"{found}, and {count - 2} times more: times of receipt count")
         return Part(back[:0], 0, by_receipt=True)
     sizes = np.diff([0, *back, len(sent)])
@@ -239,6 +227,7 @@ class _Robot:
         """The topics of poses that may be this robot's, the likeliest first."""
         frame, topic, frames = self._stream.frame, self._stream.topic, self._frames
         own = []
+        aims = ("goal", "initialpose")  # Words in the names of topics of poses where no robot is.
         for name, child in contents.children.items():
             spaces = dirname(child), dirname(frame)
             there = dirname(name)
@@ -248,7 +237,7 @@ class _Robot:
                 # Another robot's scans are beside it.
                 or (there in map(dirname, contents.scan_topics) and not topic.startswith(there))
             )
-            if not foreign and not any(word in name for word in AIMS):
+            if not foreign and not any(word in name for word in aims):
                 own.append(name)
 
         def rank(name: str) -> tuple[bool, int, bool, str]:
@@ -280,7 +269,8 @@ class _Robot:
             return ""
         apart, scans = (usual_step(1e-9 * track.times(self.part)[0])
                         for track in (self._tracks[self.source], self._stream.track))  # fmt: skip
-        if not scans or apart < max(COARSE, SELDOM * scans):
+        # Intervals [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
+        if not scans or apart < max(0.3, 3.0 * scans):
             return ""
         return (
             f"poses of {self.source} are {apart:.2g} s apart: interpolated for scans between them"
@@ -298,8 +288,11 @@ class _Robot:
         for name, track in {self._stream.topic: own, **tracks}.items():
             if track.is_frozen:
                 return f"the stamps of {name} are all {1e-9 * track.stamps[0, 0]:g} s"
+        # Clocks that differ by more than this [ns] are not the same: transforms are published up to
+        # a second ahead, and scans some tenths late.
+        clocks_apart = 2e9
         for name, track in tracks.items():
-            if abs(apart := own.ahead() - track.ahead()) > CLOCKS_APART:
+            if abs(apart := own.ahead() - track.ahead()) > clocks_apart:
                 way = "ahead of" if apart > 0 else "behind"
                 return (
                     f"the stamps of {self._stream.topic} are {1e-9 * abs(apart):.3g} s {way} {name}"

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -48,12 +48,6 @@ TOPICS = {
     "/imu": "sensor_msgs/msg/Imu",
 }
 """The topics of a bag and their types, but for those of the lasers."""
-
-BEAM_TRUTH = "std_msgs/msg/Float64MultiArray"
-"""The type of what each beam met; its topics are those of the scans under ``/ground_truth``."""
-
-BAG_VERSION: Literal[8] = 8
-"""The version of rosbag2's metadata that both older and newer releases of ROS 2 read."""
 
 
 def write(run: Run, path: Path) -> None:
@@ -97,15 +91,18 @@ def _fill(run: Run, folder: Path) -> None:
     except ImportError:
         raise missing_rosbags(folder) from None
     store = get_typestore(Stores.ROS2_HUMBLE)
-    bag = Writer(folder, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+    # Version 8 of rosbag2's metadata is read by both older and newer releases of ROS 2.
+    bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     mapped = bool(run.maps) and len(run.map) > 0
     missing = ["/imu"] * (run.imu is None) + [GRID, LINES] * (not mapped)
     kinds = {topic: kind for topic, kind in TOPICS.items() if topic not in missing}
+    # The type of what each beam met; its topics are those of the scans under `/ground_truth`.
+    beam_truth = "std_msgs/msg/Float64MultiArray"
     for lrf in run.lasers:
         kinds[scan_topic(run, lrf)] = SCAN
         if _is_simulated(run):
-            kinds[f"/ground_truth{scan_topic(run, lrf)}"] = BEAM_TRUTH
+            kinds[f"/ground_truth{scan_topic(run, lrf)}"] = beam_truth
     with bag:
         topics = {
             topic: bag.add_connection(

@@ -30,12 +30,6 @@ if TYPE_CHECKING:
 HOST = "lrf3d"
 """The host name in messages."""
 
-SAME = 1e-9
-"""Largest difference [rad] of angles that count as equal."""
-
-UNEVEN = 1e-3
-"""Share of a step by which the beams of a log may stand beside an even fan: files round."""
-
 
 def write_carmen(run: "Run", path: Path) -> None:
     """Write a run to a CARMEN log, completely or not at all."""
@@ -53,10 +47,12 @@ def write_log(log: LaserLog, path: Path) -> None:
     """
     if not log.placed:
         raise InputError(f"{log.name}: its scans have no poses, which a CARMEN log needs")
+    # Share of a step by which the beams of a log may stand beside an even fan: files round.
+    uneven = 1e-3
     for number, scan in enumerate(log.scans, 1):
         steps = np.diff(scan.angles)
         mean = float(steps.mean()) if len(steps) else 0.0
-        if not mean > 0.0 or np.abs(steps - mean).max() > UNEVEN * mean:
+        if not mean > 0.0 or np.abs(steps - mean).max() > uneven * mean:
             raise InputError(
                 f"{log.name}: scan {number}: {len(scan.angles)} beams; a CARMEN log needs two or"
                 " more, evenly spaced and counter-clockwise"
@@ -131,5 +127,6 @@ def _scan_messages(
     )
     # FLASER and RLASER messages have a fan by the number of their beams.
     fan = even_angles(count, *front_fan(count)) if count > 1 else start + 1.0
-    if laser < 2 and (np.abs(scan.angles - fan) <= SAME).all():
+    same = 1e-9  # Largest difference [rad] of angles that count as equal.
+    if laser < 2 and (np.abs(scan.angles - fan) <= same).all():
         yield f"{'FR'[laser]}LASER {count} {ranges} {pose} {odometry} {end}"

@@ -22,13 +22,6 @@ from lrf3d.laser.unrolling import together, with_motions
 from lrf3d.pose import Pose
 from lrf3d.text import counted
 
-FINEST, MOST_BEAMS = 1e-4, 100_000
-"""Least step [rad] and most beams of a fan on which scans are resampled."""
-
-
-AT_ONCE = 0.001
-"""Time [s] within which scans of several lasers are of one moment."""
-
 
 @dataclass(frozen=True, slots=True)
 class BadLine:
@@ -137,8 +130,9 @@ class LaserLog(Value):
         to be unrolled first. What is left out is counted in a note.
         """
         names, moments = self.lasers, dict[int, dict[str, int]]()
+        at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
         for row, scan in enumerate(self.scans):
-            moments.setdefault(round(scan.time / AT_ONCE), {})[scan.laser] = row
+            moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
         rows = [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
         rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
         if len(names) == 1 or rolling or 2 * len(rows) * len(names) < len(self):
@@ -196,13 +190,15 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
         return angles, np.array([ranges for _, ranges in sorted_rows])
     first, last = min(own[0] for own, _ in sorted_rows), max(own[-1] for own, _ in sorted_rows)
     step = min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in sorted_rows)
-    count = min(round((last - first) / max(step, FINEST)) + 1, MOST_BEAMS)
+    # Least step [rad] and most beams of a fan on which scans are resampled.
+    finest, most_beams = 1e-4, 100_000
+    count = min(round((last - first) / max(step, finest)) + 1, most_beams)
     angles = np.linspace(first, last, count)
     resampled = np.full((len(scans), count), -np.inf)
     for row, (own, ranges) in zip(resampled, sorted_rows, strict=True):
         at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
         nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
-        near = np.abs(own[nearest] - angles) <= 0.51 * max(step, FINEST)
+        near = np.abs(own[nearest] - angles) <= 0.51 * max(step, finest)
         row[near] = ranges[nearest][near]
     return angles, resampled
 
@@ -210,25 +206,6 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
 LARGEST_RANGE = 50.0
 """Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
 then report about 81.9 m or 50 m, and none of them measures as far."""
-
-LEAST_READINGS, LEAST_SHARE = 50, 0.001
-"""Readings of the largest range, and their share of all readings, from which on it means no
-return."""
-
-BELOW, CROWDED = 0.5, 5.0
-"""The largest range stands out if it is read this many times as often (the second number) as all
-ranges within a distance [m] below it (the first). A wall at the end of a corridor does not: it is
-read at many ranges."""
-
-BESIDE = 0.3
-"""Share of these readings next to another one: open space is seen by several adjacent beams, but a
-robot at rest reads the corner of a room again and again."""
-
-EQUAL = 0.011
-"""Readings that differ by less are the same [m]: logs are written in centimetres."""
-
-NAMED = 5
-"""Number of bad lines that are kept; the others are only counted."""
 
 MOST_READINGS = 50_000_000
 """Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
@@ -240,9 +217,6 @@ a gigabyte of a text with a reading a line is two million lines."""
 MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
 """Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
 for each of its own; a day's log has a tenth."""
-
-LONGEST_LINE = 1 << 20
-"""Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
 
 UNTIMED = 0.1
 """Time between scans that have no stamp [s]."""
@@ -280,7 +254,8 @@ class Intake:
     def refuse(self, number: int, why: object, kind: str = "line") -> None:
         """Count what cannot be used; the first few are kept."""
         self.bad_count += 1
-        if len(self.bad) < NAMED:
+        named = 5  # Number of bad lines that are kept; the others are only counted.
+        if len(self.bad) < named:
             self.bad.append(BadLine(number, str(why), kind))
 
     def take(self, readings: int, number: int, kind: str = "line") -> None:
@@ -293,12 +268,15 @@ class Intake:
     def lines(self) -> Iterator[tuple[int, bytes]]:
         """Numbers and bytes of the lines of the file, gzipped or not; damage is counted."""
         number = size = 0
+        # Bytes that are read of a line, enough for 100,000 beams; what is left counts as more
+        # lines.
+        longest_line = 1 << 20
         with opened(self.path, what="a log") as file:
             packed = file.read(len(GZIPPED)) == GZIPPED
             file.seek(0)
             stream: Any = gzip.open(file) if packed else file
             try:
-                for number, line in enumerate(iter(lambda: stream.readline(LONGEST_LINE), b""), 1):
+                for number, line in enumerate(iter(lambda: stream.readline(longest_line), b""), 1):
                     check()
                     size += len(line)
                     if number > MOST_LINES or size > LARGEST_LOG:
@@ -349,12 +327,23 @@ def _usual_no_return(scans: Sequence[LaserScan]) -> float:
     """The least reading [m] that means no return, if the largest one stands out; else +inf."""
     finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
     largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
-    near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
-    most = int((near > largest - EQUAL).sum())
-    least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
-    if most < least or most < CROWDED * (len(near) - most):
+    # The largest range stands out if it is read this many times as often (the second number) as all
+    # ranges within a distance [m] below it (the first). A wall at the end of a corridor does not:
+    # it is read at many ranges.
+    below, crowded = 0.5, 5.0
+    near = np.concatenate([np.empty(0), *(r[r > largest - below] for r in finite)])
+    equal = 0.011  # Readings that differ by less are the same [m]: logs are written in centimetres.
+    most = int((near > largest - equal).sum())
+    # Readings of the largest range, and their share of all readings, from which on it means no
+    # return.
+    least_readings, least_share = 50, 0.001
+    least = max(least_readings, least_share * sum(map(len, finite)))
+    if most < least or most < crowded * (len(near) - most):
         return np.inf
-    without = [np.isfinite(scan.ranges) & (scan.ranges > largest - EQUAL) for scan in scans]
-    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < BESIDE * most:
+    without = [np.isfinite(scan.ranges) & (scan.ranges > largest - equal) for scan in scans]
+    # Share of these readings next to another one: open space is seen by several adjacent beams, but
+    # a robot at rest reads the corner of a room again and again.
+    beside = 0.3
+    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < beside * most:
         return np.inf
-    return float(near[near > largest - EQUAL].min())
+    return float(near[near > largest - equal].min())

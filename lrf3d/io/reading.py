@@ -30,9 +30,6 @@ LOOKS = {
 HEAD = 1 << 16
 """Bytes at the beginning of a file that say what it is."""
 
-POSES = ("auto", "truth", "tf", "odom")
-"""Where the poses of a log may come from."""
-
 
 def is_run(name: str) -> bool:
     """Whether a name is that of a run, a ``.npz`` or a folder, and not of a world.
@@ -88,9 +85,13 @@ def load_log(
     path = as_path(path)
     if largest_range is not None:
         number(largest_range, "largest range", "metres", positive=True)
-    if not isinstance(poses, str) or poses not in POSES:
-        raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(POSES)}")
+    sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
+    if not isinstance(poses, str) or poses not in sources:
+        raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
     intake, kind = Intake(path, largest_range), "text" if format else _kind(path)
+    if kind != "bag" and (scan_topic or part):
+        name = "scan topic" if scan_topic else "part"
+        raise InputError(f"{path}: no bag, so that there is no {name} to choose")
     if kind == "CARMEN":
         return load_carmen(intake, poses)
     if kind == "run":

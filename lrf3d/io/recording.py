@@ -38,9 +38,6 @@ JOURNAL = ".journal"
 FLUSHED_EVERY = 2.0
 """Time between two flushes [s]: what a killed process loses at most."""
 
-BUFFER_BYTES = 1 << 22
-"""Size of the rows that are kept in memory until they are written [bytes]."""
-
 RNG_BYTES = 256
 """Room for the state of NumPy's default generator as JSON, which takes some 150 bytes."""
 
@@ -158,7 +155,8 @@ class Journal:
     """A journal, open for appending; the rows of one of the same run may be kept."""
 
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
-        fields = row_type(simulation)
+        wheels = simulation.motion_sensors[0] is not None
+        fields = row_type(simulation.world, simulation.lasers, wheels)
         self.path, self._rng = path, simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(
             [("number", np.int64), *fields.descr, ("rng", f"S{RNG_BYTES}")]
@@ -170,7 +168,9 @@ class Journal:
             # Closed at once, also where the disk is full.
             with opened_own(path, fresh=True) as file:
                 file.write(header)
-        self._file = opened_own(path, buffering=BUFFER_BYTES)
+        # Size of the rows that are kept in memory until they are written [bytes].
+        buffer_bytes = 1 << 22
+        self._file = opened_own(path, buffering=buffer_bytes)
         self.scans = len(self._valid_rows())
         self._file.truncate(self._begin + self.scans * self.dtype.itemsize)
         self._file.seek(0, 2)

@@ -22,12 +22,6 @@ from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
 MAP, WORLD, BASE, LASER = "map", "odom", "base_link", "laser"
 """The frames: of the map and of the world, which are the same; of the robot, and of its laser."""
 
-LINE_WIDTH = 0.1
-"""Width of the lines of the map [m]: to be seen from above a room."""
-
-LINE_LIST = 5
-"""Number of visualization_msgs/Marker for lines between pairs of points."""
-
 Fields = dict[str, Any]
 
 
@@ -118,12 +112,14 @@ def occupancy_grid(world: World, finest: float, stamp: Stamp, path: Path) -> Fie
 def line_marker(segments: Float, objects: Int, stamp: Stamp) -> Fields:
     """Segments (n, 4) [m] of a map as lines in the colours of their objects (n,)."""
     tints = np.repeat(object_tints(objects), 2, axis=0).tolist()
+    line_width = 0.1  # Width of the lines of the map [m]: to be seen from above a room.
+    line_list = 5  # Number of visualization_msgs/Marker for lines between pairs of points.
     return {
         "header": header_fields(stamp, MAP),
         "ns": "map",
-        "type": LINE_LIST,
+        "type": line_list,
         "pose": {"orientation": turn(0.0)},
-        "scale": place(LINE_WIDTH, 0.0),
+        "scale": place(line_width, 0.0),
         "points": [place(x, y) for x, y in segments.reshape(-1, 2).tolist()],
         "colors": [{"r": r, "g": g, "b": b, "a": 1.0} for r, g, b in tints],
         "color": {"a": 1.0},

@@ -63,15 +63,6 @@ DAMAGES = (
 )
 """Exceptions of reading a damaged file."""
 
-ALIGNED = 64
-"""Alignment of arrays [bytes], as in NumPy's own files."""
-
-EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The time stamp of all members, the earliest of zip files, so that equal runs are equal files."""
-
-_ZIP64, _PADDING = 20, 4
-"""Sizes [bytes] of a zip member's field for large sizes, and of an empty field."""
-
 Array = NDArray[np.generic]
 
 
@@ -112,13 +103,24 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
 
 def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
     """Write arrays to a file, completely or not at all, and flush it to the disk."""
+    aligned = 64  # Alignment of arrays [bytes], as in NumPy's own files.
+    # The time stamp of all members, the earliest of zip files, so that equal runs are equal files.
+    epoch = (1980, 1, 1, 0, 0, 0)
+    # Sizes [bytes] of a zip member's field for large sizes, and of an empty field.
+    large_field, empty_field = 20, 4
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
             try:
                 for name, array in arrays.items():
-                    member = zipfile.ZipInfo(f"{name}.npy", EPOCH)
-                    taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
-                    padding = -taken % ALIGNED
+                    member = zipfile.ZipInfo(f"{name}.npy", epoch)
+                    taken = (
+                        file.tell()
+                        + _LOCAL_HEADER
+                        + len(member.filename)
+                        + large_field
+                        + empty_field
+                    )
+                    padding = -taken % aligned
                     # An extra field of an unknown kind, which readers skip.
                     member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
                     with archive.open(member, "w", force_zip64=True) as stream:

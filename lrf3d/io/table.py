@@ -48,16 +48,9 @@ MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": 
 OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
 """Fields of ROS messages that are settings, or hold something else than their words say."""
 
-SLOWEST = 5.0
-"""Longest usual time between two scans [s], from which the unit of stamps is known."""
-
 FAR, ROOM = 100.0, 1500.0
 """In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
 the second."""
-
-LONGEST_STEP, LARGEST_STEP, TURN = 3.0, 0.35, 6.5
-"""A robot that moves farther [m] or turns more [rad] from scan to scan, or turns further [rad] and
-in such steps, has other units."""
 
 FANS = {
     180: (-90, 89), 181: (-90, 90), 270: (-135, 134), 271: (-135, 135), 360: (0, 359),
@@ -65,12 +58,6 @@ FANS = {
     1080: (-135, 135), 1081: (-135, 135), 1440: (0, 359.75),
 }  # fmt: skip
 """First and last bearings [degrees] of usual range finders, by the number of their beams."""
-
-NARROWEST = np.radians(0.5)
-"""Least angle [rad] from the first beam to the last: less is another number."""
-
-COUNTER = 65536.0
-"""What encoders with registers of 16 bits count to."""
 
 
 def meaning(name: str) -> tuple[str, str]:
@@ -209,7 +196,9 @@ class Table:
         else:
             in_degrees = np.ptp(angles) > 2.1 * np.pi or not (angles % 1.0).any()
             angles = self._in("angles", "deg" if in_degrees else "rad")
-        if not NARROWEST < np.ptp(angles) <= 2.1 * np.pi:
+        # Least angle [rad] from the first beam to the last: less is another number.
+        narrowest = np.radians(0.5)
+        if not narrowest < np.ptp(angles) <= 2.1 * np.pi:
             wide = f"{count} beams over {np.degrees(np.ptp(angles)):g}°"
             raise InputError(f"{path}: {wide}; expected more than 0.5° and at most a turn")
         return sealed(-angles if self.clockwise else angles)
@@ -240,7 +229,9 @@ class Table:
             self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
             return UNTIMED * np.arange(float(len(self.values["ranges"])))
         usual = usual_step(self.values["stamp"]) or 1.0
-        guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST), "ns")
+        # Longest usual time between two scans [s], from which the unit of stamps is known.
+        slowest = 5.0
+        guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= slowest), "ns")
         return self._in("stamp", guessed, f", {usual:g} apart")
 
     def poses(self) -> Float | None:
@@ -259,10 +250,13 @@ class Table:
             return None
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
         usual = float(np.quantile(moved, 0.9)) if len(moved) else 0.0
-        unit = "mm" if usual > LONGEST_STEP else "m"
+        # A robot that moves farther [m] or turns more [rad] from scan to scan, or turns further
+        # [rad] and in such steps, has other units.
+        longest_step, largest_step, turn = 3.0, 0.35, 6.5
+        unit = "mm" if usual > longest_step else "m"
         theta = self.values["theta"]
         turned = np.abs(np.diff(theta))
-        degrees = bool(np.abs(theta).max() > TURN and (turned > LARGEST_STEP).mean() > 0.05)
+        degrees = bool(np.abs(theta).max() > turn and (turned > largest_step).mean() > 0.05)
         x, y = self._in("x", unit), self._in("y", unit)
         theta = self._in("theta", "deg" if degrees else "rad")
         return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
@@ -275,7 +269,8 @@ class Table:
                 " with one, and how far apart its wheels are, such as 'tick=0.35mm, track=0.3m'"
             )
         ticks = np.column_stack([self.values["left"], self.values["right"]])
-        rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=COUNTER), axis=0, prepend=ticks[:1])
+        counter = 65536.0  # What encoders with registers of 16 bits count to.
+        rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=counter), axis=0, prepend=ticks[:1])
         ahead, turns = rolled.mean(axis=1), (rolled[:, 1] - rolled[:, 0]) / track
         return _driven(ahead, 0.0 * ahead, turns)
 

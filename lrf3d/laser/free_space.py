@@ -11,12 +11,6 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser.scan import LaserScan, reflection_points
 from lrf3d.world.free_cells import FreeCells
 
-CELL = 0.1
-"""Side of a cell [m]: a door is several cells wide."""
-
-MOST_CELLS = 4_000_000
-"""Largest number of cells of a grid; larger areas have larger cells."""
-
 SIGHT = 15.0
 """Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart."""
 
@@ -26,13 +20,12 @@ MARGIN = 0.1
 DRIVEN = 0.2
 """Radius [m] around each pose that is free, because the robot was there."""
 
-MOVED, TURNED = 0.25, np.deg2rad(10.0)
-"""Cell [m], [rad] of poses from which only the first scan is used: the others add little."""
-
 
 def distinct_poses(poses: Float) -> Int:
     """Rows of the poses (k, 3) that are the first in their cell of place and heading."""
-    cells = np.floor(poses / [MOVED, MOVED, TURNED]).astype(np.int64)
+    # Cell [m], [rad] of poses from which only the first scan is used: the others add little.
+    moved, turned = 0.25, np.deg2rad(10.0)
+    cells = np.floor(poses / [moved, moved, turned]).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)
 
@@ -44,18 +37,20 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     """
     from PIL import Image, ImageDraw
 
+    least_cell = 0.1  # Side of a cell [m]: a door is several cells wide.
     if not len(scans):
-        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), least_cell)
     places = np.array([scan.pose[:2] for scan in scans])
+    most_cells = 4_000_000  # Largest number of cells of a grid; larger areas have larger cells.
     # Cells of over half a metre hide doors: of scans too far apart for smaller ones, those around
     # the most central one are used.
-    reach = 0.25 * np.sqrt(MOST_CELLS) - SIGHT - CELL
+    reach = 0.25 * np.sqrt(most_cells) - SIGHT - least_cell
     off = np.abs(places - np.median(places, axis=0)).max(axis=1)
     if off.max() > reach:
         near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach
         places, scans = places[near], [scans[k] for k in np.flatnonzero(near).tolist()]
-    low, high = places.min(axis=0) - SIGHT - CELL, places.max(axis=0) + SIGHT + CELL
-    size = max(CELL, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    low, high = places.min(axis=0) - SIGHT - least_cell, places.max(axis=0) + SIGHT + least_cell
+    size = max(least_cell, float(np.sqrt(np.prod(high - low) / most_cells)))
     # The corner of the first cell is a whole number of cells from the origin.
     low = np.floor(low / size) * size
     columns, rows = np.ceil((high - low) / size).astype(int)
@@ -77,6 +72,6 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     box = picture.getbbox()
     if box is None:
         # Poses so far apart that a cell is wider than what a scan shows.
-        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), least_cell)
     x, y = (low + size * np.array(box[:2])).tolist()
     return FreeCells(np.array(picture.crop(box), dtype=np.bool_), size, (x, y, 0.0))

@@ -5,24 +5,27 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
 from lrf3d.errors import InputError, check_names, expect, shown
-from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Value, number, sealed, whole_number
+from lrf3d.geometry import (
+    LARGEST_COORDINATE,
+    TINY,
+    Float,
+    Radians,
+    Value,
+    number,
+    sealed,
+    whole_number,
+)
 from lrf3d.pose import Pose, as_pose, between, compose
-
-MOST_BEAMS = 1_000_000
-"""Largest number of beams of a scan, some hundred times that of any range finder."""
 
 ECHO_CHOICES = ("first", "last", "strongest")
 """Which echo of a beam may be its range."""
 
 Number = TypeVar("Number", float, Float)
-
-FARTHEST_MOUNT = 100.0
-"""How far a laser may be from its robot's centre [m]: farther, the mount is in other units."""
 
 CENTRE = Pose(0.0, 0.0, 0.0)
 """The mount of a laser in the middle of its robot, facing ahead."""
@@ -68,8 +71,8 @@ class LaserRangeFinder(Value):
         [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0]]
     """
 
-    angle_min: float = -np.pi / 2
-    angle_max: float = np.pi / 2
+    angle_min: Radians = -np.pi / 2
+    angle_max: Radians = np.pi / 2
     beams: int = 181
     range_min: float = 0.0
     range_max: float = 80.0
@@ -77,7 +80,7 @@ class LaserRangeFinder(Value):
     scan_duration: float = 0.0
     threshold: float = field(default=0.0, repr=False)
     near_field: float = field(default=0.0, repr=False)
-    echo: str = field(default="strongest", repr=False)
+    echo: Annotated[str, ECHO_CHOICES] = field(default="strongest", repr=False)
     echoes: int = field(default=1, repr=False)
     mount: Pose = field(default=CENTRE, repr=False)
     name: str = field(default="laser", repr=False)
@@ -94,7 +97,9 @@ class LaserRangeFinder(Value):
         for name in ("scan_duration", "threshold", "near_field"):
             check(name)
         check_names("range finder: echo", [str(self.echo)], ECHO_CHOICES)
-        for name, most in (("beams", MOST_BEAMS), ("echoes", 5)):
+        # Largest number of beams of a scan, some hundred times that of any range finder.
+        most_beams = 1_000_000
+        for name, most in (("beams", most_beams), ("echoes", 5)):
             count = whole_number(getattr(self, name), f"range finder: {name}", most=most)
             object.__setattr__(self, name, count)
         if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z]\w*", self.name, re.A):
@@ -104,9 +109,11 @@ class LaserRangeFinder(Value):
             mount = as_pose(self.mount)
         except InputError as error:
             raise InputError(f"{self.name}: mount: {error}") from None
-        if math.hypot(mount.x, mount.y) > FARTHEST_MOUNT or abs(mount.theta) > LARGEST_ANGLE:
+        # How far a laser may be from its robot's centre [m]: farther, the mount is in other units.
+        farthest_mount = 100.0
+        if math.hypot(mount.x, mount.y) > farthest_mount or abs(mount.theta) > LARGEST_ANGLE:
             found = f"{self.name}: mount {tuple(mount)}"
-            raise InputError(f"{found}: expected x, y up to {FARTHEST_MOUNT:g} m and radians")
+            raise InputError(f"{found}: expected x, y up to {farthest_mount:g} m and radians")
         object.__setattr__(self, "mount", mount)
 
     def placed(self, poses: Float) -> Float:

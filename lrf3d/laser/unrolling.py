@@ -21,10 +21,6 @@ LONGEST_GAP = 1.0
 """Scans that are farther apart [s] say nothing of how the robot moved during one of them."""
 
 
-TOO_LONG = 1.1
-"""Share of the time to the next scan that the beams of one may take: more is a mistaken driver."""
-
-
 def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
     """The scan as it would be if all beams had been sent where and when the first was.
 
@@ -117,6 +113,8 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
     if not any(scan.time_increment and scan.motion is None for scan in scans):
         return list(scans)
     found, rate = list(scans), np.zeros(3)
+    # Share of the time to the next scan that the beams of one may take: more is a mistaken driver.
+    too_long = 1.1
     for laser in dict.fromkeys(scan.laser for scan in scans):
         own = [number for number, scan in enumerate(scans) if scan.laser == laser]
         for number, following in zip(own, [*own[1:], None], strict=True):
@@ -125,6 +123,6 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
                 gap = scans[following].time - scan.time
                 step = between(np.array(scan.robot), np.array(scans[following].robot))
                 rate = step / gap if 0.0 < gap <= LONGEST_GAP else np.zeros(3)
-            if scan.motion is None and 0.0 < scan.duration <= TOO_LONG * gap:
+            if scan.motion is None and 0.0 < scan.duration <= too_long * gap:
                 found[number] = replace(scan, motion=scan.duration * rate)
     return found

@@ -34,12 +34,6 @@ from lrf3d.slam.revisits import OFF
 STEP = np.array([0.01, 0.01, 0.003])
 """Standard deviations of key scans of a map relative to their neighbours [m], [rad]."""
 
-BESIDE, BESIDE_TURN = 1.0, 0.5
-"""Key scans of a map within this [m], [rad] of each other hold together, as neighbours do."""
-
-ROUNDS = 4
-"""Searches for ties, each from where the last ones have moved the drive."""
-
 
 @dataclass(frozen=True, eq=False)
 class Joined:
@@ -100,7 +94,8 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
     guesses = {number: pose for each in sure for number, pose in each.path.items()}
     ties: dict[int, Closure] = {}
-    for _ in range(ROUNDS):
+    rounds = 4  # Searches for ties, each from where the last ones have moved the drive.
+    for _ in range(rounds):
         for row, (key, number) in enumerate(zip(keys, numbers.tolist(), strict=True)):
             guess = guesses.get(number, nodes[count + row])
             if row not in ties and (tie := _tie(places, key, guess, count + row)):
@@ -144,10 +139,12 @@ def _graph(places: KnownPlaces) -> Records:
     """The edges within a map: from each key scan to the last one, and to one taken beside it."""
     poses, driven = places.poses, _driven(places.poses)
     pairs = [(k, k + 1) for k in range(len(poses) - 1)]
+    # Key scans of a map within this [m], [rad] of each other hold together, as neighbours do.
+    near_by, near_by_turn = 1.0, 0.5
     for k in range(len(poses)):
         x, y, turn = between(poses[k], poses[:k]).T
         apart = np.hypot(x, y)
-        beside = (apart < BESIDE) & (np.abs(turn) < BESIDE_TURN)
+        beside = (apart < near_by) & (np.abs(turn) < near_by_turn)
         beside &= driven[:k] < driven[k] - LEAST_DISTANCE
         if beside.any():
             pairs.append((int(np.where(beside, apart, np.inf).argmin()), k))

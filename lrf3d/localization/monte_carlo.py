@@ -28,12 +28,6 @@ from lrf3d.localization.pairing import STRATEGIES, KnownLines
 from lrf3d.pose import Pose
 from lrf3d.run import Run
 
-MAPPED_RANGE = 10.0
-"""Typical range [m] of the points that a map is fitted to."""
-
-NEES_CONFIDENCE = 0.95
-"""Share of the averages over seeds that lie within the bounds for a consistent filter."""
-
 
 @stoppable()
 def score_localisation(
@@ -64,8 +58,9 @@ def score_localisation(
         raise InputError(f"{seeds} seeds: expected at least 1")
     expect(progress, Callable, "progress")
     lines = KnownLines.from_world(run.world)
+    mapped_range = 10.0  # Typical range [m] of the points that a map is fitted to.
     if known == "map":
-        deviation = sigma * MAPPED_RANGE / run.lrf.range_max
+        deviation = sigma * mapped_range / run.lrf.range_max
         lines = KnownLines.from_map(run.map, deviation=deviation)
     # Other map snapshots are not needed, and would only be copied to the processes.
     bare = replace(run, snapshot_scans=run.snapshot_scans[-1:], maps=run.maps[-1:])
@@ -83,8 +78,10 @@ def score_localisation(
     errors = np.array([track.errors(truth) for track in tracks])
     nees = np.array([track.nees(truth) for track in tracks])
     distance, averages = np.hypot(errors[..., 0], errors[..., 1]), nees.mean(axis=0)
+    # Share of the averages over seeds that lie within the bounds for a consistent filter.
+    nees_confidence = 0.95
     # The interval of a consistent filter's NEES, of three numbers, averaged over the seeds.
-    tail = 0.5 * (1.0 - NEES_CONFIDENCE)
+    tail = 0.5 * (1.0 - nees_confidence)
     low, high = (chi2(3 * seeds).ppf([tail, 1.0 - tail]) / seeds).tolist()
     return {
         "known": known,

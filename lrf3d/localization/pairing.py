@@ -22,24 +22,9 @@ from lrf3d.world import World
 
 STRATEGIES = ("seen-objects-first", "all")
 
-GAP = 2.5
-"""Gap between two points [m] that always parts two walls of a scan."""
-
-LEAST_FLOOR = 2.5e-4
-"""Least deviation of a range [m]: drawn walls are not straight to less, and covariances are to be
-inverted without noise, too."""
-
 GATE = 13.8
 """Largest squared Mahalanobis distance of a pair, with two degrees of freedom: it rejects one true
 pair in a thousand."""
-
-LEAST_ALONGSIDE = 0.5
-"""Share of the shorter segment of a pair that must overlap the longer one, with an allowance for
-the uncertainty of the pose: half, so that no wall is paired with its neighbour."""
-
-END_DEVIATION = 0.1
-"""Standard deviation of the end of a segment along its wall [m], in addition to the uncertainty of
-the pose: about the distance between neighbouring returns."""
 
 
 class LocalLines(NamedTuple):
@@ -56,8 +41,12 @@ class LocalLines(NamedTuple):
         A change of a line moves it sideways by t·δα − δp at the distance t along it from the foot
         of the robot's perpendicular, so the moments of its points are its information.
         """
-        floor = max(noise.floor, LEAST_FLOOR)
-        extract = LikelihoodExtractor(GAP, 0.0, floor)
+        # Least deviation of a range [m]: drawn walls are not straight to less, and covariances are
+        # to be inverted without noise, too.
+        least_floor = 2.5e-4
+        floor = max(noise.floor, least_floor)
+        gap = 2.5  # Gap between two points [m] that always parts two walls of a scan.
+        extract = LikelihoodExtractor(gap, 0.0, floor)
         found = extract.walls(scan, 0.0, RangeNoise(floor, noise.growth))
         segments, fits = found.ends, found.fits
         lines = normal_lines(segments)
@@ -222,11 +211,17 @@ def _misfits(
     # How the middle moves along the wall with the position and the heading of the pose.
     gradient = np.column_stack([unit, unit[:, 1] * middle[:, 0] - unit[:, 0] * middle[:, 1]])
     variance = np.einsum("ij,jk,ik->i", gradient, covariance, gradient)[:, None]
+    # Standard deviation of the end of a segment along its wall [m], in addition to the uncertainty
+    # of the pose: about the distance between neighbouring returns.
+    end_deviation = 0.1
+    slack = 3.0 * np.sqrt(variance) + end_deviation
     # Three standard deviations of the pose, so that hardly any true pair is lost.
-    slack = 3.0 * np.sqrt(variance) + END_DEVIATION
     off, other = known.frames[0][known_rows] - [pose.x, pose.y], known.frames[1][known_rows]
     apart = np.abs(unit @ off.T - (unit * middle).sum(axis=1)[:, None])
     shorter = 2.0 * np.minimum(half, other)
-    beside = np.minimum(half + other - apart, shorter) + slack >= LEAST_ALONGSIDE * shorter
-    excess = np.maximum(half + apart - other, 0.0) ** 2 / (variance + END_DEVIATION**2)
+    # Share of the shorter segment of a pair that must overlap the longer one, with an allowance for
+    # the uncertainty of the pose: half, so that no wall is paired with its neighbour.
+    least_alongside = 0.5
+    beside = np.minimum(half + other - apart, shorter) + slack >= least_alongside * shorter
+    excess = np.maximum(half + apart - other, 0.0) ** 2 / (variance + end_deviation**2)
     return np.where(pairs.faces & (squares <= GATE) & beside, squares + excess, np.inf)

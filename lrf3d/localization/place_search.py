@@ -35,37 +35,15 @@ from lrf3d.slam.search import (
 )
 from lrf3d.world import World
 
-SPACING, BEAMS, REACH = 1.0, 720, 30.0
-"""Distance of the scans that are cast in a world [m], their beams, and their range [m]."""
-
 MOST_SCANS, MOST_CELLS = 3000, 80_000
 """Most scans that are cast, and cells that are searched: in a town both lie farther apart."""
-
-ROOM = 0.25
-"""Distance from walls at which a robot may be [m]."""
 
 STRIDE, STEP = 2, 0.04
 """Stride of the search in cells, and step of its headings [rad]."""
 
-PEAKS, NEXT, NEXT_TURN = 80, 0.7, 0.25
-"""Most poses that are matched, and their least distance [m] or turn [rad] from each other."""
-
-PARTS, MOST_PEAKS = 16, 600
-"""Parts of the headings that are searched one after another, and poses kept of each."""
-
-AROUND = 6
-"""Key scans that a place is judged by, the nearest."""
-
-JUDGED, JUDGED_TURN = 0.4, 0.5
-"""Hypotheses are weighed after this distance [m] or turn [rad]: scans nearer agree in any case."""
-
 EVEN = 3.8
 """Evidence at which a place and no place are equally likely. At right places it is 5.4 ± 1.0 in
 offices; the best of all wrong places reaches 3.1 ± 1.0, and in the mean over ten scans 2.8."""
-
-GAIN = 1.5
-"""Most log odds against no place that one scan adds or takes: neighbouring scans show the same
-walls, which may be those of a room like it."""
 
 BEGIN, MOST, LEAST = -3.0, 7.0, -6.0
 """Log odds of a new hypothesis; the most, so that kidnapping is noticed; and those at which it is
@@ -73,9 +51,6 @@ given up."""
 
 CERTAIN = 0.99
 """Probability from which a place is known."""
-
-AGAIN = 3
-"""Scans that are weighed between searches of the whole map, while no place is known."""
 
 REMEMBERED, TRIED = 8, 12
 """Number of earlier scans by which new hypotheses are weighed, and of these hypotheses."""
@@ -108,13 +83,16 @@ class KnownPlaces:
     @classmethod
     def from_world(cls, world: World) -> "KnownPlaces":
         """The map of a world: full-circle scans that are cast in it."""
-        places = free_places(world, ROOM)
+        room = 0.25  # Distance from walls at which a robot may be [m].
+        places = free_places(world, room)
         area = len(np.unique(np.floor(places), axis=0))
-        spacing = max(SPACING, np.sqrt(area / MOST_SCANS))
+        # Distance of the scans that are cast in a world [m], their beams, and their range [m].
+        apart, cast_beams, cast_reach = 1.0, 720, 30.0
+        spacing = max(apart, np.sqrt(area / MOST_SCANS))
         _, first = np.unique(np.floor(places / spacing), axis=0, return_index=True)
         poses = np.column_stack([places[first], np.zeros(len(first))])
-        step = 2.0 * np.pi / BEAMS
-        lrf = LaserRangeFinder(-np.pi, np.pi - step, BEAMS, range_max=REACH)
+        step = 2.0 * np.pi / cast_beams
+        lrf = LaserRangeFinder(-np.pi, np.pi - step, cast_beams, range_max=cast_reach)
         caster, sight = PlanarCaster(world), Sight()
         keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
@@ -147,20 +125,24 @@ class KnownPlaces:
         field, cells = self._field, self._free
         centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
         parts, scored = [], []
-        for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), PARTS):
+        # Parts of the headings that are searched one after another, and poses kept of each.
+        heading_parts, most_peaks = 16, 600
+        for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
             scores = window_scores(thin(scan.hits), field, centre, cells, headings)
-            most = min(MOST_PEAKS, scores.size)
+            most = min(most_peaks, scores.size)
             best = np.argpartition(scores, scores.size - most, axis=None)[-most:]
             a, s = np.unravel_index(best, scores.shape)
             scored.append(scores[a, s])
             parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
         ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
         peaks: list[Float] = []
-        while len(ranked) and len(peaks) < PEAKS:
+        # Most poses that are matched, and their least distance [m] or turn [rad] from each other.
+        most_matched, next_peak, next_turn = 80, 0.7, 0.25
+        while len(ranked) and len(peaks) < most_matched:
             peak, *_ = ranked
             peaks.append(peak)
             x, y, turn = np.abs(between(peak, ranked)).T
-            ranked = ranked[(np.hypot(x, y) > NEXT) | (turn > NEXT_TURN)]
+            ranked = ranked[(np.hypot(x, y) > next_peak) | (turn > next_turn)]
         return peaks
 
     @cached_property
@@ -172,7 +154,8 @@ class KnownPlaces:
     def around(self, scan: Key, pose: Float) -> Int:
         """The key scans that see most of what a scan from a pose (3,) sees."""
         apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
-        return np.argsort(apart, kind="stable")[:AROUND]
+        nearest_keys = 6  # Key scans that a place is judged by, the nearest.
+        return np.argsort(apart, kind="stable")[:nearest_keys]
 
     def judged(self, scan: Key, guess: Float, prior: Float) -> Place | None:
         """The place near a guess (3,) where a scan fits, and the evidence for it."""
@@ -240,7 +223,10 @@ class PlaceSearch:
         for each in self.hypotheses:
             each.pose = compose(each.pose, step)
         self._moved += size_of(step)
-        if (self._moved >= [JUDGED, JUDGED_TURN]).any() and len(scan.hits):
+        # Hypotheses are weighed after this distance [m] or turn [rad]: scans nearer agree in any
+        # case.
+        judged, judged_turn = 0.4, 0.5
+        if (self._moved >= [judged, judged_turn]).any() and len(scan.hits):
             self._moved[:] = 0.0
             self._weigh_all(number, scan, pose)
         if place := self.place:
@@ -255,7 +241,9 @@ class PlaceSearch:
         """Weigh all hypotheses by a scan, and search for new ones while no place is known."""
         now = _Weighed(number, scan, pose)
         self._weigh(self.hypotheses, now)
-        if self.probability < CERTAIN and self._count % AGAIN == 0:
+        # Scans that are weighed between searches of the whole map, while no place is known.
+        again = 3
+        if self.probability < CERTAIN and self._count % again == 0:
             found = self._places.search(scan)[:TRIED]
             now.best = max([now.best, *(each.evidence for each in found)])
             new = [Hypothesis(each.match.pose) for each in found]
@@ -317,8 +305,11 @@ class PlaceSearch:
 
 def _add(place: Hypothesis, now: _Weighed, evidence: float) -> None:
     """Add a scan's evidence for a place: bounded against no place, in full against others."""
-    gain = float(np.clip(now.best - EVEN, -GAIN, GAIN))
-    gain -= min(now.best - evidence, 2.0 * GAIN)
+    # Most log odds against no place that one scan adds or takes: neighbouring scans show the same
+    # walls, which may be those of a room like it.
+    most_gain = 1.5
+    gain = float(np.clip(now.best - EVEN, -most_gain, most_gain))
+    gain -= min(now.best - evidence, 2.0 * most_gain)
     place.log_odds += gain
     place.path[now.number] = place.pose
     if gain > 0.0:

@@ -24,9 +24,6 @@ KIND = np.dtype("<U6")
 WALLS = np.array(WALL, KIND)
 """The kind of all segments of a map of walls alone."""
 
-OTHER_FORMATS = (".toml", ".yaml", ".yml", ".glb")
-"""Endings of worlds that are written in other formats than a map."""
-
 
 @dataclass(frozen=True, eq=False)
 class LineMap(Value, Pictured):
@@ -158,7 +155,9 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         0
     """
     expect(line_map, LineMap, "map")
-    if as_path(path).suffix.lower() in OTHER_FORMATS:
+    # Endings of worlds that are written in other formats than a map.
+    other_formats = (".toml", ".yaml", ".yml", ".glb")
+    if as_path(path).suffix.lower() in other_formats:
         raise InputError(
             f"{path}: a map is written as .geojson; load_world reads that, and save_world writes"
             " other formats"

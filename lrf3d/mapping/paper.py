@@ -15,9 +15,6 @@ from lrf3d.geometry import Bool, Float, Int, cross, directions, fit_line, length
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.mapping.line_map import LineMap, solid_map
 
-LEAST_LENGTH = 1e-9
-"""Length [m] that a segment is longer than: points nearer to each other have no direction."""
-
 
 class SegmentTable(NamedTuple):
     """Segments (m, 4) [m], seen from their left, their numbers of points (m,), and unions (m,)."""
@@ -69,7 +66,9 @@ def split_and_merge(points: Float, split: float) -> SegmentTable:
     table = SegmentTable(
         np.reshape(ends, (-1, 4)), 1 + np.diff(cuts), np.zeros(len(ends), np.int64)
     )
-    return table.take(np.flatnonzero(lengths(table.ends) > LEAST_LENGTH))
+    # Length [m] that a segment is longer than: points nearer to each other have no direction.
+    least_length = 1e-9
+    return table.take(np.flatnonzero(lengths(table.ends) > least_length))
 
 
 def _split(points: Float, split: float) -> list[int]:
@@ -208,7 +207,7 @@ class PaperMapper:
     def __init__(
         self, extract: SplitMergeExtractor, length: float, distance: float, least: int
     ) -> None:
-        self._extract, self._least = extract, least
+        self._extract, self._least, self.local_map = extract, least, extract.local_map
         self._length, self._distance = length, distance
         self._origin = np.zeros(2)
         self._map: LineMap | None = None

@@ -24,9 +24,6 @@ from lrf3d.world.grid_walls import grown, on_border, parts_of
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pieces import groups
 
-WIDEST_WINDOW = 500.0
-"""Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
-
 WIDEST_DOOR, DOORWAY = 2.5, 1.3
 """Widths [m] of an opening above which the space behind it is outside, like the land around; and up
 to which it is a door between two rooms."""
@@ -303,11 +300,13 @@ def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
     inside = ends if around is None else np.vstack([ends, around])
     # The middle of the world is at (0, 0). A robot may drive up to 6 m around the walls.
     low, high = inside.min(axis=0, initial=0.0) - 6.0, inside.max(axis=0, initial=0.0) + 6.0
-    if (high - low).max() > WIDEST_WINDOW:
+    # Largest side [m] of the part of a world that is planned in, as much as a drive can show.
+    widest_window = 500.0
+    if (high - low).max() > widest_window:
         if around is None:
-            tiles = np.floor(ends / (0.5 * WIDEST_WINDOW))
+            tiles = np.floor(ends / (0.5 * widest_window))
             _, tile, counts = np.unique(tiles, axis=0, return_inverse=True, return_counts=True)
             around = ends[tile.reshape(-1) == np.argmax(counts)].mean(axis=0)
-        low = np.maximum(low, around - WIDEST_WINDOW / 2)
-        high = np.minimum(high, around + WIDEST_WINDOW / 2)
+        low = np.maximum(low, around - widest_window / 2)
+        high = np.minimum(high, around + widest_window / 2)
     return low, high

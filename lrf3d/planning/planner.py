@@ -23,10 +23,6 @@ from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World
 from lrf3d.world.model import check_size
 
-LEAST_LOOKAHEAD, LEAST_SPEED = 0.1, 0.25
-"""Least look-ahead [m], with which the robot keeps within centimetres of the route; and about the
-least speed [m/s] to which a robot that would still touch something is slowed down."""
-
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
@@ -133,6 +129,9 @@ def find_route(
     pace = speed or (1.0 if space.side == "inside" else SPEED)
     pose = None if start is None or len(start) < 3 else as_pose(start)
     touched = np.inf
+    # Least look-ahead [m], with which the robot keeps within centimetres of the route; and about
+    # the least speed [m/s] to which a robot that would still touch something is slowed down.
+    least_lookahead, least_speed = 0.1, 0.25
     while True:
         # A long run drives back along the route, and sets out again from where it arrives.
         laps = drive_laps(
@@ -144,9 +143,9 @@ def find_route(
         # Where driving with more care does not help, the route itself is too close to a wall.
         if not 0.0 < touched < 0.8 * before:
             break
-        if lookahead > LEAST_LOOKAHEAD:
-            lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
-        elif speed is None and pace > LEAST_SPEED:
+        if lookahead > least_lookahead:
+            lookahead = max(0.5 * lookahead, least_lookahead)
+        elif speed is None and pace > least_speed:
             pace, lookahead = 0.5 * pace, 0.5 * lookahead
         else:
             break

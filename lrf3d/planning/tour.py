@@ -16,9 +16,6 @@ from lrf3d.world import World
 BEAMS, HEADINGS = 360, 8
 """Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
 
-TIGHT, ROOM = 0.3, 4.0
-"""Factor on the value of a lookout close to walls; the value of entering a room [m of wall]."""
-
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """The paths of a tour, through places of a free space, that shows much in few metres.
@@ -28,16 +25,18 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
+    # Factor on the value of a lookout close to walls; the value of entering a room [m of wall].
+    tight, room_value = 0.3, 4.0
     if space.side == "inside":
         # Entering a room is worth as much as seeing some metres of wall.
         room = np.where(space.ground.wide, space.ground.rooms, 0)[space.allowed][patches]
         true = true_rooms(space.ground, space.allowed)
         entered = np.broadcast_to(room[:, None] == true, (HEADINGS, len(room), len(true)))
         seen = np.concatenate([seen, entered], axis=2)
-        weights = np.append(weights, np.full(len(true), ROOM))
+        weights = np.append(weights, np.full(len(true), room_value))
     around = np.asarray(seen.any(axis=0))
     comfortable = space.gaps >= space.radius + COMFORT
-    lookouts = patches[_cover(around, weights, np.where(comfortable[patches], 1.0, TIGHT))]
+    lookouts = patches[_cover(around, weights, np.where(comfortable[patches], 1.0, tight))]
     kept = int(space.start is not None)
     if space.start is not None:
         lookouts = np.append(space.number[space.start], lookouts)
@@ -70,7 +69,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     # Where a few steps show all walls, the robot also drives to the ends of the free space.
     while sum(_length(space, leg) for leg in legs) < 20.0:
         apart = np.hypot(*(space.places - space.places[end]).T)
-        goal = int(np.argmax(apart * np.where(comfortable, 1.0, TIGHT)))
+        goal = int(np.argmax(apart * np.where(comfortable, 1.0, tight)))
         if goal == end:
             raise InputError("no room to drive between the walls; give a route or poses")
         legs += _paths(space, end, np.array([goal]))

@@ -17,10 +17,6 @@ from PIL import Image
 from lrf3d.errors import InputError
 from lrf3d.scene.shapes import Pixels
 
-_RATES, _SAMPLED = 1000, 360
-"""Largest denominator of frames a second, and the lines of an example from which on not all of its
-pixels choose the colours of a palette."""
-
 
 @dataclass(frozen=True, slots=True)
 class Format:
@@ -97,12 +93,15 @@ def encode(
     examples: Sequence[Pixels] = (),
 ) -> None:
     """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
-    rate = Fraction(fps).limit_denominator(_RATES)
+    # Largest denominator of frames a second, and the lines of an example from which on not all of
+    # its pixels choose the colours of a palette.
+    rates, sampled = 1000, 360
+    rate = Fraction(fps).limit_denominator(rates)
     unit = kind.unit or 1 / rate
     palette = None
     if kind.palette:
         # The 256 colours that serve examples best; with one palette none changes between frames.
-        step = -(-len(examples[0]) // _SAMPLED)
+        step = -(-len(examples[0]) // sampled)
         seen = Image.fromarray(np.concatenate([each[::step, ::step] for each in examples]))
         palette = seen.quantize(256, method=Image.Quantize.FASTOCTREE)
     with av.open(str(path), "w", format=path.suffix[1:], options=kind.file_options) as film:

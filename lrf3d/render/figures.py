@@ -32,10 +32,6 @@ if TYPE_CHECKING:
     from lrf3d.slam.closures import Refusal
     from lrf3d.slam.key_scans import Key
 
-AREA, LEAST, MOST, NARROWEST = 54.0, 2.0, 12.0, 6.0
-"""Area of all panels together [square inches], whatever the shape of the world; sides of a panel,
-and the least width of a figure, in which a headline is legible [inches]."""
-
 AROUND = np.array([0.9, 1.6])
 """Room around all panels, for labels, headline and legend [inches]."""
 
@@ -279,13 +275,16 @@ def metre_sheet(
     low = np.min([place.min(axis=0) for place in known], axis=0)
     high = np.max([place.max(axis=0) for place in known], axis=0)
     size = np.maximum(high - low, 1.0) * (1.0 + 2.0 * MARGIN)
+    # Area of all panels together [square inches], whatever the shape of the world; sides of a
+    # panel, and the least width of a figure, in which a headline is legible [inches].
+    area, least, most, narrowest = 54.0, 2.0, 12.0, 6.0
     # What has no width, such as a single wall, is shown with something around it.
-    size = np.maximum(size, size.max() / (MOST / LEAST))
-    panel = np.clip(size * np.sqrt(AREA / panels / size.prod()), LEAST, MOST)
+    size = np.maximum(size, size.max() / (most / least))
+    panel = np.clip(size * np.sqrt(area / panels / size.prod()), least, most)
     columns = max(1, min(panels, round(np.sqrt(1.5 * panels * panel[1] / panel[0]))))
     rows = -(-panels // columns)
     width, height = panel * [columns, rows] + AROUND * [columns, 1.0]
-    figure = sheet(max(width, NARROWEST), height, title, words)
+    figure = sheet(max(width, narrowest), height, title, words)
     axes = [dressed(figure.add_subplot(rows, columns, 1 + number)) for number in range(panels)]
     middle = 0.5 * (low + high)
     x, y = np.transpose([middle - 0.5 * size, middle + 0.5 * size])

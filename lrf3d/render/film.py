@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,19 +23,9 @@ if TYPE_CHECKING:
     from lrf3d.render.plain import PlainRenderer
     from lrf3d.render.renderer import Renderer
 
-RENDERERS = ("embree", "gl")
-"""Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one."""
-
-_SMALLEST, _LARGEST = 16, 8192
-"""Sides of pictures [pixels] that can be drawn."""
-
 _INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
 """Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
 those of the picture, and the least side [pixels]."""
-
-_CARD_FROM, _SETTLED = 0.9, 4.0
-"""How far what was never seen has become glass when the card comes, and the time after the end in
-which light still fades and colours climb [s of the film]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +54,8 @@ class FilmOptions:
         view = run.film.view if self.view is None else self.view
         playback = run.playback if self.playback is None else self.playback
         sides = self.size if isinstance(self.size, tuple | list) else ()
-        limits = {"least": _SMALLEST, "most": _LARGEST}
+        smallest, largest = 16, 8192  # Sides of pictures [pixels] that can be drawn.
+        limits = {"least": smallest, "most": largest}
         if len(sides) != 2:
             raise InputError(f"size {shown(self.size)}: expected width and height [pixels]")
         if not isinstance(view, str):
@@ -95,8 +85,10 @@ def choose_renderer(wanted: str | None) -> str:
     """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's."""
     if wanted is None:
         return "gl" if gl_available() else "embree"
-    if wanted not in RENDERERS:
-        raise InputError(f"renderer {shown(wanted)}: expected one of {', '.join(RENDERERS)}")
+    # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
+    renderers = ("embree", "gl")
+    if wanted not in renderers:
+        raise InputError(f"renderer {shown(wanted)}: expected one of {', '.join(renderers)}")
     if wanted == "gl":
         require_gl()
     return wanted
@@ -125,14 +117,14 @@ class Film:
         gap, high = round(GAP * scale_of(chosen.size)), round(wide * self._window.aspect)
         self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
-        self._card = cache(lambda: panel.card(self._facts))
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self.camera.look(time, self._size[0] / self._size[1])
-        key = min(moment.now, self.timeline.end + _SETTLED * self.timeline.playback), view.key
+        settled = 4.0  # After the end light still fades, and colours climb [s of the film].
+        key = min(moment.now, self.timeline.end + settled * self.timeline.playback), view.key
         if key == self._key:
             # Nothing has moved: the last picture is this one.
             return self._picture
@@ -145,9 +137,7 @@ class Film:
         if inset:
             lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            ended = view.shot == "end" and view.glass >= _CARD_FROM
-            said = self._card() if ended else panel.panel(self._facts, moment, view.shot)
-            lay_label(self._picture, said)
+            lay_label(self._picture, panel.panel(self._facts, moment, view))
         return self._picture
 
     def close(self) -> None:

@@ -21,12 +21,6 @@ where the libraries are there but nothing draws."""
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
-_DEVICE, _OPENGL = 0x313F, 0x30A2
-"""EGL's numbers for displays that are devices, and for OpenGL."""
-
-_CONTEXT = (0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038)
-"""EGL's numbers for the context that pyrender makes: OpenGL 4.1, core profile."""
-
 
 def gl_available() -> bool:
     """Whether OpenGL can draw: its libraries are there, and a driver starts."""
@@ -70,17 +64,21 @@ def _starts(egl: ctypes.CDLL) -> bool:
     query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     display_of = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
     device, count = pointer(), ctypes.c_int()
+    # EGL's numbers for displays that are devices, and for OpenGL.
+    device_kind, opengl = 0x313F, 0x30A2
     if query and display_of:
         find = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
         if not find(1, ctypes.byref(device), ctypes.byref(count)) or not count.value:
             return False
         show = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, pointer)(display_of)
-        display = pointer(show(_DEVICE, device, None))
+        display = pointer(show(device_kind, device, None))
     else:
         display = pointer(egl.eglGetDisplay(None))
-    if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(_OPENGL):
+    if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(opengl):
         return False
-    wanted = (ctypes.c_int * len(_CONTEXT))(*_CONTEXT)
+    # EGL's numbers for the context that pyrender makes: OpenGL 4.1, core profile.
+    context_numbers = (0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038)
+    wanted = (ctypes.c_int * len(context_numbers))(*context_numbers)
     context = pointer(egl.eglCreateContext(display, None, None, wanted))
     return bool(context) and bool(egl.eglDestroyContext(display, context))
 

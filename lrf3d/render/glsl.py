@@ -3,6 +3,7 @@
 The arrays of a mark are its vertex attributes, in the order of the shader's locations.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,6 @@ from lrf3d.scene.shapes import Faces, GroundPicture, Mark
 
 _SHADERS = Path(__file__).parent / "shaders"
 
-_CONSTANTS = (
-    "CLIMB", "DAWN", "EMBER", "EMBER_SHARE", "EXPLORED", "FALL", "FRONT", "GHOST_STRENGTH",
-    "GROUND_SHARPNESS", "HAZE", "LEAST_FALL", "MAP_LIGHT", "MAP_SHARE", "NIGHT_LOW", "PEEP",
-    "POINT_HALO", "POINT_HALO_STRENGTH", "REFLECTED", "ROOF_SHARE", "VEIL_SHARE", "ZENITH",
-)  # fmt: skip
-"""Constants of the look that shaders know by their names."""
-
 LAND_REACH, GREY = 3000.0, np.array([0.3, 0.55, 0.15])
 """How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
 weights of red, green and blue in brightness."""
@@ -35,12 +29,14 @@ def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
     """
     file, *defined = name.split(":")
     lines = [f"#define {each}\n" for each in (["VERTEX"] * vertex + defined)]
-    values = {each: getattr(look, each) for each in _CONSTANTS}
+    common, own = ((_SHADERS / f"{each}.glsl").read_text() for each in ("common", file))
+    # Shaders know constants of the look by their names.
+    named = sorted(set(re.findall(r"\b[A-Z][A-Z_]+\b", common + own)))
+    values = {each: getattr(look, each) for each in named if hasattr(look, each)}
     for constant, value in {**values, "COOL": setting.cool, "NIGHT_HIGH": setting.night}.items():
         parts = np.ravel(value).tolist()
         kind = f"vec{len(parts)}" if len(parts) > 1 else "float"
         lines.append(f"const {kind} {constant} = {kind}({', '.join(map(repr, parts))});\n")
-    common, own = ((_SHADERS / f"{each}.glsl").read_text() for each in ("common", file))
     return "".join([*lines, common, "#line 1\n", own])
 
 

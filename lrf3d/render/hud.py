@@ -19,10 +19,10 @@ _LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
 """Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
 that would cover more of the height of a picture, is left out."""
 
-_DARKEST, _SHADED = 0.62, 1.6
+_DARKEST, _SHADED = 0.74, 1.6
 """How much the picture is darkened in the corner under text, and how far, in the text's size."""
 
-_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (150, 166, 192), 20
+_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (200, 210, 228), 20
 """Colours of the frame of the inset and of its scale, and the height of the letters of that [pixels
 of 720 lines]."""
 
@@ -91,13 +91,14 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -
     rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
     part = picture[top : top + high, left : left + wide, :3]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
-    # Under the inset, so that it hides nothing of the map.
+    # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
     letters, words = max(round(_SCALE_LETTER * scale), 9), f"{window.bar:g} m"
-    below, length = top + high + pad // 2, round(window.bar / window.width * wide)
-    end = left + wide - length
-    picture[below : below + 2 * rim, end : left + wide, :3] = _BAR
-    under = picture[below - letters : below + letters, left:end, :3]
-    text = Image.fromarray(np.ascontiguousarray(under))
-    place = text.width - pad // 2, letters + rim
+    foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
+    foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
+    middle, end = len(foot) // 2, foot.shape[1] - pad
+    begin = end - round(window.bar / window.width * wide)
+    foot[middle - rim : middle + rim, begin:end] = _BAR
+    text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
+    place = text.width - pad, middle
     ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
-    under[:] = np.asarray(text)
+    foot[:, :begin] = np.asarray(text)

@@ -12,9 +12,6 @@ import numpy as np
 from lrf3d.geometry import LEFT, Float, Single
 from lrf3d.scene.shapes import Lens, Seen, single
 
-_NEARER = 0.03
-"""How far before its wall a mirror stands [m]."""
-
 
 class Reflection(NamedTuple):
     """What is seen in one mirror."""
@@ -32,13 +29,14 @@ class Reflection(NamedTuple):
 def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
     """What is seen in mirrors (m, 5), walls and their heights, that stand in the picture."""
     lens = seen.lens
+    nearer = 0.03  # How far before its wall a mirror stands [m].
     for x1, y1, x2, y2, high in mirrors.tolist():
         top, start, along = min(high, seen.cut), np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
         length = float(np.hypot(*along))
         along /= length
         normal = along @ LEFT
         off = float(normal @ (lens.eye[:2] - start))
-        foot = start + np.sign(off) * _NEARER * normal
+        foot = start + np.sign(off) * nearer * normal
         ends = np.array([foot, foot + length * along])[[0, 1, 1, 0, 1, 0]]
         corners = np.column_stack([ends, [0.0, 0.0, top, 0.0, top, top]])
         clip = corners @ lens.matrix[:, :3].T + lens.matrix[:, 3]

@@ -27,8 +27,8 @@ from lrf3d.scene.stage.stage import Stage
 
 _LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6
 """How much nearer to the eye translucent faces are than what they lie on, the depth before which
-lines are cut and other marks are left out, and how far from a mirror what rays meet is it [m]; and
-the most walls that a ray passes where these are open or glass."""
+lines and faces are cut and points are left out, and how far from a mirror what rays meet is it [m];
+and the most walls that a ray passes where these are open or glass."""
 
 
 class _Canvas(NamedTuple):
@@ -211,10 +211,10 @@ class PlainRenderer:
     def _fill(
         self, canvas: _Canvas, lens: Lens, corners: Any, colours: Any, nearer: float, solid: bool
     ) -> None:
-        clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
-        rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
-        before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)
-        fill_triangles(rows[before], solid, canvas.colours, canvas.near)
+        shown = _before_eye(np.dstack([corners, colours]), lens).reshape(-1, 7)
+        clip, near = _projected(shown[:, :3], lens, nearer, canvas)
+        rows = np.column_stack([clip[:, :2], near, shown[:, 3:]]).reshape(-1, 3, 7)
+        fill_triangles(rows, solid, canvas.colours, canvas.near)
 
     def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
         clip, near = _projected(points.places, lens, lens.nearer, canvas)
@@ -247,6 +247,26 @@ class PlainRenderer:
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
         fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
+
+
+def _before_eye(triangles: Float, lens: Lens) -> Float:
+    """Triangles (t, 3, 3 + k), whose columns begin with places, cut off behind the eye."""
+    depths = triangles[..., :3] @ lens.matrix[3, :3] + lens.matrix[3, 3] - 1.01 * _NEAR
+    front = depths > 0.0
+    count, found = front.sum(axis=1), [triangles[front.all(axis=1)]]
+    for ahead in (1, 2):
+        # The corner that is alone on its side of the plane comes first.
+        cut = np.flatnonzero(count == ahead)
+        order = (np.argmax(front[cut] == (ahead == 1), axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(triangles[cut], order[..., None], axis=1).transpose(1, 0, 2)
+        alone, *others = np.take_along_axis(depths[cut], order, axis=1).T[..., None]
+        left, right = (
+            a + alone / (alone - depth) * (end - a)
+            for depth, end in zip(others, (b, c), strict=True)
+        )
+        shown = [(a, left, right)] if ahead == 1 else [(left, b, c), (left, c, right)]
+        found += [np.stack(corners, axis=1) for corners in shown]
+    return np.concatenate(found)
 
 
 def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> Single:

@@ -80,7 +80,7 @@ class Renderer:
         opened = seen.glass > 0.0 or seen.robot is not None
         self._draw_walls(seen, seen.lens, ":SOLID" if opened else "")
         self._draw_ground("ground")
-        self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
+        self._draw_sky(seen.lens)
         if opened:
             self._draw_walls(seen, seen.lens, ":VEIL")
         self._flatten()
@@ -175,6 +175,8 @@ class Renderer:
         self._draw_bodies(seen, ":MIRRORED", **reflection.uniforms)
         self._draw_walls(seen, reflection.lens, ":MIRRORED", **reflection.uniforms)
         self._draw_ground("ground:MIRRORED", **reflection.uniforms)
+        # The mirror's rectangle keeps the room's own sky out.
+        self._draw_sky(reflection.lens)
         GL.glFrontFace(GL.GL_CW)
         self._camera.fill(seen.lens, *self._size)
         GL.glColorMask(False, False, False, False)
@@ -187,6 +189,9 @@ class Renderer:
         for name, body in seen.bodies:
             buffer = self._filled(name, *body.faces)
             self._paint(f"faces{defined}", buffer, cull=True, pose=body.pose, **uniforms)
+
+    def _draw_sky(self, lens: Lens) -> None:
+        self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(lens.matrix))
 
     def _draw_ground(self, program: str, **how: Any) -> None:
         self._pavement.bind()

@@ -25,9 +25,6 @@ STYLES, WIDE_RATIO = ("-", "--", ":", "-."), 8.0
 """Line styles for the values of the other varied setting, as colours stand for mappers; and the
 ratio of values from which on their axis is logarithmic."""
 
-COLUMNS, WIDE, TALL = 3, 3.6, 3.0
-"""Panels of a row, and the room of each [inches]."""
-
 
 def draw_sweep(
     means: Sequence[Mapping[str, Any]],
@@ -47,9 +44,10 @@ def draw_sweep(
     for mean in sorted(means, key=lambda each: float(each[column])):
         choice = ", ".join(f"{name.removesuffix('_m')} {mean[name]}" for name in choices)
         curves.setdefault((str(mean["mapper"]), choice), []).append(mean)
-    rows = -(-len(PANELS) // COLUMNS)
-    figure = sheet(COLUMNS * WIDE, rows * TALL + 1.0, *titles)
-    panels = [quiet(figure.add_subplot(rows, COLUMNS, 1 + k)) for k in range(len(PANELS))]
+    columns, wide, tall = 3, 3.6, 3.0  # Panels of a row, and the room of each [inches].
+    rows = -(-len(PANELS) // columns)
+    figure = sheet(columns * wide, rows * tall + 1.0, *titles)
+    panels = [quiet(figure.add_subplot(rows, columns, 1 + k)) for k in range(len(PANELS))]
     mappers, chosen = (list(dict.fromkeys(names)) for names in zip(*curves, strict=True))
     values = sorted({float(mean[column]) for mean in means})
     for number, (axes, (measure, name, factor)) in enumerate(zip(panels, PANELS, strict=True)):
@@ -66,7 +64,7 @@ def draw_sweep(
             label = ", ".join(filter(None, (mapper, choice)))
             axes.plot(x, mean, style, color=colour, marker="o", ms=4.0, label=label)
         _scales(axes, values, measure)
-        if number >= len(PANELS) - COLUMNS:
+        if number >= len(PANELS) - columns:
             axes.set_xlabel(axis, color=FAINT, fontsize=9)
     add_legend(figure, panels)
     return save_figure(figure, path)

@@ -7,10 +7,6 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import MissingLibraryError
 
-LEAST_PAUSE, DOTS_PER_INCH = 1e-3, 100.0
-"""Shortest time [s] that a window has to answer the mouse and be drawn; and what turns the size of
-pictures into that of the window, which matplotlib takes in inches."""
-
 
 class Window:
     """A window with a title that shows pictures; it opens with the first.
@@ -35,9 +31,12 @@ class Window:
 
     def show(self, picture: NDArray[np.uint8], seconds: float) -> None:
         """Show a picture (h, w, 3) uint8 for some seconds; a window that was closed stays so."""
+        # Shortest time [s] that a window has to answer the mouse and be drawn; and what turns the
+        # size of pictures into that of the window, which matplotlib takes in inches.
+        least_pause, dots_per_inch = 1e-3, 100.0
         if self._image is None:
             height, width = picture.shape[:2]
-            inches = width / DOTS_PER_INCH, height / DOTS_PER_INCH
+            inches = width / dots_per_inch, height / dots_per_inch
             figure = self._pyplot.figure(self._title, figsize=inches)
             axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
             axes.set_axis_off()
@@ -47,7 +46,7 @@ class Window:
         if self._pyplot.fignum_exists(figure.number):
             self._image.set_data(picture)
             figure.canvas.draw_idle()
-            figure.canvas.start_event_loop(max(seconds, LEAST_PAUSE))
+            figure.canvas.start_event_loop(max(seconds, least_pause))
 
     def close(self) -> None:
         """Close the window."""

@@ -35,14 +35,6 @@ MAX_TURN_RATE = 1.5
 SAMPLES = np.arange(33.0)
 """Samples of the route between which the nearest one to the robot is looked for."""
 
-FACING_AWAY, FACING = math.radians(75.0), math.radians(15.0)
-"""Bearings [rad] of the point to steer at beyond which a robot turns in place, en route and at
-the start, where walls may be near: from 15° the arc to a point 1 m ahead keeps within
-0.07 m of the straight line."""
-
-ARRIVED = 1e-3
-"""Distance to a way-point at which the robot has arrived [m]."""
-
 
 def follow_route(
     route: ArrayLike,
@@ -91,6 +83,7 @@ def follow_route(
     limit = int((10.0 * path.length / speed + 60.0) / step)
     straight = path.length / speed / step
     needed = straight if most is None else min(straight, float(most - 1) * per_sample)
+    arrival = 1e-3  # Distance to a way-point at which the robot has arrived [m].
     for count in range(1, limit + 1):
         if len(poses) == most:
             return Trajectory(np.array(times), np.array(poses))
@@ -105,9 +98,9 @@ def follow_route(
         v, omega = _command(pose, goal, speed, step, starting)
         starting = starting and v == 0.0
         pose = robot.move(pose, v, omega, step)
-        if len(stops) > 1 and math.dist(stop, pose[:2]) < ARRIVED:
+        if len(stops) > 1 and math.dist(stop, pose[:2]) < arrival:
             reach, stop = stops.pop(0), path.at(stops[0])
-        arrived = len(stops) == 1 and math.dist(path.end, pose[:2]) < ARRIVED
+        arrived = len(stops) == 1 and math.dist(path.end, pose[:2]) < arrival
         if count % per_sample == 0 or arrived:
             poses.append(pose)
             times.append(count * step)
@@ -175,8 +168,12 @@ def _command(
     if distance == 0.0:
         return 0.0, 0.0
     bearing = float(wrap_angle(np.arctan2(dy, dx) - pose.theta))
+    # Bearings [rad] of the point to steer at beyond which a robot turns in place, en route and at
+    # the start, where walls may be near: from 15° the arc to a point 1 m ahead keeps within 0.07 m
+    # of the straight line.
+    facing_away, facing = math.radians(75.0), math.radians(15.0)
     # It turns in place instead of circling the goal; at the start until it faces it.
-    if abs(bearing) > (FACING if starting else FACING_AWAY):
+    if abs(bearing) > (facing if starting else facing_away):
         return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))
     curvature = 2.0 * np.sin(bearing) / distance
     # The arc to the goal has this length; near the end it is driven in one last step.

@@ -20,9 +20,6 @@ from lrf3d.robot.trajectory import Trajectory
 RADIUS = 0.35
 """Radius of the robot's round body [m] if none is given."""
 
-STEEPEST = math.radians(85.0)
-"""Largest steering angle [rad]: at 90° a car would turn about its own rear axle."""
-
 MOST_POSES = 10_000_000
 """Largest number of poses of a drive."""
 
@@ -135,7 +132,9 @@ class AckermannDrive:
 
     def __post_init__(self) -> None:
         number(self.wheelbase, "ackermann drive: wheelbase", "metres", positive=True)
-        number(self.most, "ackermann drive: most", "radians", positive=True, most=STEEPEST)
+        # Largest steering angle [rad]: at 90° a car would turn about its own rear axle.
+        steepest = math.radians(85.0)
+        number(self.most, "ackermann drive: most", "radians", positive=True, most=steepest)
 
     def twist(self, speed: float, steering: float) -> Twist:
         """The twist at a speed and a steering angle, positive to the left."""

@@ -15,9 +15,6 @@ from lrf3d.pose import between, compose
 GRAVITY = 9.80665
 """[m/s²] What the vertical accelerometer of a robot at rest measures."""
 
-MOST_RATE = 10_000.0
-"""Highest rate of an IMU [Hz]."""
-
 
 @dataclass(frozen=True, slots=True)
 class WheelOdometry:
@@ -101,7 +98,8 @@ class Imu:
     accelerometer_walk: float = 0.0002
 
     def __post_init__(self) -> None:
-        number(self.rate, "imu: rate", "measurements a second", positive=True, most=MOST_RATE)
+        most_rate = 10_000.0  # Highest rate of an IMU [Hz].
+        number(self.rate, "imu: rate", "measurements a second", positive=True, most=most_rate)
         for each in fields(self)[1:]:
             number(getattr(self, each.name), f"imu: {each.name}")
 

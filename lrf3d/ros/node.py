@@ -14,10 +14,6 @@ from lrf3d.interrupts import asked, check
 from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
 from lrf3d.scenario import Scenario
 
-DISCOVERY = 4.0
-"""How long another publisher of the clock is looked for [s]. One on this machine is found in a
-tenth, but what a busy machine loses is repeated after 3 s."""
-
 SECOND_CLOCK = (
     f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"
 )
@@ -53,7 +49,10 @@ class Node:
             self._executors[-1].add_node(self._nodes[-1])
         self._publishers, self._said = dict[str, Any](), dict[str, float]()
         self._commands, self._checked = list[str](), monotonic()
-        self._discovered = self._checked + DISCOVERY
+        # How long another publisher of the clock is looked for [s]. One on this machine is found in
+        # a tenth, but what a busy machine loses is repeated after 3 s.
+        discovery = 4.0
+        self._discovered = self._checked + discovery
 
     def close(self) -> None:
         """Leave the network."""

@@ -25,9 +25,6 @@ from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.scenario import Scenario
 from lrf3d.simulation import line_mapper, update_mapper
 
-FASTEST = 20.0
-"""Commands beyond are clipped [m/s], [rad/s]."""
-
 LINES_EVERY = 1.0
 """Simulated time from one line map to the next [s]."""
 
@@ -36,17 +33,6 @@ REST = (0.0, 0.0)
 
 Say = Callable[[str, str], None]
 """Reports a message at a level: ``info``, ``warning`` or ``error``."""
-
-
-LONGEST_TICK = 0.02
-"""Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or more."""
-
-FINEST_CELL = 0.1
-"""Least side of a cell of the published grid [m]: a whole city is then some megabytes."""
-
-LATE, IDLE, CHECKED_EVERY = 0.25, 0.01, 2.0
-"""How far ticks may be behind before they count as late, how long clients are served at a time
-while time is paused, and from one check of the pace to the next [s]."""
 
 
 class Topic(NamedTuple):
@@ -188,7 +174,8 @@ class DrivenRobot:
             return
         if sideways:
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
-        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
+        fastest = 20.0  # Commands beyond are clipped [m/s], [rad/s].
+        speed, turning = (max(-fastest, min(fastest, float(each))) for each in (speed, turning))
         self._command = speed, turning
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
@@ -235,7 +222,10 @@ class Stream:
         self.scenario, self.settings, self.say = scenario, settings, say
         self.paused, self._count = False, 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
-        self.ticks = ceil(self.interval / LONGEST_TICK - 1e-9)
+        # Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or
+        # more.
+        longest_tick = 0.02
+        self.ticks = ceil(self.interval / longest_tick - 1e-9)
         """Number of ticks from scan to scan."""
         wheels = scenario.odometry or (WheelOdometry() if settings.wheels else None)
         robots = live_fleet(scenario, settings.robots, rng=settings.rng, wheels=wheels)
@@ -270,14 +260,17 @@ class Stream:
         speed_up, lost = self.settings.speed_up, 0.0
         tick = self.interval / self.ticks / speed_up if speed_up else 0.0
         due = checked = monotonic()
+        # How far ticks may be behind before they count as late, how long clients are served at a
+        # time while time is paused, and from one check of the pace to the next [s].
+        late, idle, checked_every = 0.25, 0.01, 2.0
         while not asked():
             if not self.paused:
                 publish(self.encoded(self.tick()))
-            due, now = due + (IDLE if self.paused else tick), monotonic()
-            if now > due + LATE:
+            due, now = due + (idle if self.paused else tick), monotonic()
+            if now > due + late:
                 lost, due = lost + now - due, now
             serve(due - now)
-            if (passed := now - checked) > CHECKED_EVERY:
+            if (passed := now - checked) > checked_every:
                 if speed_up and (share := 1.0 - lost / passed) < 0.97:
                     self.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
                 checked, lost = now, 0.0
@@ -286,9 +279,11 @@ class Stream:
         """What is published once: where lasers are mounted, and the map where it is given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
         yield FIXED, {"transforms": [ros.transform(self.stamp, *mount) for mount in mounts]}
+        # Least side of a cell of the published grid [m]: a whole city is then some megabytes.
+        finest_cell = 0.1
         if GRID in self.topics:
             world = self.scenario.world
-            yield GRID, ros.occupancy_grid(world, FINEST_CELL, self.stamp, Path(world.name))
+            yield GRID, ros.occupancy_grid(world, finest_cell, self.stamp, Path(world.name))
 
     def tick(self) -> Messages:
         """Drive on by a tick, and publish where the robots are; scan where an interval ends."""

@@ -3,6 +3,7 @@
 All have a pose: they are triangles in their own frames, and shadows and darts where they stand.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 from lrf3d.files import data_folder
 from lrf3d.geometry import LEFT, Float, directions
 from lrf3d.robot.kinematics import RADIUS
-from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
+from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN, paler
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
 from lrf3d.scene.stage.stage import triangles
 
@@ -41,9 +42,9 @@ _OBSTACLE_COLOURS = np.array(
 )
 """Colours of dynamic obstacles: strong, and none is the robot's orange."""
 
-_OWN, _FOOT, _LEAST = 0.05, 0.10, 2.5
+_OWN, _FOOT, _LEAST = 0.05, 0.10, 0.3
 """How far from the robot's colour a colour counts as it, as the file rounds; height of the foot of
-an obstacle [m], and the least half size of one in the inset [pixels], so that it can be seen."""
+an obstacle [m], and the least half size of one from above, in darts, so that it can be seen."""
 
 _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
@@ -90,10 +91,10 @@ def world_from_robot(pose: Float) -> Float:
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
-def flat_dart(pose: Float, size: float, height: float) -> Soft:
-    """The robot as a dart with a dark rim, of a size at a pose, seen from above."""
+def flat_dart(pose: Float, size: float, height: float, colour: Sequence[float] = ROBOT) -> Soft:
+    """A robot as a dart with a dark rim, of a size at a pose, seen from above."""
     outline = _placed(size * np.concatenate([1.4 * _DART, _DART]), pose)
-    return _flat(outline, height, np.repeat([(*_DARK, 1.0), (*ROBOT, 1.0)], 6, axis=0))
+    return _flat(outline, height, np.repeat([(*_DARK, 1.0), (*colour, 1.0)], 6, axis=0))
 
 
 def goal_disc(goal: Float) -> Soft:
@@ -159,11 +160,14 @@ class Obstacles:
         shadows = [_shadow(each.outline, pose) for each, pose in placed]
         return together(shadows) if shadows else None
 
-    def plans(self, time: float, pixel: float) -> Soft | None:
-        """The bodies from straight above, in a picture whose pixels have a size [m]."""
+    def plans(self, time: float, dart: float) -> Soft | None:
+        """The bodies from straight above, where robots are darts of a size [m]."""
         plans, placed = list[Soft](), zip(self._obstacles, self._poses(time), strict=True)
         for (each, pose), top, colour in zip(placed, self._tops, self._colours, strict=True):
-            size = max(1.0, _LEAST * pixel / each.reach)
+            if each.is_robot:
+                plans.append(flat_dart(pose, dart, 0.0, paler(colour)))
+                continue
+            size = max(1.0, _LEAST * dart / each.reach)
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
         return together(plans) if plans else None

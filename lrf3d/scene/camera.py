@@ -21,7 +21,7 @@ _NEAR, _NEAR_SHARE = 0.2, 0.004
 """Distance [m] from which on things are drawn, and the share of the distance to the target that it
 is at the least: depths are then fine enough far away."""
 
-STEP, _SMOOTH, _FOLLOW, _STRAY, AIM = 0.04, 0.7, 0.15, 0.5, 0.35
+STEP, _SMOOTH, _FOLLOW, _STRAY, AIM = 0.04, 0.7, 0.15, 0.3, 0.35
 """Times of the film [s] between the points of a smoothed path, and over which turns and places are
 smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m], and
 the height of the robot's middle [m]."""

@@ -7,9 +7,8 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float
-from lrf3d.scene.beams import turning_walls
 from lrf3d.scene.camera import AIM, Look, SmoothPath, Track, Tracked
-from lrf3d.scene.look import Rig
+from lrf3d.scene.look import SECTION, Rig
 from lrf3d.scene.stage.ground import STREET
 from lrf3d.scene.stage.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
@@ -57,16 +56,16 @@ def chase(timeline: Timeline, structures: Structures) -> Tracked:
 
     Among houses the eye comes nearer where a wall hides the robot; in rooms walls are cut.
     """
-    path, mirrors = SmoothPath.of(timeline), has_mirrors(timeline, structures)
+    path, mirrors = SmoothPath.of(timeline), has_mirrors(structures)
     track = behind(path, _CHASE_MIRRORS if mirrors else structures.setting.chase)
     standing = replace(structures, indoor=False) if mirrors else structures
     track = track.past_walls(standing, path.places)
     return Tracked(lambda aspect: track, {"cuts": not mirrors, "shot": "chase"})
 
 
-def has_mirrors(timeline: Timeline, structures: Structures) -> bool:
+def has_mirrors(structures: Structures) -> bool:
     """Whether mirrors stand in these rooms, whose walls are then not cut before a low eye."""
-    return structures.indoor and bool(turning_walls(timeline.run.world).any())
+    return structures.indoor and bool(structures.mirrors.any())
 
 
 def behind(path: SmoothPath, rig: Rig) -> Track:
@@ -179,7 +178,8 @@ def corners_of(timeline: Timeline, structures: Structures) -> Float:
     square = past * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
     level = (np.concatenate([ends, path])[:, None] + square).reshape(-1, 2)
     level = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(level)))
-    top = min(float(structures.heights.max(initial=0.0)), _TALLEST)
+    tallest = SECTION if structures.indoor else _TALLEST
+    top = min(float(structures.heights.max(initial=0.0)), tallest)
     return np.concatenate(
         [np.column_stack([level, np.full(len(level), height)]) for height in (0.0, top)]
     )

@@ -12,10 +12,6 @@ from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
 from lrf3d.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.scene.stage.structures import Structures
 
-_BAND, _BAND_THICK, _BAND_PIXELS = 0.70, 0.06, 3.0
-"""Height of the map's lines along the walls, above the beams, how thick they are [m], and at least
-[pixels of 720 lines]: they show from far away."""
-
 _GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP, _MOST_PIECES = 1.8, 0.55, 0.4, 500
 """Height of walls of the map that the world lacks [m], opacity at their foot, length of pieces [m],
 and the most of a segment: some are as long as the world."""
@@ -47,7 +43,10 @@ class DrawnMap:
 
     def bands(self) -> Lines:
         """Its segments along the walls."""
-        return self.lines(_BAND, _BAND_PIXELS)._replace(thick=_BAND_THICK)
+        # Height of the map's lines along the walls, above the beams, how thick they are [m], and at
+        # least [pixels of 720 lines]: they show from far away.
+        band, band_thick, band_pixels = 0.70, 0.06, 3.0
+        return self.lines(band, band_pixels)._replace(thick=band_thick)
 
     def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
         """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""

@@ -70,9 +70,9 @@ class DrawnEstimate:
         keys = DriveKeys(times, estimate.poses - [*timeline.origin, 0.0])
         return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
 
-    def trail(self, time: float) -> Lines:
-        """The estimated trail up to a time from the start of the run on [s]."""
-        return trail_lines(self.keys, time, np.inf, ESTIMATE_COLOUR)
+    def trail(self, time: float, fade: float) -> Lines:
+        """The estimated trail up to a time from the start of the run on, paler with age [s]."""
+        return trail_lines(self.keys, time, fade, ESTIMATE_COLOUR)
 
     def rings(self, time: float) -> Lines:
         """The ellipses that stay by a time, faded, and the one that is known now."""

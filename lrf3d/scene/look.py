@@ -3,6 +3,7 @@
 Colours are red, green, blue in 0…1, as a screen shows them.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -225,6 +226,6 @@ def object_tints(objects: Int, *, dark: bool = False) -> Float:
     return colours
 
 
-def paler(colour: tuple[float, ...]) -> list[float]:
+def paler(colour: Iterable[float]) -> list[float]:
     """A colour for text on a dark ground, where it is read more easily."""
     return [0.65 * part + 0.35 for part in colour]

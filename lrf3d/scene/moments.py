@@ -4,7 +4,7 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
-from lrf3d.scene.beams import draw_beams, turning_walls
+from lrf3d.scene.beams import draw_beams
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -37,6 +37,10 @@ LAYERS = (
     "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
+
+MARKS: dict[str, Callable[["Scene", Moment], Mark | None]] = {}
+"""Further marks of films and pages, by the names of their layers, over those of a scene. Enter what
+returns a mark in the film's frame for a scene and a moment, or None."""
 
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
@@ -92,14 +96,14 @@ class Scene:
         self.stage = stage or stage_of(run)
         structures = self.structures = self.stage.structures
         self.exposure = self.stage.exposure
-        self.live = LiveExposure(self.exposure, structures, run.world) if live else None
+        self.live = LiveExposure(self.exposure, structures) if live else None
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
         self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._mirrors = self._walls[turning_walls(run.world)]
+        self._mirrors = structures.segments[structures.mirrors]
         self._reach = min(run.lrf.range_max, structures.setting.beams)
         self._outlines = outlines_of(structures)
         self._panes = lru_cache(2)(partial(panes_of, structures))
@@ -120,7 +124,7 @@ class Scene:
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
-            if layer in layers and mark is not None
+            if (layer in layers or layer in MARKS) and mark is not None
         )
         x, y, _ = pose.tolist()
         seen = Seen(
@@ -153,7 +157,7 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
-        if self.structures.glass.any():
+        if (self.structures.glass | self.structures.mirrors).any():
             cut = look.SECTION if view.cuts and self.structures.indoor else np.inf
             yield from zip(("outlines",) * 2, ("panes", "edges"), self._panes(cut), strict=True)
         yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
@@ -173,7 +177,9 @@ class Scene:
             yield "map", "bands", drawn.bands
         yield "points", "recent", self._recent_hits(moment)
         yield "points", "points", hits
-        yield "marker", "marker", self._marker(pose, lens, size)
+        for layer, draw in MARKS.items():
+            yield layer, layer, draw(self, moment)
+        yield "marker", "marker", self._markers(moment.time, pose, lens, size)
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":
         return self._map(self.run.snapshot_after(moment.mapped))
@@ -192,12 +198,12 @@ class Scene:
 
     def _drawn_trails(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
         now, found = time - self.timeline.start, []
+        fade = _TRAIL_FADE * self.timeline.playback
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
-            fade = _TRAIL_FADE * self.timeline.playback
             found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
         if self._estimate is not None:
-            found.append(("estimate", "estimate", self._estimate.trail(now)))
+            found.append(("estimate", "estimate", self._estimate.trail(now, fade)))
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
@@ -242,14 +248,17 @@ class Scene:
         hits: Points = together([none, *each])
         return hits, [len(one.places) for one in each]
 
-    def _marker(self, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
-        """An arrow over a robot that is too small to be seen."""
+    def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
+        """An arrow over a robot that is too small to be seen, and what moves round it as large."""
         height = self.run.lrf.height
         away = float(np.linalg.norm([*pose[:2], height] - lens.eye))
         pixel = min(size) / 720.0 * away / lens.focus
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
-        return flat_dart(pose, _MARKER * pixel, height)._replace(on_top=True)
+        others = self.obstacles.plans(time, _MARKER * pixel)
+        dart = flat_dart(pose, _MARKER * pixel, height)
+        marks: Soft = together([dart, *filter(None, [others])])
+        return marks._replace(on_top=True)
 
     def plan(self, moment: Moment, box: tuple[int, int, int, int], window: "Window") -> Plan:
         """The map so far from straight above, on what was seen: what is not known is dark.
@@ -264,9 +273,9 @@ class Scene:
             _, hits, _ = self._beams(moment.scan, *moment.pose)
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
-        *_, wide, _ = box
-        marks.append(("obstacles", self.obstacles.plans(moment.time, window.width / wide)))
-        marks.append(("robot", flat_dart(pose, _DART_SHARE * window.width, 0.0)))
+        dart = _DART_SHARE * window.width
+        marks.append(("obstacles", self.obstacles.plans(moment.time, dart)))
+        marks.append(("robot", flat_dart(pose, dart, 0.0)))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":

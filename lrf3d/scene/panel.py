@@ -3,6 +3,7 @@
 A run and a moment of it enter, lines of text leave.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import shapely
 
 from lrf3d.run import Run
 from lrf3d.scene import look
+from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.shapes import Label
 from lrf3d.scene.timeline import Moment
@@ -18,13 +20,13 @@ from lrf3d.text import counted
 PANELS = ("full", "short")
 """What a panel may say: all numbers, or three facts."""
 
-_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
+_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (184, 196, 216)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _FOUND, _FOUND_SHARE = 6.0, 0.1, 0.5
-"""How long a recognised mirror is mentioned [s of the film]; a wall is found if the map lies within
-a distance [m] of it along a share of its length."""
+_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 4.0, 3, 0.1, 0.5
+"""Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
+loss; a wall is found if the map lies within a distance [m] of it along a share of its length."""
 
 
 class Facts(NamedTuple):
@@ -35,46 +37,62 @@ class Facts(NamedTuple):
     panel: str
 
 
-def caption(facts: Facts, moment: Moment, shot: str) -> str:
+def _caption(facts: Facts, moment: Moment, shot: str) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
-        return "Nothing is known yet"
-    if shot in ("chase", "close") and reflected(run, moment):
-        return "That room is a reflection"
+        return "The robot knows nothing yet"
+    if shot in ("chase", "close") and (words := _reflected(run, moment)):
+        return words
     if shot == "close":
-        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} ranges measured"
-    if shot in ("rise", "whole", "end") and len(line_map):
+        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
+    if shot in _WALLS and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
-        return f"Walls become {counted(line_map.object_count, 'object')}"
+        return f"{counted(line_map.object_count, 'object')}, each in its own colour"
     if shot not in _SHOTS:
         return shot
     gaps = np.diff(run.trajectory.times)
     beams = f"{len(run.ranges.T)} laser beams"
+    if shot == "wave":
+        return f"{beams} light up what they reach"
     rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
-    return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
+    return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
 
-_SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
-"""Shots of the film's own cameras."""
+_WALLS = ("rise", "whole", "end")
+_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
+"""Shots whose caption counts walls, and all shots of the film's own cameras."""
 
 
-def reflected(run: Run, moment: Moment) -> bool:
-    """Whether a mirror has been recognised in the map in the last seconds."""
+def _reflected(run: Run, moment: Moment) -> str:
+    """Words on the walls that the map has dropped in the last seconds since it knows a mirror."""
+    line_map = run.map_after(moment.mapped)
+    if "mirror" not in line_map.kinds:
+        return ""
     then = moment.time - _REFLECTION_TIME * run.playback
-    earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
-    before, after = ("mirror" in run.map_after(scan).kinds for scan in (earlier, moment.mapped))
-    return after and not before
+    earlier = max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
+    most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
+    dropped = most - len(line_map)
+    said = f"The room in the mirror is a reflection: {dropped} walls dropped"
+    return said if dropped >= _DROPPED else ""
 
 
-def panel(facts: Facts, moment: Moment, shot: str) -> Label:
-    """The panel of a moment."""
-    run, line_map = facts.run, facts.run.map_after(moment.mapped)
+def panel(facts: Facts, moment: Moment, view: Look) -> Label:
+    """The panel of a moment through a look; at the end of a story the card."""
+    card_from, minutes = 0.9, 600.0  # A share of the glass, and when seconds are too many [s].
+    if view.shot == "end" and view.glass >= card_from:
+        return card(facts)
+    run, line_map, shot = facts.run, facts.run.map_after(moment.mapped), view.shot
     walls = counted(len(line_map), "wall") if run.maps else ""
-    head = caption(facts, moment, shot), _INK
+    head = _caption(facts, moment, shot), _INK
     if facts.panel == "short":
-        passed = f"{moment.time - run.trajectory.times.min():.0f} s  ·  {walls}".rstrip(" ·")
+        seconds = moment.time - run.trajectory.times.min()
+        passed = f"{seconds:.0f} s" if seconds < minutes else f"{seconds / 60.0:.0f} min"
+        if facts.playback > 1.0:
+            passed += f" at {facts.playback:.2g} × speed"
+        if walls and walls not in head[0]:
+            passed += f"  ·  {walls}"
         return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
     x, y, theta = moment.pose
     scan = run.scan(moment.scan)
@@ -91,6 +109,7 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     return _label(lines, _FULL_SIZE)
 
 
+@lru_cache(maxsize=1)
 def card(facts: Facts) -> Label:
     """What was found in the end: of the walls of the world, if they are known."""
     run = facts.run
@@ -107,8 +126,8 @@ def card(facts: Facts) -> Label:
     along = shapely.length(shapely.intersection(walls, near))
     found, count = int((along >= _FOUND_SHARE * shapely.length(walls)).sum()), len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    more = f"{len(run.map)} segments in the map, {objects}"
-    return _label([(share, _INK), (more, _PALE)], _SIZE)
+    rest = f"what was never seen is glass  ·  {objects}"
+    return _label([(share, _INK), (rest, _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:

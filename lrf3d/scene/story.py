@@ -47,7 +47,7 @@ class Story:
         self._timeline, self._structures = timeline, structures
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
-        self._mirrors = has_mirrors(timeline, structures)
+        self._mirrors = has_mirrors(structures)
         end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=end)
         self._chase = chase(timeline, structures).track(1.0)
@@ -122,12 +122,15 @@ class Story:
         # The short way round as seen half-way, and for the whole shot: else the eye would leap.
         turned = far.turns - near.turns
         turned -= 2.0 * np.pi * np.round(turned[np.argmin(np.abs(share - 0.5))] / (2.0 * np.pi))
-        others = (a + share * (b - a) for a, b in zip(near[5:], far[5:], strict=True))
-        down = np.sqrt(share)
-        steeps = near.steeps + down * (far.steeps - near.steeps)
+        down, fields = np.sqrt(share), near.fields + share * (far.fields - near.fields)
+        # Seen from above, the robot would soon leave a picture that is moved up.
+        steeps, shifts = (
+            a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
+        )
         steeps += np.sin(np.pi * down) * self._into_streets
         middles = near.middles + moved[:, None] * (far.middles - near.middles)
-        return Track(near.times, middles, near.turns + share * turned, steeps, aways, *others)
+        turns = near.turns + share * turned
+        return Track(near.times, middles, turns, steeps, aways, fields, shifts)
 
 
 def _eased(shares: Float | float) -> Float:

@@ -14,16 +14,6 @@ from lrf3d.mapping import LineMap
 from lrf3d.scoring.map_score import Report
 from lrf3d.world import World
 
-NEAREST_RETURN, FARTHEST_RETURN = 0.1, 20.0
-"""Range limits [m] of the returns that count: nearer ones hit the robot, farther ones are
-sparse."""
-
-EXPLAINED_WITHIN = 0.1
-"""Distance [m] within which a map segment explains a return."""
-
-VIOLATED_BEYOND = 0.2
-"""Distance [m] between map and return above which a beam violates the map."""
-
 
 @dataclass(frozen=True, slots=True)
 class LogScore(Report):
@@ -57,17 +47,23 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
     caster = PlanarCaster(World(solid))
     explained, beyond = [0], [np.empty(0)]
+    # Range limits [m] of the returns that count: nearer ones hit the robot, farther ones are
+    # sparse.
+    nearest_return, farthest_return = 0.1, 20.0
+    explained_within = 0.1  # Distance [m] within which a map segment explains a return.
     for scan in map(unrolled, each_of(scans, LaserScan, "scan")):
-        judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
+        judged = (scan.ranges > nearest_return) & (scan.ranges < farthest_return)
         places = reflection_points(scan.pose, scan.angles[judged], scan.ranges[judged])
-        near, _ = tree.query(shapely.points(places), "dwithin", EXPLAINED_WITHIN)
+        near, _ = tree.query(shapely.points(places), "dwithin", explained_within)
         explained.append(len(np.unique(near)))
         beyond.append(scan.ranges[judged] - _map_ranges(caster, scan)[judged])
     errors = np.concatenate(beyond)
     returns, met = len(errors), np.isfinite(errors)
+    # Distance [m] between map and return above which a beam violates the map.
+    violated_beyond = 0.2
     return LogScore(
         explained=sum(explained) / returns if returns else np.nan,
-        violation=float((errors > VIOLATED_BEYOND).sum()) / returns if returns else np.nan,
+        violation=float((errors > violated_beyond).sum()) / returns if returns else np.nan,
         median_range_error=float(np.median(np.abs(errors[met]))) if met.any() else np.nan,
         segments=len(line_map),
         length=float(lengths(line_map.segments).sum()),

@@ -15,24 +15,12 @@ from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.world.pieces import joined_objects
 
-SAMPLE_TOLERANCE = 0.1
-"""Largest distance of a right sample from a wall [m]."""
-
-SAMPLE_ANGLE = np.deg2rad(5.0)
-"""Largest angle between a right sample's segment and the wall [rad]."""
-
-DIRECT = 1e-3
-"""Farthest off its wall [m] that the place of a direct return may be."""
-
 LEAST_VISIBLE = 0.5
 """Length [m] above which the visible part of a wall counts."""
 
 MOST_JUDGED = 2000
 """Largest number of scans from which visible walls are computed: a random sample of a
 long run shows as much of the walls, and the time does not grow with the run."""
-
-MOST_DRAWN = 4000
-"""Largest number of scans in a picture: the first ones of a longer run."""
 
 
 class Report:
@@ -56,6 +44,7 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
     segments = run.world.segments
     along, size = directions(segments), lengths(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
+    farthest_off = 1e-3  # Farthest off its wall [m] that the place of a direct return may be.
     for scan in run.true_scans:
         returned = (scan.walls >= 0) & scan.hits
         wall = scan.walls[returned]
@@ -64,8 +53,8 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
         offset = np.array(scan.pose[:2]) - segments[wall, :2] + scan.ranges[returned, None] * ahead
         # What came by way of a mirror shows an image of the wall, elsewhere.
         station = (offset * along[wall]).sum(axis=1)
-        direct = np.abs(cross(along[wall], offset)) < DIRECT
-        direct &= (station > -DIRECT) & (station < size[wall] + DIRECT)
+        direct = np.abs(cross(along[wall], offset)) < farthest_off
+        direct &= (station > -farthest_off) & (station < size[wall] + farthest_off)
         wall, station = wall[direct], station[direct]
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
@@ -169,7 +158,10 @@ def score_map(
         raise InputError(
             f"visible objects of shape {visible_objects.shape}: expected one a segment"
         )
-    near = {"reach": SAMPLE_TOLERANCE, "angle": SAMPLE_ANGLE}
+    sample_tolerance = 0.1  # Largest distance of a right sample from a wall [m].
+    # Largest angle between a right sample's segment and the wall [rad].
+    sample_angle = np.deg2rad(5.0)
+    near = {"reach": sample_tolerance, "angle": sample_angle}
     offsets = sample_offsets(found, walls, **near)
     right, recalled = np.isfinite(offsets), np.isfinite(sample_offsets(visible, found, **near))
     precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
@@ -299,4 +291,5 @@ def judged_part(run: Run) -> Run:
 
 def drawn_part(run: Run) -> Run:
     """The run, or the beginning of a long one, with the final map."""
-    return run if len(run) <= MOST_DRAWN else run.part(np.arange(MOST_DRAWN))
+    most_drawn = 4000  # Largest number of scans in a picture: the first ones of a longer run.
+    return run if len(run) <= most_drawn else run.part(np.arange(most_drawn))

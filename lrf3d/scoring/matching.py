@@ -7,18 +7,6 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, as_rows, cross, directions, lengths
 
-LEAST_OVERLAP = 0.5
-"""Intersection over union along the true line that a match must exceed."""
-
-END_TOLERANCE = 0.15
-"""Largest distance of the end points of a match from the true line [m]."""
-
-SAMPLE_SPACING = 0.05
-"""Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
-
-LENGTH_ROUNDING = 1e-6
-"""Share of a piece that rounding may add to a length, even 10⁶ m from the origin."""
-
 
 def match_segments(segments: Float, walls: Float) -> Int:
     """Pair map segments (m, 4) with true segments (v, 4), each with at most one of the other.
@@ -38,7 +26,8 @@ def match_segments(segments: Float, walls: Float) -> Int:
     mine, theirs = (np.flatnonzero(lengths(each) > 0.0) for each in (segments, walls))
     tree = shapely.STRtree(shapely.linestrings(walls[theirs].reshape(-1, 2, 2)))
     lines = shapely.linestrings(segments[mine].reshape(-1, 2, 2))
-    near = tree.query(lines, predicate="dwithin", distance=END_TOLERANCE)
+    end_tolerance = 0.15  # Largest distance of the end points of a match from the true line [m].
+    near = tree.query(lines, predicate="dwithin", distance=end_tolerance)
     own, wall = mine[near[0]], theirs[near[1]]
     along = directions(walls[wall])[:, None]
     ends = segments[own].reshape(-1, 2, 2) - walls[wall, None, :2]
@@ -46,8 +35,9 @@ def match_segments(segments: Float, walls: Float) -> Int:
     low, high, length = forward.min(axis=1), forward.max(axis=1), lengths(walls[wall])
     shared = np.minimum(high, length) - np.maximum(low, 0.0)
     overlap = shared / (np.maximum(high, length) - np.minimum(low, 0.0))
-    fit = (overlap > LEAST_OVERLAP) & (offset.max(axis=1) <= END_TOLERANCE)
-    cost = (1.0 - overlap) + offset.mean(axis=1) / END_TOLERANCE
+    least_overlap = 0.5  # Intersection over union along the true line that a match must exceed.
+    fit = (overlap > least_overlap) & (offset.max(axis=1) <= end_tolerance)
+    cost = (1.0 - overlap) + offset.mean(axis=1) / end_tolerance
     return _assign(own[fit], wall[fit], cost[fit])
 
 
@@ -74,7 +64,11 @@ def sample_counts(segments: Float) -> Int:
 
     These are no longer than the spacing, give or take what rounding adds to a length.
     """
-    return np.ceil(lengths(segments) / SAMPLE_SPACING - LENGTH_ROUNDING).astype(np.int64)
+    # Distance of samples along a segment [m]: a tenth of the shortest wall that counts.
+    sample_spacing = 0.05
+    # Share of a piece that rounding may add to a length, even 10⁶ m from the origin.
+    length_rounding = 1e-6
+    return np.ceil(lengths(segments) / sample_spacing - length_rounding).astype(np.int64)
 
 
 def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float) -> Float:

@@ -19,9 +19,6 @@ from lrf3d.scoring.map_score import Report
 MATCHED = 0.01
 """Largest difference of two stamps [s] that are taken for one, as in evo."""
 
-LEAST_MATCHED = 3
-"""Poses that an alignment needs."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Relations(Value):
@@ -148,10 +145,11 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
     if last < begin - MATCHED or first > end + MATCHED:
         raise InputError(f"trajectory: {spans}: they do not overlap")
     ours, theirs = _matched(truth.times, estimate.times)
-    interpolated = len(ours) < LEAST_MATCHED
+    least_matched = 3  # Poses that an alignment needs.
+    interpolated = len(ours) < least_matched
     if interpolated:
         theirs = np.flatnonzero((estimate.times >= begin) & (estimate.times <= end))
-        if len(theirs) < LEAST_MATCHED:
+        if len(theirs) < least_matched:
             raise InputError(f"trajectory: {len(theirs)} poses match; {spans}; expected three")
         true = truth.at(estimate.times[theirs])
     else:

@@ -28,39 +28,8 @@ NEAR = 3.0
 LATER = 20.0
 """Least path length [m] between key scans that are compared: adjacent ones agree in any case."""
 
-COMPARED = 4
-"""Most earlier key scans that each one is compared with, the nearest."""
-
-PART = 20
-"""Key scans in a part of a drive."""
-
-MOST_THROUGH_PART = 0.2
-"""Largest share of points that beams may pass in a part. A closed door, or a lorry that has left,
-is seen by a few scans; lasers with ten beams see false corners."""
-
 PAIRS, LEAST_PAIRS = 60, 5
 """Most and least pairs of scans that are compared."""
-
-APART, TURNED = 0.4, 0.2
-"""Least distance [m] or turn [rad] between the scans of a pair."""
-
-POINTS = 200
-"""Points of a scan that are compared: they show its shape."""
-
-CLEARLY, CLOSE = 1.5, 0.02
-"""Factor and distance [m] by which pairs must fit better with another mount to name it."""
-
-COARSE, FINE = 45, 15
-"""Angles between the mounts that are tried [°]: all around, and near the best of these."""
-
-SHARE = 0.8
-"""Quantile of the distances between the points of a pair: walls along the drive fit in any case."""
-
-CONTRADICTED = 0.5
-"""Distance of scans [m] that do not fit their poses, however the laser is mounted."""
-
-JUMP, USUAL = 3.0, 10.0
-"""Least step of a jump [m], also as a multiple of nearly all steps."""
 
 
 class SelfCheck(NamedTuple):
@@ -91,7 +60,10 @@ class SelfCheck(NamedTuple):
     def passed(self) -> bool:
         """Whether nothing contradicts the poses."""
         most = most_through(self.mixed_pixels)
-        return self.violation <= most and self.worst_violation <= MOST_THROUGH_PART
+        # Largest share of points that beams may pass in a part. A closed door, or a lorry that has
+        # left, is seen by a few scans; lasers with ten beams see false corners.
+        most_through_part = 0.2
+        return self.violation <= most and self.worst_violation <= most_through_part
 
     def sentences(self) -> list[str]:
         """The contradiction, in one sentence; an empty list if there is none."""
@@ -118,24 +90,26 @@ def self_check(
     Driven (k,) is the distance travelled up to each of them [m].
     """
     scans, counts = [], []
+    compared = 4  # Most earlier key scans that each one is compared with, the nearest.
     for number, key in enumerate(keys):
         apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
         near = np.flatnonzero((apart < NEAR) & (driven[:number] < driven[number] - LATER))
-        near = near[np.argsort(apart[near], kind="stable")][:COMPARED]
+        near = near[np.argsort(apart[near], kind="stable")][:compared]
         if len(near):
             olds = [keys[k] for k in near.tolist()]
             counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
             scans.append(key.scan)
     if not counts:
         return SelfCheck(mixed_pixels=mixed_pixels)
-    part = min(PART, len(counts))
+    part_length = 20  # Key scans in a part of a drive.
+    part = min(part_length, len(counts))
     through, seen = sliding_window_view(np.array(counts), part, axis=0).sum(axis=2).T
     shares = through / np.maximum(seen, 1)
     worst = int(shares.argmax())
     all_through, all_seen = np.sum(counts, axis=0).tolist()
     return SelfCheck(
         all_through / max(all_seen, 1),
-        float(shares[worst]) if part == PART else 0.0,
+        float(shares[worst]) if part == part_length else 0.0,
         (scans[worst], scans[worst + part - 1]),
         len(counts),
         mixed_pixels,
@@ -155,10 +129,14 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
             found[turn, sense] = float(np.median(apart))
         return min(found, key=found.__getitem__)
 
-    turn, sense = best_of(range(-180 + COARSE, 181, COARSE), *(1, -1)[: 1 + mirrored])
-    best = turn, sense = best_of(range(turn - COARSE + FINE, turn + COARSE, FINE), sense)
+    # Angles between the mounts that are tried [°]: all around, and near the best of these.
+    coarse, fine = 45, 15
+    turn, sense = best_of(range(-180 + coarse, 181, coarse), *(1, -1)[: 1 + mirrored])
+    best = turn, sense = best_of(range(turn - coarse + fine, turn + coarse, fine), sense)
     declared = found[0, 1]
-    if best == (0, 1) or declared < CLEARLY * found[best] + CLOSE:
+    # Factor and distance [m] by which pairs must fit better with another mount to name it.
+    clearly, close = 1.5, 0.02
+    if best == (0, 1) or declared < clearly * found[best] + close:
         return None
     turn = (turn + 179) % 360 - 179
     seems = [f"turned by {turn}°"] * (turn != 0) + ["mirrored"] * (sense < 0)
@@ -172,15 +150,18 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
     """A sentence on why the poses cannot be those of the robot of the scans; None if they can."""
     own, robots, pairs = _paired(scans)
     steps, several = np.hypot(*np.diff(robots[:, :2], axis=0).T), len(own) > LEAST_PAIRS
-    if several and steps.max() > max(JUMP, USUAL * float(np.quantile(steps, 0.95))):
+    jump, usual = 3.0, 10.0  # Least step of a jump [m], also as a multiple of nearly all steps.
+    if several and steps.max() > max(jump, usual * float(np.quantile(steps, 0.95))):
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
+    # Distance of scans [m] that do not fit their poses, however the laser is mounted.
+    contradicted = 0.5
     if not pairs and several:
         far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
-        return f"the poses stay at one place, but {moved}" if far > CONTRADICTED else None
+        return f"the poses stay at one place, but {moved}" if far > contradicted else None
     far = float(np.median([_distance(own[a], own[b]) for a, b in pairs] or [0.0]))
-    if len(pairs) < LEAST_PAIRS or far < CONTRADICTED:
+    if len(pairs) < LEAST_PAIRS or far < contradicted:
         return None
     apart = f"scans from nearby poses differ by {far:.2g} m"
     return f"the poses contradict the scans: {apart}; are they this robot's, in metres?"
@@ -191,9 +172,10 @@ def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tu
     own = [scan for scan in scans if scan.laser == scans[0].laser and scan.hits.any()]
     robots = np.array([scan.robot for scan in own]).reshape(-1, 3)
     pairs, first = list[tuple[int, int]](), 0
+    apart, turned = 0.4, 0.2  # Least distance [m] or turn [rad] between the scans of a pair.
     for number in range(1, len(robots)):
         distance, turn = size_of(between(robots[first], robots[number]))
-        if distance > APART or turn > TURNED:
+        if distance > apart or turn > turned:
             pairs.append((first, number))
             first = number
     return own, robots, pairs[:: max(len(pairs) // PAIRS, 1)]
@@ -206,11 +188,14 @@ def _distance(before: LaserScan, after: LaserScan, turn: float = 0.0, sense: int
     lasers = [compose(np.array(scan.robot), mount) for scan in (before, after)]
     here, there = (_points(scan, sense) for scan in (before, after))
     moved = Pose(*between(*lasers).tolist()).apply(there)
-    return float(np.quantile(cKDTree(here).query(moved)[0], SHARE))
+    # Quantile of the distances between the points of a pair: walls along the drive fit in any case.
+    share = 0.8
+    return float(np.quantile(cKDTree(here).query(moved)[0], share))
 
 
 def _points(scan: LaserScan, sense: int) -> Float:
     """Points (n, 2) of a scan in the frame of its laser."""
     hits = np.flatnonzero(scan.hits & (scan.ranges > 0.0))
-    hits = hits[:: max(len(hits) // POINTS, 1)]
+    points = 200  # Points of a scan that are compared: they show its shape.
+    hits = hits[:: max(len(hits) // points, 1)]
     return scan.ranges[hits, None] * beam_directions(0.0, sense * scan.angles[hits])

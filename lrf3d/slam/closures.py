@@ -39,15 +39,6 @@ DRIFT, DRIFT_TURN = 0.01, 0.0015
 LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
-LOST = 10.0
-"""Path length [m] with the same drift, 0.1 m, as one unmatched scan."""
-
-MOST_PLACES = 20
-"""Most old places that are tried for a key scan, the nearest first."""
-
-SUBMAP = 5
-"""Key scans before and after an old one in the map that a loop is closed with."""
-
 AGREEING, AGREEING_IN_THE_END = 3, 2
 """Closures that must agree before any of them is accepted: while the robot drives, and when the
 drive is over, if no other contradicts them."""
@@ -116,8 +107,9 @@ class LoopCloser:
 
     def drive(self, step: Float, lost: int) -> None:
         """Add a step and a number of lost scans to the distance, by the drift that they cause."""
+        lost_length = 10.0  # Path length [m] with the same drift, 0.1 m, as one unmatched scan.
         # A turn in place lets the robot drift like a path of the length of its lever.
-        self.distance += sum(size_of(step)) + LOST * lost
+        self.distance += sum(size_of(step)) + lost_length * lost
 
     def add_key(self, key: Key, *, apart: bool = False) -> None:
         """Add the next key scan, which begins another stretch if it stands apart from the last."""
@@ -219,7 +211,8 @@ class LoopCloser:
         sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
         (least, *_), (most, *_) = LEAST_SPREAD, MOST_SPREAD
         fits &= apart < NEAR + DEVIATIONS * np.clip(sideways, least, most)
-        for _ in range(MOST_PLACES):
+        most_places = 20  # Most old places that are tried for a key scan, the nearest first.
+        for _ in range(most_places):
             if not fits.any():
                 break
             old = int(np.where(fits, apart, np.inf).argmin())
@@ -245,9 +238,10 @@ class LoopCloser:
         The poses are as seen from the old one, and by the front end: over a stretch so short these
         are better than those of the graph.
         """
+        submap = 5  # Key scans before and after an old one in the map that a loop is closed with.
         around = [
             self.keys[k]
-            for k in range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
+            for k in range(max(old - submap, 0), min(old + submap + 1, new))
             if self._stretches[k] == self._stretches[old]
             and self.driven[k] < self.driven[new] - LEAST_DISTANCE
         ]

@@ -26,23 +26,6 @@ KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 LOCAL_KEYS = 8
 """Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
 
-SLIPPED = 3.0
-"""Standard deviations of a match from the prediction beyond which the places around are searched: a
-slip turns the robot, which walls show, and moves it aside, which they may not."""
-
-RARE = 3.0
-"""Log odds against a slip: one step in twenty is off by more than the wheels' noise."""
-
-BROKEN = 0.25
-"""Share of the usual number of hits below which a scan is broken: it fits in many places, so it is
-not searched, and is no key scan."""
-
-TURN = np.pi / 3.0
-"""Standard deviation of a window of all turns [rad]."""
-
-ADJACENT = 4
-"""Key scans before a new one that show the rate of mixed pixels."""
-
 LEAST_EXPLAINED, LEAST_FOUND, LEAST_SHARE = 0.1, 0.3, 0.6
 """Minimum inlier ratios of a match near the prediction, of a match near a place where the robot may
 have been before (in woods it is hardly half at the right one), and of a place beyond doubt."""
@@ -107,8 +90,9 @@ class FrontEnd:
         self.wheels = Wheels() if wheels is None else deepcopy(wheels)
         self._coasting = Coasting()
         self.mixed_pixels = MixedPixels()
+        adjacent = 4  # Key scans before a new one that show the rate of mixed pixels.
         # The last key scans since a scan that was lost: their relative poses are certain.
-        self._certain: deque[Key] = deque(maxlen=ADJACENT)
+        self._certain: deque[Key] = deque(maxlen=adjacent)
         # Running mean of a scan's hits, and whether the last scan has far fewer.
         self._hits, self._broken = 0.0, False
         # What the last scan saw that stands still, in the frame of the robot.
@@ -132,7 +116,10 @@ class FrontEnd:
             surface=self._standing(scan.surface, guess, expected),
             hits=self._standing(scan.hits, guess, expected),
         )
-        self._broken = len(scan.hits) < BROKEN * self._hits
+        # Share of the usual number of hits below which a scan is broken: it fits in many places, so
+        # it is not searched, and is no key scan.
+        broken = 0.25
+        self._broken = len(scan.hits) < broken * self._hits
         kept = FORGETTING if self._hits else 0.0
         self._hits = kept * self._hits + (1.0 - kept) * len(scan.hits)
         match, accepted = self._match(still, expected)
@@ -182,7 +169,11 @@ class FrontEnd:
         match = self._map.match(scan, guess, prior)
         if match is None:
             return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
-        slipped = self._slip(match, expected) > SLIPPED**2
+        # Standard deviations of a match from the prediction beyond which the places around are
+        # searched: a slip turns the robot, which walls show, and moves it aside, which they may
+        # not.
+        slip_limit = 3.0
+        slipped = self._slip(match, expected) > slip_limit**2
         searched = len(scan.surface) >= LEAST_POINTS and not self._broken
         if searched and (slipped or match.explained < expected.doubtful):
             return self._searched(scan, match, expected)
@@ -204,11 +195,13 @@ class FrontEnd:
         places = self._map.places(scan, guess, np.diag(expected.window**2))
         places.append(self._map.place(scan, match))
         odds = np.array([place.evidence for place in places])
+        # Log odds against a slip: one step in twenty is off by more than the wheels' noise.
+        rare = 3.0
         if expected.trusted:
             poses = np.array([place.match.pose for place in places])
             slips = between(guess, poses) / expected.window
             noise = [self._slip(place.match, expected) for place in places]
-            odds -= np.minimum(np.log1p(noise), RARE + np.log1p((slips**2).sum(axis=1)))
+            odds -= np.minimum(np.log1p(noise), rare + np.log1p((slips**2).sum(axis=1)))
         best = places[int(np.argmax(odds))]
         return best.match, best.evidence > 0.0
 
@@ -216,7 +209,8 @@ class FrontEnd:
         """The place that a lost scan fits clearly best, whichever way it is turned."""
         if not self._map.keys or self._broken or len(scan.surface) < LEAST_POINTS:
             return None
-        guess, window = compose(self.pose, expected.step), np.array([*expected.window[:2], TURN])
+        turn = np.pi / 3.0  # Standard deviation of a window of all turns [rad].
+        guess, window = compose(self.pose, expected.step), np.array([*expected.window[:2], turn])
         places = self._map.places(scan, guess, np.diag(window**2))
         best = clearest([place.match.pose for place in places], [each.evidence for each in places])
         if best is None:

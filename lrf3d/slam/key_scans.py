@@ -34,16 +34,6 @@ from lrf3d.slam.surface import (
 BEHIND, AT = 0.3, 0.05
 """A beam passed a point if it ends this far behind it [m], and hit it if within the second [m]."""
 
-COUNTED = 120
-"""Most points of a scan that count as evidence."""
-
-CHANCE, NEW = 0.05, 0.1
-"""Share of points that agree or disagree by chance, and share of new points that count as
-disagreeing."""
-
-APART, TURNED_APART = 0.3, 0.1
-"""Two poses that differ by more [m], [rad] are different places."""
-
 MOST_THROUGH = 0.04
 """Largest share of points that beams may pass through: doors open and people walk."""
 
@@ -180,19 +170,25 @@ def evidence(hits: Records, explained: float, poses: Float, keys: Sequence[Key])
     """
     if not len(hits):
         return -np.inf
-    views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // COUNTED]), poses, keys)
+    counted = 120  # Most points of a scan that count as evidence.
+    views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, keys)
     hit = (views == 3).any(axis=0)
     passed = float(((views == 2).any(axis=0) & ~hit).mean())
     shares = np.array([float(hit.mean()), explained])
-    against = passed + NEW * np.maximum(1.0 - shares - passed, 0.0)
-    return float(np.log((shares + CHANCE) / (against + CHANCE)).sum())
+    # Share of points that agree or disagree by chance, and share of new points that count as
+    # disagreeing.
+    chance, new = 0.05, 0.1
+    against = passed + new * np.maximum(1.0 - shares - passed, 0.0)
+    return float(np.log((shares + chance) / (against + chance)).sum())
 
 
 def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
     """Whether two poses (3,) are the same place."""
     x, y, turn = first - second
     apart, turned = np.hypot(x, y), abs(wrap_angle(turn))
-    return bool(apart < tolerance * APART and turned < tolerance * TURNED_APART)
+    # Two poses that differ by more [m], [rad] are different places.
+    farther_apart, turned_apart = 0.3, 0.1
+    return bool(apart < tolerance * farther_apart and turned < tolerance * turned_apart)
 
 
 def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int, int]:

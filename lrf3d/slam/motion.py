@@ -24,18 +24,11 @@ the window that is searched. A bump turns a robot by half a radian."""
 DOUBTFUL = 0.65
 """Least share of a scan that a match must explain; otherwise the places around it are searched."""
 
-COAST, COAST_SHARE = 0.03, 0.2
-"""Standard deviation [m], [rad] of a step from the last one, and the share of the step that is
-added. With 0.1 m a robot that starts to move in a corridor is taken to stand still."""
-
 COAST_WINDOW = np.array([0.5, 0.5, 0.6])
 """Largest standard deviations [m], [rad] of the window that is searched without wheels."""
 
 FORGETTING = 0.98
 """Weight of the past in running means, at each scan."""
-
-LOST_SHARE = 0.5
-"""Share of the last step that is predicted after each scan that matches nothing."""
 
 EXPECTED = np.array([0.05, 0.05, 0.03])
 """Standard deviations of a, b [rad/m] and c before anything was driven."""
@@ -48,10 +41,6 @@ ROUGH, ROUGH_STRETCHES = 9.0, 20.0
 """Prior of the heading noise as a variance in units of that of good wheels, and its weight in
 stretches. Small robots slip two to four times as much; taken for good ones, their noise looks like
 a turn per metre, which bends a hall by ten degrees."""
-
-RIDGE = 0.01
-"""Weight of the prior in the residuals of the regression: with the whole prior, wheels far from it
-would look noisy."""
 
 
 class Prediction(NamedTuple):
@@ -122,7 +111,10 @@ class Coasting:
     def predict(self) -> Prediction:
         """The step to the next scan."""
         length, turn = size_of(self._step)
-        deviations = COAST + COAST_SHARE * np.array([length, length, turn])
+        # Standard deviation [m], [rad] of a step from the last one, and the share of the step that
+        # is added. With 0.1 m a robot that starts to move in a corridor is taken to stand still.
+        coast, coast_share = 0.03, 0.2
+        deviations = coast + coast_share * np.array([length, length, turn])
         variances = deviations**2 * self._excess.scale
         window = np.maximum(slip_window(self._step), np.sqrt(variances))
         spread, window = np.diag(variances), np.minimum(window, COAST_WINDOW)
@@ -135,7 +127,9 @@ class Coasting:
 
     def lost(self) -> None:
         """Update for a scan that was not matched."""
-        self._step = LOST_SHARE * self._step
+        # Share of the last step that is predicted after each scan that matches nothing.
+        lost_share = 0.5
+        self._step = lost_share * self._step
 
 
 class Wheels:
@@ -203,7 +197,10 @@ class Wheels:
         error, row = excess_turn / spread, np.array([turn, ahead, 0.0]) / spread
         weight = self._regress(row, error, self.excess.heading)
         self._squares, self._stretches = self._squares + weight * error**2, self._stretches + weight
-        ridge = RIDGE * np.diag(EXPECTED**-2.0)[:2, :2]
+        # Weight of the prior in the residuals of the regression: with the whole prior, wheels far
+        # from it would look noisy.
+        ridge_weight = 0.01
+        ridge = ridge_weight * np.diag(EXPECTED**-2.0)[:2, :2]
         best = np.linalg.solve(self._information[:2, :2] + ridge, self._sums[:2])
         left = self._squares - float(best @ self._sums[:2])
         rough = (ROUGH_STRETCHES * ROUGH + left) / (ROUGH_STRETCHES + self._stretches)

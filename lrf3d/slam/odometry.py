@@ -292,23 +292,25 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
     def lags(lag: float = 0.0, drift: float = 0.0) -> Float:
         return np.clip(lag + drift * progress, least, most)
 
-    def left(by_turn: float, by_distance: float, *late: float) -> Float:
+    def left(values: Float) -> Float:
+        by_turn, by_distance, *late = values.tolist()
         turned = np.diff(path.at(places - lags(*late))[:, 2])[known]
         return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_distance * distances)
 
     def fit(*start: float) -> Any:
-        return least_squares(
-            lambda values: left(*values), np.array(start), loss="huber", f_scale=LEAST_TURN
-        )
+        return least_squares(left, np.array(start), loss="huber", f_scale=LEAST_TURN)
+
+    def at(lag: float) -> Float:
+        return left(np.array([0.0, 0.0, lag]))
 
     least, most = path.lags.tolist()
-    moved = np.abs(left(0.0, 0.0, most) - left(0.0, 0.0, least))
+    moved = np.abs(at(most) - at(least))
     if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
         return lags()
     # With a lag, and a drift of it, beside the systematic errors of the wheels. A turn is as long
     # as the widest lag, so that the best of some is where the search begins.
     tried = np.arange(least, most, 0.5)
-    first = tried[np.argmin([np.abs(left(0.0, 0.0, lag)).sum() for lag in tried])]
+    first = tried[np.argmin([np.abs(at(lag)).sum() for lag in tried])]
     best = fit(0.0, 0.0)
     for start in ((0.0, 0.0, first), (0.0, 0.0, first, 0.0)):
         found = fit(*start)

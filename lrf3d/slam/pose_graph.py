@@ -32,15 +32,6 @@ EDGE = np.dtype(
 ROBUST_SCALE = 3.0
 """Scale of Cauchy's weight of closures, in standard deviations."""
 
-SETTLED = 1e-5
-"""Poses that move by less [m, rad] have converged."""
-
-PRIOR_RESIDUALS = 30.0
-"""Weight of the deviation of matched points, in residuals of closures."""
-
-POINT_DEVIATIONS = 2.4
-"""Factor on the distances of matched points to their walls: adjacent points share their errors."""
-
 
 def edges_of(
     first: ArrayLike, second: ArrayLike, measured: Float, information: Float, prior: Float,
@@ -101,12 +92,13 @@ def optimised(poses: Float, edges: Records, iterations: int = 20) -> Float:
     A graph of relative poses does not say where it lies.
     """
     poses = poses.copy()
+    settled = 1e-5  # Poses that move by less [m, rad] have converged.
     for _ in range(iterations):
         matrix, gradient = normal_equations(poses, edges)
         step = _factor(matrix[3:, 3:]).solve(-gradient[3:]).reshape(-1, 3)
         poses[1:] += step
         poses[:, 2] = wrap_angle(poses[:, 2])
-        if np.abs(step).max() < SETTLED:
+        if np.abs(step).max() < settled:
             break
     return poses
 
@@ -119,8 +111,11 @@ def variance_factor(poses: Float, edges: Records, deviation: float) -> float:
     units of the assumed one.
     """
     squares, weights = edge_squares(poses, edges)
-    before = PRIOR_RESIDUALS * (POINT_DEVIATIONS * deviation) ** 2
-    residuals = 3.0 * float(edges["robust"].sum()) + PRIOR_RESIDUALS
+    prior_residuals = 30.0  # Weight of the deviation of matched points, in residuals of closures.
+    # Factor on the distances of matched points to their walls: adjacent points share their errors.
+    point_deviations = 2.4
+    before = prior_residuals * (point_deviations * deviation) ** 2
+    residuals = 3.0 * float(edges["robust"].sum()) + prior_residuals
     return (float((weights * squares).sum()) + before) / residuals
 
 

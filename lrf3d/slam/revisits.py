@@ -25,10 +25,6 @@ from lrf3d.slam.front_end import (
 from lrf3d.slam.key_scans import Key
 from lrf3d.slam.search import Submap
 
-ENOUGH = 2
-"""Key scans of earlier drives past a place that make it known. With one, errors after hours in a
-town are a fifth larger, and covariances too small; in recorded offices nothing changes."""
-
 CERTAIN = 10.0
 """Longest path along the graph [m] over which the relative pose of a robot is certain: it drifts
 less than it may be off."""
@@ -68,7 +64,10 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
     drifted = last.drifted + closer.distance - last.driven
     old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
     here = old & (apart < KEY_DISTANCE) & (np.abs(wrap_angle(turn)) < KEY_TURN)
-    if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
+    # Key scans of earlier drives past a place that make it known. With one, errors after hours in a
+    # town are a fifth larger, and covariances too small; in recorded offices nothing changes.
+    enough = 2
+    if here.sum() < enough or len(scan.surface) < LEAST_POINTS:
         return None
     near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(LOCAL_KEYS, old.sum())]
     around = Submap([closer.keys[k] for k in near.tolist()], poses[near])

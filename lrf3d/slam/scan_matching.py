@@ -27,18 +27,9 @@ in the end what lies farther off has moved or is not in the map."""
 PRIOR_SCALE = 4.0
 """Standard deviations at which the weight of the guess has halved."""
 
-REACH = 0.3
-"""Largest distance between a point and its wall [m]; at most a cell of the grid."""
-
 SIGMA = 0.06
 """Standard deviation of a point's distance to its wall [m]. The noise of a range is about 0.01 m,
 but points of one wall share the errors of its normal and of the map."""
-
-POST = 0.25
-"""Weight of a post next to that of a point of a wall: other sides of it are seen from elsewhere."""
-
-FEWER, COARSELY = 120, 4
-"""Points in a coarse iteration, and number of these: they only lead near to the result."""
 
 ITERATIONS = 20
 """Most Gauss-Newton steps of a match; six are usual."""
@@ -67,7 +58,9 @@ def match_scan(
 
     The prior (3, 3) is the information of the guess.
     """
-    return Match(*_matched(surface, grid, guess, prior, iterations, REACH, SIGMA))
+    # Largest distance between a point and its wall [m]; at most a cell of the grid.
+    cast_reach = 0.3
+    return Match(*_matched(surface, grid, guess, prior, iterations, cast_reach, SIGMA))
 
 
 @compiled
@@ -84,9 +77,13 @@ def _matched(
     pose = guess.copy()
     scan_part, gradient = np.zeros((3, 3)), np.zeros(3)
     explained = deviation = 0.0
+    # Weight of a post next to that of a point of a wall: other sides of it are seen from elsewhere.
+    post = 0.25
+    # Points in a coarse iteration, and number of these: they only lead near to the result.
+    fewer, coarsely = 120, 4
     for iteration in range(iterations):
-        scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, COARSELY) / COARSELY)
-        stride = 1 + len(surface) // FEWER if iteration < min(COARSELY, iterations - 1) else 1
+        scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, coarsely) / coarsely)
+        stride = 1 + len(surface) // fewer if iteration < min(coarsely, iterations - 1) else 1
         scan_part[:], gradient[:] = 0.0, 0.0
         explained = squares = 0.0
         at = placement(pose)
@@ -103,8 +100,8 @@ def _matched(
             strength = stride * weight / (sigma * sigma)
             if nx == 0.0 and ny == 0.0:
                 # A post is met like two walls across each other.
-                _add(scan_part, gradient, POST * strength, (1.0, 0.0, -v), x)
-                _add(scan_part, gradient, POST * strength, (0.0, 1.0, u), y)
+                _add(scan_part, gradient, post * strength, (1.0, 0.0, -v), x)
+                _add(scan_part, gradient, post * strength, (0.0, 1.0, u), y)
             else:
                 _add(scan_part, gradient, strength, (x, y, y * u - x * v), distance)
             explained += weight
@@ -116,7 +113,7 @@ def _matched(
         trust = 1.0 / (1.0 + off @ prior @ off / (PRIOR_SCALE * PRIOR_SCALE))
         step = np.linalg.solve(scan_part + trust * prior, gradient + trust * (prior @ off))
         pose -= step
-        if iteration >= COARSELY and np.abs(step).max() < STEP:
+        if iteration >= coarsely and np.abs(step).max() < STEP:
             break
     return pose, scan_part, explained, deviation
 

@@ -28,24 +28,6 @@ DEVIATIONS = 3.0
 WALL, FREE = 2, -2
 """Score of a hit in the cell of a wall, and in a free one; next to a wall it is one."""
 
-FARTHEST = 50.0
-"""Largest range of the cells around key scans [m]."""
-
-ANGLE_STEPS = 0.01, 0.03
-"""Bounds of the step of the heading [rad]; it moves far-off points by a cell."""
-
-COARSE_POINTS = 80
-"""Points of a scan that a window is searched with."""
-
-PEAKS = 6
-"""Poses of the window that are refined."""
-
-CLOSE = 0.7
-"""Least score of a peak, as a share of the best."""
-
-CLEARLY = 0.8
-"""Margin of the evidence by which the best place must beat all others elsewhere."""
-
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of a peak that is refined: 0.5 m and 0.2 rad, which leaves it free."""
 
@@ -64,7 +46,8 @@ class Field(NamedTuple):
 def field_of(keys: Sequence[Key], poses: Float) -> Field:
     """The field that key scans show from poses (k, 3)."""
     reach = max(float(np.abs([key.hits["x"], key.hits["y"]]).max(initial=0.0)) for key in keys)
-    around = 1.5 * min(reach, FARTHEST) + WALL * CELL
+    farthest = 50.0  # Largest range of the cells around key scans [m].
+    around = 1.5 * min(reach, farthest) + WALL * CELL
     low, high = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
     columns, rows = ((high - low) / CELL).astype(np.int64).tolist()
     field = Field(np.zeros((rows, columns), np.int8), *low.tolist())
@@ -198,15 +181,19 @@ class Submap:
         if self.grid is None or not len(surface) or not len(shifts):
             return []
         far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))
-        step = float(np.clip(CELL / max(far, 1e-3), *ANGLE_STEPS))
+        # Bounds of the step of the heading [rad]; it moves far-off points by a cell.
+        angle_steps = 0.01, 0.03
+        step = float(np.clip(CELL / max(far, 1e-3), *angle_steps))
         *_, turn = np.sqrt(spread.diagonal())
         turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
         angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
         field, sample = field_of(self.keys, self.poses), thin(surface)
         scores = window_scores(thin(hits), field, guess, shifts, angles)
         found: list[tuple[Float, Float]] = []
-        least = max(CLOSE * float(scores.max()), 0.0)
-        for _ in range(PEAKS):
+        close = 0.7  # Least score of a peak, as a share of the best.
+        least = max(close * float(scores.max()), 0.0)
+        most_matched = 6  # Poses of the window that are refined.
+        for _ in range(most_matched):
             a, s = np.unravel_index(int(scores.argmax()), scores.shape)
             if scores[a, s] <= least:
                 break
@@ -226,7 +213,8 @@ class Submap:
 
 def thin(points: Records) -> Records:
     """A subsample of many points that is enough to find a place."""
-    return np.ascontiguousarray(points[:: 1 + len(points) // COARSE_POINTS])
+    coarse_points = 80  # Points of a scan that a window is searched with.
+    return np.ascontiguousarray(points[:: 1 + len(points) // coarse_points])
 
 
 def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
@@ -239,4 +227,5 @@ def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
         for place, value in zip(places, worth, strict=True)
         if not same_place(place, places[best], tolerance=2.0)
     ]
-    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None
+    clearly = 0.8  # Margin of the evidence by which the best place must beat all others elsewhere.
+    return best if worth[best] - max(others, default=-np.inf) > clearly else None

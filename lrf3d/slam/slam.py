@@ -39,15 +39,9 @@ NEGLIGIBLE = np.array([0.02, 0.02, 0.005])
 """Errors of new closures [m], [rad] below which the poses are not optimised, which saves a tenth of
 the time in an office."""
 
-MOVED = 0.02
-"""The map is drawn again once a key scan has moved by more than this [m]."""
-
 DRAWN = 2
 """Key scans that are drawn again for each scan, on average, which takes as long as tracking the
 robot. On a long drive the map lags behind the poses by some seconds."""
-
-FARTHEST_STEP = 1000.0
-"""Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
 
 
 class Slam:
@@ -150,7 +144,8 @@ class Slam:
         # A mapper cannot remove a scan: once key scans have moved, all are mapped again.
         self._spare += DRAWN
         drawn = self._map_poses
-        moved = np.abs(self.key_poses[: len(drawn)] - drawn)[:, :2].max(initial=0.0) > MOVED
+        moved_by = 0.02  # The map is drawn again once a key scan has moved by more than this [m].
+        moved = np.abs(self.key_poses[: len(drawn)] - drawn)[:, :2].max(initial=0.0) > moved_by
         if moved and self._spare >= len(drawn):
             self._redraw()
         else:
@@ -173,10 +168,13 @@ class Slam:
                     expected = f"{self._lasers[number].beams}, as its laser"
                 raise InputError(f"slam: scan of {beams} beams; expected {expected}")
         increment = None if odometry is None else np.array(as_pose(odometry))
-        if increment is not None and np.abs(increment).max() > FARTHEST_STEP:
+        # Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between
+        # scans.
+        farthest_step = 1000.0
+        if increment is not None and np.abs(increment).max() > farthest_step:
             raise InputError(
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
-                f" most {FARTHEST_STEP:g} m and rad"
+                f" most {farthest_step:g} m and rad"
             )
         time, *_ = (each.time for each in scans)
         since = 0.0 if self._time is None else time - self._time

@@ -20,30 +20,12 @@ SURFACE = record(x=float, y=float, nx=float, ny=float)
 FAR_OFF = 8.0
 """Range [m] from which baseline and straightness grow: beams fan out."""
 
-BASELINE, BASELINE_GROWTH, BASELINE_NOISE = 0.15, 0.06, 8.0
-"""Half the baseline of a normal [m], its growth per metre beyond `FAR_OFF`, and its least size in
-standard deviations of the range noise: adjacent points 2 cm apart would give random normals."""
-
-LEAST_TO_SIDE, MOST_TO_SIDE = 2, 8
-"""Bounds on the points of a baseline on each side: few beams still show a wall, and near walls cost
-no more than others. The upper one grows with the noise."""
-
 CONNECTED, CONNECTED_GROWTH, CONNECTED_SPACING, CONNECTED_NOISE = 0.2, 0.1, 3.0, 5.0
 """Largest gap between adjacent points of one surface: in metres, as a share of the range, in beam
 spacings, and in standard deviations of the range noise."""
 
-STRAIGHT, STRAIGHT_GROWTH, STRAIGHT_NOISE = 0.03, 0.006, 1.5
-"""Largest RMS distance of points from their line [m], its growth per metre beyond `FAR_OFF`, where
-hedges serve as walls, and the same in standard deviations of the range noise."""
-
 FLATTEST = 0.1
 """Least cosine between beam and normal: a line along the beam joins two surfaces."""
-
-WIDEST_POST, LEAST_HITS = 0.6, 2
-"""Largest extent of a post [m], and least number of its points, as one may be noise."""
-
-THINNED = 0.05
-"""Least distance between map points of a wall [m]; 0.03 takes 10 % longer for the same errors."""
 
 ALONG = 0.25
 """Distance along a wall over which a map point supports it [m]."""
@@ -117,7 +99,9 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
     before = missed[left] | (ranges[left] > ranges[first])
     behind = missed[last] | (ranges[right] > ranges[last])
     wide = np.hypot(*(points[name][last] - points[name][first] for name in "xy"))
-    narrow = before & behind & (wide < WIDEST_POST) & (last - left >= LEAST_HITS)
+    # Largest extent of a post [m], and least number of its points, as one may be noise.
+    widest_post, least_hits = 0.6, 2
+    narrow = before & behind & (wide < widest_post) & (last - left >= least_hits)
     posts = np.zeros(np.count_nonzero(narrow), SURFACE)
     for name in "xy":
         sums = np.append(0.0, np.cumsum(points[name]))
@@ -129,6 +113,9 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
 def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: float) -> Records:
     """Those of points (n,) that lie on straight walls, with normals, as seen by their laser."""
     found, kept = points.copy(), 0
+    # Largest RMS distance of points from their line [m], its growth per metre beyond `FAR_OFF`,
+    # where hedges serve as walls, and the same in standard deviations of the range noise.
+    rms_limit, rms_growth, rms_noise = 0.03, 0.006, 1.5
     for i in range(len(points)):
         x, y = points[i].x - laser_x, points[i].y - laser_y
         away = np.hypot(x, y)
@@ -148,8 +135,8 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
             yy += dy * dy
         root = np.hypot(0.5 * (xx - yy), xy)
         across, along = 0.5 * (xx + yy) - root, 0.5 * (xx + yy) + root
-        straight = STRAIGHT + STRAIGHT_GROWTH * max(away - FAR_OFF, 0.0)
-        straight = max(straight, STRAIGHT_NOISE * noise)
+        straight = rms_limit + rms_growth * max(away - FAR_OFF, 0.0)
+        straight = max(straight, rms_noise * noise)
         angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         nx, ny = -np.sin(angle), np.cos(angle)
         facing = -(nx * x + ny * y)
@@ -174,11 +161,18 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
 @inner
 def _reach(points: Records, i: int, side: int, away: float, step: float, noise: float) -> int:
     """The last point of a point's baseline on one side."""
-    baseline = BASELINE + BASELINE_GROWTH * max(away - FAR_OFF, 0.0)
-    baseline = max(baseline, BASELINE_NOISE * noise)
+    # Half the baseline of a normal [m], its growth per metre beyond `FAR_OFF`, and its least size
+    # in standard deviations of the range noise: adjacent points 2 cm apart would give random
+    # normals.
+    half_baseline, baseline_growth, baseline_noise = 0.15, 0.06, 8.0
+    baseline = half_baseline + baseline_growth * max(away - FAR_OFF, 0.0)
+    baseline = max(baseline, baseline_noise * noise)
     gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
     gap = max(gap, CONNECTED_NOISE * noise)
-    most = int(MOST_TO_SIDE * max(1.0, BASELINE_NOISE * noise / BASELINE))
+    # Bounds on the points of a baseline on each side: few beams still show a wall, and near walls
+    # cost no more than others. The upper one grows with the noise.
+    least_to_side, most_to_side = 2, 8
+    most = int(most_to_side * max(1.0, baseline_noise * noise / half_baseline))
     end = i
     for number in range(most):
         k = end + side
@@ -189,7 +183,7 @@ def _reach(points: Records, i: int, side: int, away: float, step: float, noise: 
             break
         end = k
         dx, dy = points[k].x - points[i].x, points[k].y - points[i].y
-        if number + 1 >= LEAST_TO_SIDE and dx * dx + dy * dy > baseline * baseline:
+        if number + 1 >= least_to_side and dx * dx + dy * dy > baseline * baseline:
             break
     return end
 
@@ -212,11 +206,13 @@ def thinned(surface: Records) -> Records:
     """A surface without points nearer to the last than a map needs them."""
     kept = np.ones(len(surface), np.bool_)
     last = 0
+    # Least distance between map points of a wall [m]; 0.03 takes 10 % longer for the same errors.
+    spacing = 0.05
     for i in range(1, len(surface)):
         point, before = surface[i], surface[last]
         dx, dy = point.x - before.x, point.y - before.y
         facing = point.nx * before.nx + point.ny * before.ny
-        kept[i] = dx * dx + dy * dy >= THINNED * THINNED or facing <= 0.98
+        kept[i] = dx * dx + dy * dy >= spacing * spacing or facing <= 0.98
         last = i if kept[i] else last
     return surface[kept]
 

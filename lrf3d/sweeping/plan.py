@@ -30,15 +30,8 @@ SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 USUAL = {"robust": "robust", "paper": "paper"}
 """Default mappers: both modes of the LineMapper."""
 
-MOST_RUNS = 1_000_000
-"""Largest number of runs: their plan is held in memory, and even the fastest take hours on one
-core."""
-
 COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
-
-FORMAT = 2
-"""Incremented when the same run gives other figures, so that old and new ones are not mixed."""
 
 SettingValue = float | int | str | bool
 Row = dict[str, Any]
@@ -94,6 +87,8 @@ def make_plan(
     worlds = [own_name(file.path, file.world.name) for file in files]
     _check({"worlds": worlds, "mappers": list(mappers), **values}, mappers, seeds)
     runs: list[PlannedRun] = []
+    # Incremented when the same run gives other figures, so that old and new ones are not mixed.
+    format_number = 2
     for file in files:
         walls = [getattr(file.world, name) for name in ("segments", "objects", "heights")]
         drives: dict[Any, Trajectory] = {}
@@ -123,7 +118,7 @@ def make_plan(
                 for seed in range(seeds):
                     # Runs under other names are other runs, so that the columns of all rows agree.
                     # With 128 bits no two keys are equal by chance.
-                    key = digest((FORMAT, named, place, identity, seed))[:32]
+                    key = digest((format_number, named, place, identity, seed))[:32]
                     # All mappers and noises have the same seeds, to be compared run by run.
                     noise_seed = seed_of((place, seed))
                     columns = {**named, "seed": seed, "noise_seed": noise_seed}
@@ -145,8 +140,11 @@ def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seed
             raise InputError(f"sweep: mapper {shown(mapper)}: expected {known} or FILE.py:NAME")
         if not (isinstance(mapper, str | dict) or callable(getattr(mapper, "update", mapper))):
             raise InputError(f"sweep: mapper {label}: has no method update(scan)")
-    if (runs := seeds * prod(map(len, varied.values()))) > MOST_RUNS:
-        raise InputError(f"sweep: {runs:,} runs with {seeds:,} seeds; at most {MOST_RUNS:,}")
+    # Largest number of runs: their plan is held in memory, and even the fastest take hours on one
+    # core.
+    most_runs = 1_000_000
+    if (runs := seeds * prod(map(len, varied.values()))) > most_runs:
+        raise InputError(f"sweep: {runs:,} runs with {seeds:,} seeds; at most {most_runs:,}")
 
 
 def _checked(name: str, value: object) -> SettingValue:

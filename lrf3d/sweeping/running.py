@@ -32,12 +32,6 @@ from lrf3d.world.pieces import joined_objects
 ROWS = "sweep{}.jsonl"
 """Name of a file of rows, with the number of the job that writes it."""
 
-LARGEST_ROWS = 1 << 31
-"""Largest file of rows [bytes]: a row has some 600."""
-
-BATCH = 8
-"""Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
-
 
 @stoppable()
 def sweep(
@@ -158,8 +152,9 @@ def table_of(plan: Plan, kept: Mapping[str, Row], made: int = 0) -> SweepTable:
 def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
     """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
     found, planned = dict[str, Row](), {run.key: run.columns for run in plan.runs}
+    largest_rows = 1 << 31  # Largest file of rows [bytes]: a row has some 600.
     for path in sorted(folder.glob(ROWS.format("*"))):
-        text = read_text(path, what="the rows of a sweep", largest=LARGEST_ROWS)
+        text = read_text(path, what="the rows of a sweep", largest=largest_rows)
         for number, line in enumerate(text.split("\n")[:-1], start=1):
             try:
                 row = json.loads(line)
@@ -225,7 +220,9 @@ def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[lis
             check()
             yield rows_of([run])
         return
-    batches = [runs[first : first + BATCH] for first in range(0, len(runs), BATCH)]
+    # Runs that are sent together: a crash costs at most these, and sending them next to nothing.
+    batch_runs = 8
+    batches = [runs[first : first + batch_runs] for first in range(0, len(runs), batch_runs)]
     futures = [executor.submit(rows_of, batch) for batch in batches]
     try:
         yield from results(futures)

@@ -21,16 +21,6 @@ TURN_RATE, _RAMP, _LONGEST_STEP = 1.5, 0.25, 0.1
 """Fastest turn [rad/s]; time from standing to full speed, and back; and the longest step of the
 drive [s], so that the robot does not jump after a delay."""
 
-_MAP_STEP, _MAP_TURN, _MAP_PAUSE = 0.12, np.radians(5.0), 0.25
-"""Distance [m] and turn [rad] after which another scan is mapped, as a robot at rest sees nothing
-new and each update takes time; and how often the map is worked out at most [s]."""
-
-_KEPT = 500
-"""Scans that are kept: those of the last seconds are still seen."""
-
-_CALM, _ALIGNED = 3.0, 1e-3
-"""How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves."""
-
 
 class HandDrive(Timeline):
     """The robot of a page, from where a scenario with a route or poses starts.
@@ -78,17 +68,22 @@ class HandDrive(Timeline):
             _towards(robot.speed, forward, self._fastest, seconds),
             _towards(robot.turning, turn, TURN_RATE, seconds),
         )
-        left = (robot.pose.theta - self.facing) * np.exp(-_CALM * seconds)
-        self.facing = robot.pose.theta - float(left) * (abs(left) > _ALIGNED)
+        # How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves.
+        calm, still_angle = 3.0, 1e-3
+        left = (robot.pose.theta - self.facing) * np.exp(-calm * seconds)
+        self.facing = robot.pose.theta - float(left) * (abs(left) > still_angle)
         self.latest = self.robot.scans()
         x, y, theta = np.abs(np.array(self.robot.pose) - self.trajectory.poses[-1])
-        if np.hypot(x, y) > _MAP_STEP or theta > _MAP_TURN:
+        # Distance [m] and turn [rad] after which another scan is mapped, as a robot at rest sees
+        # nothing new and each update takes time; and how often the map is worked out at most [s].
+        map_step, map_turn, map_pause = 0.12, np.radians(5.0), 0.25
+        if np.hypot(x, y) > map_step or theta > map_turn:
             self._map_scan()
         if self._stale and self.robot.time >= self._map_due:
             number = self.snapshot_after(0) + 1
             self.maps = {number: self._mapper.map}
             self.lasting_objects = {number: self._tracker.follow(self.maps[number])}
-            self._map_due, self._stale = self.robot.time + _MAP_PAUSE, False
+            self._map_due, self._stale = self.robot.time + map_pause, False
         return True
 
     def driven(self) -> DriveKeys:
@@ -126,7 +121,8 @@ class HandDrive(Timeline):
         update_mapper(self._mapper, self.latest)
         path, number = self.trajectory, len(self.trajectory.times)
         self._scans[number] = self.latest
-        self._scans.pop(number - _KEPT, None)
+        kept = 500  # Scans that are kept: those of the last seconds are still seen.
+        self._scans.pop(number - kept, None)
         path.times = np.append(path.times, self.robot.time)
         path.poses = np.vstack([path.poses, self.robot.pose])
         self._stale = True

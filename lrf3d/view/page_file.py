@@ -18,9 +18,6 @@ from lrf3d.view.message import Part, Sender, as_bytes, stage_message, times_part
 from lrf3d.view.server import PAGE, page_text
 from lrf3d.view.shown import Shown, Wanted
 
-RATE, MOST = 10.0, 400
-"""Moments a second of the film, and the most of a run: longer ones are recorded in larger steps."""
-
 _SIZES = {"wide": (1280.0, 720.0), "tall": (720.0, 1280.0)}
 """The pictures that cameras are recorded for: the page fits the nearer one into its own."""
 
@@ -35,7 +32,9 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
     shown = Shown.played(run, run.playback, record)
     setup, stage = shown.setup(), shown.scene.stage
     begin, end = setup["story"]
-    step = max(setup["speed"] / RATE, (end - begin) / MOST) * every
+    # Moments a second of the film, and the most of a run: longer ones are recorded in larger steps.
+    rate, most = 10.0, 400
+    step = max(setup["speed"] / rate, (end - begin) / most) * every
     # The end of the run is one of the times.
     step = setup["end"] / np.ceil(setup["end"] / step) if setup["end"] else step
     for view in shown.cameras:

@@ -13,10 +13,11 @@ import numpy as np
 
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.camera import Camera, SmoothPath, Track, Tracked
+from lrf3d.scene.camera import Camera, Look, SmoothPath, Track, Tracked
 from lrf3d.scene.cameras import First, behind, chase, overview, top
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.moments import Scene
+from lrf3d.scene.panel import Facts, panel
 from lrf3d.scene.shapes import Lens
 from lrf3d.scene.stage.stage import Stage
 from lrf3d.scene.story import Story, margins
@@ -87,6 +88,7 @@ class Shown:
         self._sender = sender or Sender()
         self._last: Wanted | None = None
         self._window = scene.plan_window()
+        self._facts = Facts(scene.run, timeline.playback, "short")
 
     @classmethod
     def played(cls, run: Run, playback: float, sender: Sender | None = None) -> "Shown":
@@ -169,7 +171,7 @@ class Shown:
             "size": size,
             "plan": plan,
             "tints": None,
-            "words": self._words(moment),
+            "words": self._words(moment, view),
         }
         if seen.tints is not None:
             flat, parts["tints"] = seen.tints.lens, part_of(seen.tints.lines)
@@ -178,8 +180,8 @@ class Shown:
             parts["times"] = times_part(*fresh)
         return self._sender.message(parts, values)
 
-    def _words(self, moment: Moment) -> dict[str, str]:
-        """Where the robot is, how it moves, what its laser sees, and the map."""
+    def _words(self, moment: Moment, view: Look) -> dict[str, str]:
+        """What is shown, where the robot is, how it moves, what its laser sees, and the map."""
         run, timeline, (x, y, theta) = self.scene.run, self.scene.timeline, moment.pose
         before, after = timeline.poses(moment.time + np.array([-_TURN_STEP, _TURN_STEP]))[:, 2]
         turned = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
@@ -188,7 +190,9 @@ class Shown:
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
         bumped = self.drive is not None and self.drive.robot.bumped
+        said = "" if self.drive else panel(self._facts, moment, view).text[0]
         words = {
+            "said": said,
             "t": f"{moment.time:.1f}",
             "v": f"{moment.speed:z.2f}",
             "w": f"{math.degrees(turned / (2.0 * _TURN_STEP)):z.0f}",

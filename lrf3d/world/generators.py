@@ -21,14 +21,8 @@ from lrf3d.world.pieces import Part, walls, world_of_parts
 THICKNESS, DOOR = 0.2, 2.2
 """Thickness of walls, and clear width of a door [m]: three robots of usual size."""
 
-WOOD = (0.66, 0.50, 0.36)
-"""The colour of furniture."""
-
 CORRIDOR, ROOM_DEPTH, ROOM_WIDTHS = 2.6, 5.0, (3.8, 6.0)
 """Width of an office's corridor, depth of its rooms, and their least and largest width [m]."""
-
-SMALLEST_ROOM = 4.0
-"""Smallest side of a room of a house [m]."""
 
 BLOCK_SIDE, PASSAGE = 20.0, 2.6
 """Distances between the centres of buildings, and between neighbouring walls of a maze [m]."""
@@ -157,12 +151,13 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
     desk = np.array([min(1.8, right - left - 2.0), 0.8])
     x = float(rng.uniform(left + 0.4, right - 0.4 - desk[0]))
     y = bottom + 0.3 if faces > 0.0 else top - 0.3 - desk[1]
-    plan.box("desk", np.array([x, y]), desk, 0.75, WOOD)
+    wood = (0.66, 0.50, 0.36)  # The colour of furniture.
+    plan.box("desk", np.array([x, y]), desk, 0.75, wood)
     if rng.random() < 0.5:
         shelf = np.array([0.4, 1.6])
         x = left + 0.15 if rng.random() < 0.5 else right - 0.15 - shelf[0]
         y = bottom + 1.5 if faces > 0.0 else top - 1.5 - shelf[1]
-        plan.box("shelf", np.array([x, y]), shelf, 1.9, WOOD)
+        plan.box("shelf", np.array([x, y]), shelf, 1.9, wood)
 
 
 def rooms(size: float, seed: int) -> World:
@@ -187,18 +182,19 @@ def _divide(
     """
     clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
     axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
-    if sides[axis] < 2.0 * SMALLEST_ROOM:
+    smallest_room = 4.0  # Smallest side of a room of a house [m].
+    if sides[axis] < 2.0 * smallest_room:
         axis = 1 - axis
     free = [
         cut
-        for cut in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
+        for cut in np.arange(low[axis] + smallest_room, high[axis] - smallest_room + 1e-9, 0.1)
         if not any(
             along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
             for along, at, door in doors
         )
     ]
-    if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
-        if sides.min() > 1.8 * SMALLEST_ROOM:
+    if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * smallest_room:
+        if sides.min() > 1.8 * smallest_room:
             corner = np.round(low + 0.5 * sides - 0.3, 2)
             stone = (0.62, 0.63, 0.65)
             plan.box("pillar", corner, np.array([0.6, 0.6]), DEFAULT_HEIGHT, stone)

@@ -47,10 +47,6 @@ DEGREES = {"4326", "4258", "4269"}
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
 """EPSG's codes of the zones of UTM, by WGS 84 and ETRS89."""
 
-DISTORTED = 0.005
-"""Largest part by which lengths may be off in coordinates that stay; national systems are off by a
-thousandth at most."""
-
 
 def read_geojson(path: Path) -> World:
     """Read a world: Polygons are dissolved into blocks, each an object; lines follow after them.
@@ -246,5 +242,8 @@ def _by_pyproj(
         return 0.0, degrees
     factors = Proj(system).get_factors(*np.median(points, axis=0).tolist())
     scales = np.array([factors.meridional_scale, factors.parallel_scale])
-    plane = bool((np.abs(scales - 1.0) < DISTORTED).all())
+    # Largest part by which lengths may be off in coordinates that stay; national systems are off by
+    # a thousandth at most.
+    distorted = 0.005
+    plane = bool((np.abs(scales - 1.0) < distorted).all())
     return (system.axis_info[0].unit_conversion_factor, features) if plane else (0.0, degrees)

@@ -23,10 +23,6 @@ from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
 
-MOST_BORDERS = 500_000
-"""Largest number of sides between an occupied cell and another: each takes about a kilobyte. The
-map of a hall of 100 m at 5 cm has some ten thousand."""
-
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
@@ -58,8 +54,11 @@ def walls_of_grid(occupied: Bool) -> Float:
     continue: no outline runs along the border.
     """
     borders = sum(np.count_nonzero(np.diff(occupied, axis=axis)) for axis in (0, 1))
-    if borders > MOST_BORDERS:
-        found = f"{borders:,} borders between occupied cells and others, over {MOST_BORDERS:,}"
+    # Largest number of sides between an occupied cell and another: each takes about a kilobyte. The
+    # map of a hall of 100 m at 5 cm has some ten thousand.
+    most_borders = 500_000
+    if borders > most_borders:
+        found = f"{borders:,} borders between occupied cells and others, over {most_borders:,}"
         raise WorldError(f"{found}: a pattern, or noise; clean the picture, or cut it")
     double = _opened(occupied, 2)
     # A slanted wall of two and a half cells has parts of three, about which nothing is thinned.

@@ -19,9 +19,6 @@ from lrf3d.world.drawing import Canvas, Mark, area_of, curve_points
 from lrf3d.world.pictures import plan_of_picture
 from lrf3d.world.plan import Plan
 
-POINT = 0.0254 / 72.0
-"""The unit of PDF [m]."""
-
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 """Objects that are not read, by pdfium's number of their type."""
 
@@ -39,7 +36,8 @@ def draw(
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle, file = document[page - 1], pypdf.PdfReader(path)
-    unit = POINT * scale * float(file.pages[page - 1].user_unit)
+    point = 0.0254 / 72.0  # The unit of PDF [m].
+    unit = point * scale * float(file.pages[page - 1].user_unit)
     left, bottom, right, top = handle.get_cropbox()
     # Clockwise, as it is shown.
     cosine, sine = [(1, 0), (0, -1), (-1, 0), (0, 1)][handle.get_rotation() // 90 % 4]

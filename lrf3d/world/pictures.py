@@ -27,16 +27,6 @@ THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
 and outlines of furniture are drawn thinner."""
 
-DOOR, LONG = 1.4, 0.7
-"""Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
-strokes stays."""
-
-LETTER = 0.6
-"""Largest size [m] of a letter."""
-
-FULL = 0.7
-"""Share of dark pixels in its box from which on a part is solid."""
-
 MOST_PIXELS = 1 << 24
 """Number of pixels above which a picture is made smaller."""
 
@@ -184,11 +174,14 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
     parts, count = parts_of(strokes)
     box = _sides(parts)
     meets = np.isin(np.arange(1, count + 1), parts[grown(solid, 3.0)])
+    # Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
+    # strokes stays.
+    door, long = 1.4, 0.7
+    large = (box.max(axis=1) > door * pixels) & (meets | (box.min(axis=1) > long * pixels))
     # A line for itself is one of a dimension.
-    large = (box.max(axis=1) > DOOR * pixels) & (meets | (box.min(axis=1) > LONG * pixels))
     left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
     sides = walls_of_grid(np.append(False, large)[parts])
-    sides = sides[lengths(sides) >= LONG * pixels]
+    sides = sides[lengths(sides) >= long * pixels]
     # They end a pixel or two off the walls.
     along = directions(sides)
     sides = sides + 2.5 * np.hstack([-along, along])
@@ -204,21 +197,23 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     sides = _sides(parts)
     area, inked = (np.bincount(parts[of], minlength=count + 1)[1:] for of in (solid, solid & drawn))
     space = sides.prod(axis=1)
-    small = sides.max(axis=1) <= min(LETTER * pixels, 0.04 * _extent(solid))
+    letter = 0.6  # Largest size [m] of a letter.
+    small = sides.max(axis=1) <= min(letter * pixels, 0.04 * _extent(solid))
     # The letters of a word may touch: the outline of such a part is long.
     edges: Any = sum(
         np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
         for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
     )
-    small |= (sides.min(axis=1) <= LETTER * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
+    small |= (sides.min(axis=1) <= letter * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other.
     words, _ = parts_of(grown(np.append(False, small)[parts], 0.1 * pixels))
     word = np.zeros(count + 1, dtype=np.int64)
     word[parts[solid]] = words[solid]
     word = word[1:]
     alone = np.bincount(word, minlength=1)[word] == 1
-    stands = (area >= FULL * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
-    hollow = (inked < FULL * area) & (sides.max(axis=1) <= 0.3 * _extent(solid))
+    full = 0.7  # Share of dark pixels in its box from which on a part is solid.
+    stands = (area >= full * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
+    hollow = (inked < full * area) & (sides.max(axis=1) <= 0.3 * _extent(solid))
     out = small & ~stands
     left_out["small part"] = int(out.sum())
     solid &= ~np.append(False, out)[parts]

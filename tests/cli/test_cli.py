@@ -8,6 +8,8 @@ import sys
 import pytest
 from program import lrf3d, refused
 
+from lrf3d import export_run, load_scenario, save_run
+
 ROOM = """\
 name = "box"
 
@@ -223,6 +225,26 @@ def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tm
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143
     assert re.fullmatch(r"lrf3d: stopped(; .* scans kept; go on with --resume)?\n", err)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("view out --set robot.radius=1 --page 2", "--set, --page: out is a run"),
+        ("view paper_room --playback=2", "--playback: paper_room is a world"),
+        ("render out --at 1 --from 0", "--from: of a film"),
+        ("localise paper_room --out there", "--out: of a recorded drive; give a LOG"),
+        ("localise out out/run.log.gz --seeds 3", "--seeds: of simulated drives"),
+        ("sweep paper_room --merge --shard 1/2", "--shard: --merge makes no runs"),
+        ("map out/run.log.gz --part 2", "run.log.gz: no bag, so that there is no part to choose"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(words, said, tmp_path):
+    run = load_scenario("paper_room").run(rng=0, scans=2)
+    (tmp_path / "out").mkdir()
+    save_run(run, tmp_path / "out" / "run.npz")
+    export_run(run, "carmen", tmp_path / "out" / "run.log.gz")
+    assert said in refused(*words.split(), cwd=tmp_path)
 
 
 def test_a_message_is_one_line_however_a_file_is_called(tmp_path):

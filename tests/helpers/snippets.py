@@ -50,7 +50,6 @@ PROGRAMS = {
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
-    "localise": "--seeds 1 --workers 1",
     "sweep": "--seeds 1 --workers 1 --resume",
     "scripts/bench slam": "--scans 60 --spacings 0.5",
     "scripts/bench robots": "--robots 8 --seconds 0.1",
@@ -60,7 +59,8 @@ SMALL = {
 
 INSTEAD = {
     r"\brun city\b": "run paper_room --out out/city",
-    r"\b(crosscheck|localise) city\b": r"\1 paper_room",
+    r"\bcrosscheck city\b": "crosscheck paper_room",
+    r"\blocalise (city|corridor)(?! \w)": "localise paper_room --seeds 1 --workers 1",
     r"\blocalise out/first\b": "localise out/city",
     r"\bbench robots city\b": "bench robots corridor",
     r"--scans \d+": "--scans 60",

@@ -10,6 +10,7 @@ from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 from lrf3d.errors import InputError
 from lrf3d.render.film import Film
 from lrf3d.render.video import frame
+from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city
 
@@ -44,6 +45,20 @@ def test_what_is_left_out_could_not_be_seen(large_run, view):
         # From above, all of it is seen.
         assert view == "top" or drawn < 0.5 * film.renderer._walls.count
     film.close()
+
+
+@needs_gl
+def test_a_mirror_shows_nothing_of_the_frame_before():
+    wall = [[x, y, x + dx, y + dy] for x, y, dx, dy in ((0, 0, 9, 0), (9, 0, 0, 6), (9, 6, -9, 0))]
+    world = World(wall, [0, 1, 2], materials=["plaster", "mirror", "plaster"])
+    times = np.arange(0.0, 3.0, 0.25)
+    poses = np.column_stack([2.0 + times, np.full_like(times, 3.0), 0.4 * times])
+    run = run_of(world, times, poses)
+    film = Film(run, size=SIZE, view="chase", samples=0)
+    first, later = (film.draw(time)[:, :, :3].astype(int) for time in (0.5, 2.5))
+    film.close()
+    assert np.abs(first - later).max() > 50
+    assert np.array_equal(later, drawn(run, 2.5, view="chase"))
 
 
 @needs_gl

@@ -60,6 +60,15 @@ def test_both_renderers_draw_much_the_same_picture(make, view, time):
     assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
 
 
+@pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
+def test_what_lies_on_the_ground_on_both_sides_of_the_eye_is_seen_up_to_it(renderer):
+    goal = (1.5, 3.0, 20.0)
+    marked, bare = (
+        drawn(room_run(), goal=goal, renderer=renderer, layers=layers) for layers in (("goal",), ())
+    )
+    assert (np.abs(marked - bare).max(axis=2)[-24:-4] > 0).mean() > 0.9
+
+
 @pytest.mark.slow
 def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_path, without_gl):
     run, film = tmp_path / "run.npz", tmp_path / "film.mp4"

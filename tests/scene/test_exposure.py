@@ -52,10 +52,19 @@ def test_light_goes_as_far_as_was_measured_and_lies_where_the_estimate_put_it():
     assert exposure.sampled(where)["sure"] == pytest.approx([0.0, 1.0], abs=0.02)
 
 
+def test_a_beam_without_a_return_lights_its_way_unless_it_was_recorded():
+    # In a recorded drive it may have met what is black or clear.
+    recorded = estimated(passed(), (0.0, 0.0, 0.0))
+    for run, lit in ((passed(), True), (recorded, False)):
+        exposure, structures = exposed(run)
+        (times,) = exposure.sampled(np.array([[3.0, 11.0]]) - structures.origin)
+        assert (times["sure"] > 0.5) == lit
+
+
 def test_scans_that_come_one_by_one_light_what_they_do_in_a_record():
     run = room_run()
     exposure, structures = exposed(run)
-    live = LiveExposure(unexposed(structures, -HALF, HALF), structures, run.world)
+    live = LiveExposure(unexposed(structures, -HALF, HALF), structures)
     for number, time in enumerate(run.trajectory.times.tolist()):
         live.see(run.scans_at(number), time)
         assert live.fresh() is not None and live.fresh() is None

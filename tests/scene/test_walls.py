@@ -14,7 +14,7 @@ from lrf3d.scene.look import SECTION
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.stage.exposure import unexposed
 from lrf3d.scene.stage.stage import lay_faces
-from lrf3d.scene.stage.structures import Structures
+from lrf3d.scene.stage.structures import Structures, panes_of
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World, load_world
 
@@ -66,3 +66,11 @@ def test_glass_is_a_clear_pane_with_a_bright_edge_and_no_wall():
         assert panes.corners[..., 2].max() == edges.ends[:, 2].max() == pytest.approx(top)
         assert panes.colours[..., 3].max() < 0.2 and edges.opacities.min() == 1.0
     assert b'"name":"glass"' in run_glb(run)
+
+
+def test_mirrors_have_bright_edges_and_no_pane():
+    walls = [*box(0.0, 0.0, 8.0, 6.0), [4.0, 0.0, 4.0, 6.0]]
+    structures = Structures.from_world(World(walls, [0] * 4 + [1], materials=[None, "mirror"]))
+    panes, edges = panes_of(structures, SECTION)
+    # Up both ends, and along the top.
+    assert len(panes.corners) == 0 and len(edges.starts) == 3

@@ -21,20 +21,10 @@ CELL = 0.1
 """[m] Side of a cell. Memory grows with its inverse square; at 0.2 the purity of the objects of a
 town falls by 0.05."""
 
-LOSS_ODDS = 0.01
-"""[odds] A gap in a scan is real if lost beams leave it with at most this chance."""
-
-LEAST_LOST, MOST_LOST = 2, 8
-"""[beams] Bounds on a run of missing returns attributed to lost beams. More ignores views through
-narrow gaps, less takes lost beams for gaps of walls."""
-
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame, which turns and moves with the world: off
 the edges of the cells, on which rounding would decide."""
-
-MOST_FREE = 1_000.0
-"""[m] Largest free distance of a beam without return."""
 
 MOST_RANGE = 10_000.0
 """[m] Ranges above this are invalid: no laser of a robot measures farther."""
@@ -45,28 +35,6 @@ the noise is fitted to all bins."""
 
 NOISE_UNIT = 1e-5
 """[m] Resolution of the noise."""
-
-NOISE_WIDEST = np.radians(6.0)
-"""[rad] Largest angle between consecutive beams: several lost beams of common range finders. More
-includes ends of walls, less leaves few beams."""
-
-NOISE_SLOPE = 6.0
-"""[1/rad] Steepest relative change of the range along a wall: incidence above 10°. Steeper walls
-magnify noise, and jumps between walls hide among them."""
-
-NOISE_JUMP = 5.0
-"""[deviations] Tolerance that the present noise adds to the slope."""
-
-NOISE_SHARE = 0.05
-"""[share] Bound on that tolerance, relative to the range: with a far too large initial noise
-corners would count as noise for good."""
-
-NOISE_PRIOR = 50.0
-"""[ranges] Weight of the initial noise: a third of a scan. It matters for the first scans only."""
-
-NOISE_STEPS = 1.2
-"""[share] Growth of the data after which noise is fitted again. It changes speed, and the error of
-the noise by a few per cent."""
 
 
 RESIDUAL_BINS, PER_DECADE = 200, 24
@@ -138,10 +106,15 @@ def longest_loss(ranges: Float, range_max: float) -> int:
         returned = reach > 0.0 and reach <= range_max and reach < np.inf
         hits += returned
         gaps += before and not returned
+    # [beams] Bounds on a run of missing returns attributed to lost beams. More ignores views
+    # through narrow gaps, less takes lost beams for gaps of walls.
+    least_lost, most_lost = 2, 8
     if gaps == 0 or gaps >= hits:
-        return MOST_LOST if gaps else LEAST_LOST
-    run = int(np.ceil(np.log(LOSS_ODDS) / np.log(gaps / hits)))
-    return min(max(run, LEAST_LOST), MOST_LOST)
+        return most_lost if gaps else least_lost
+    # [odds] A gap in a scan is real if lost beams leave it with at most this chance.
+    loss_odds = 0.01
+    run = int(np.ceil(np.log(loss_odds) / np.log(gaps / hits)))
+    return min(max(run, least_lost), most_lost)
 
 
 @compiled
@@ -159,6 +132,7 @@ def measure_beams(
     """
     ranges = beams.ranges
     count, missed, lost = len(measured), 0, longest_loss(measured, range_max)
+    most_free = 1_000.0  # [m] Largest free distance of a beam without return.
     for beam in range(count + 1):
         if beam < count and measured[beam] > range_max:
             missed += 1
@@ -167,7 +141,7 @@ def measure_beams(
             # At the rim of the field of view there is no neighbour to lose it from.
             alone = missed <= lost and missed < beam < count
             for other in range(beam - missed, beam):
-                ranges[other] = 0.0 if alone else -min(range_max, MOST_FREE)
+                ranges[other] = 0.0 if alone else -min(range_max, most_free)
             missed = 0
         if beam < count:
             # Nothing is known before what is too near, nor where any range may be measured.
@@ -214,8 +188,11 @@ class NoiseEstimate:
         """Learn from a scan; returns the noise as it is known now, not that assumed at first."""
         known = assumed if self.known is None else self.known
         self._total += count_residuals(scan.angles, scan.ranges, known, NOISE_RANGES, self._counts)
+        # [share] Growth of the data after which noise is fitted again. It changes speed, and the
+        # error of the noise by a few per cent.
+        noise_steps = 1.2
         # The more is known, the less another scan changes it.
-        if self.known is None or self._total > NOISE_STEPS * self._fitted:
+        if self.known is None or self._total > noise_steps * self._fitted:
             self.known = self._fit(assumed)
             self._fitted = self._total
         return self.known
@@ -230,12 +207,15 @@ class NoiseEstimate:
         # The median of the sizes of normal deviates is 0.6745 deviations.
         scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / 0.6745
         found = np.where(seen, 2.0 * np.log(scale), before)
+        # [ranges] Weight of the initial noise: a third of a scan. It matters for the first scans
+        # only.
+        noise_prior = 50.0
         # What was assumed counts the less the more is known, and nothing at ranges that were not
         # seen where others were.
-        prior = NOISE_PRIOR**2 / (NOISE_PRIOR + number.sum())
+        prior = noise_prior**2 / (noise_prior + number.sum())
         weights = number + prior
         variances = np.exp((number * found + prior * before) / weights)
-        if number.sum() > NOISE_PRIOR:
+        if number.sum() > noise_prior:
             weights[~seen] = 0.0
         least = self._floor**2
         floor, growth = least, max(float(np.min(variances / ranges**2)), 0.0)
@@ -260,8 +240,18 @@ def count_residuals(
     steps, ranges = np.abs(np.diff(angles[returned])), ranges[returned]
     before, after = ranges[:-1], ranges[1:]
     share = np.hypot(noise.floor / np.fmax(np.minimum(before, after), NOISE_UNIT), noise.growth)
-    jumps = NOISE_SLOPE * steps + NOISE_JUMP * np.minimum(share, NOISE_SHARE)
-    smooth = (np.abs(np.log(after / before)) < jumps) & (steps < NOISE_WIDEST) & (steps > 0.0)
+    # [1/rad] Steepest relative change of the range along a wall: incidence above 10°. Steeper walls
+    # magnify noise, and jumps between walls hide among them.
+    noise_slope = 6.0
+    noise_jump = 5.0  # [deviations] Tolerance that the present noise adds to the slope.
+    # [share] Bound on that tolerance, relative to the range: with a far too large initial noise
+    # corners would count as noise for good.
+    noise_share = 0.05
+    jumps = noise_slope * steps + noise_jump * np.minimum(share, noise_share)
+    # [rad] Largest angle between consecutive beams: several lost beams of common range finders.
+    # More includes ends of walls, less leaves few beams.
+    noise_widest = np.radians(6.0)
+    smooth = (np.abs(np.log(after / before)) < jumps) & (steps < noise_widest) & (steps > 0.0)
     # The middle ones of five beams that follow each other without a jump.
     beams = 2 + np.flatnonzero(smooth[:-3] & smooth[1:-2] & smooth[2:-1] & smooth[3:])
     left, right, middle = steps[beams - 1], steps[beams], ranges[beams]

@@ -65,10 +65,6 @@ LINE_END = 1.5 * CELL
 """[m] Length ignored at both ends of a line: beams that pass the end of a wall go on through the
 same cells."""
 
-STRIDE = 8
-"""[cells] A line is checked in this many interleaved passes: most lines that are crossed lie in
-open space, where the first pass finds it."""
-
 EMPTY = -(2**62)
 """Key of an empty slot."""
 
@@ -289,8 +285,11 @@ def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float)
     steps = int((length - 2.0 * end) / CELL) + 1
     step = (length - 2.0 * end) / steps
     ways = ways_across(ux, uy, sine)
-    for first in range(STRIDE):
-        for k in range(first, steps, STRIDE):
+    # [cells] A line is checked in this many interleaved passes: most lines that are crossed lie in
+    # open space, where the first pass finds it.
+    stride = 8
+    for first in range(stride):
+        for k in range(first, steps, stride):
             x, y = x1 + (end + (k + 0.5) * step) * ux, y1 + (end + (k + 0.5) * step) * uy
             column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
             block, cell = block_at(cells, column, row), cell_in(column, row)

@@ -24,18 +24,8 @@ from lrf3d.mapping.robust.cells import (
 )
 from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
 
-MOST_HITS = 255.0
-"""[beams] Above this number of returns in a cluster all counts of its cell are halved."""
-
-GONE_AFTER = 20
-"""[beams] A surface is gone when this many beams of a direction in a row have continued where
-others ended. Less forgets panes and fences, which few beams hit."""
-
 LEAST_HITS = 0.5
 """[beams] A cluster with fewer hits is deleted."""
-
-SAME_WAY = 0.7
-"""[cosine] Largest angle between beams of one direction."""
 
 
 @borrower
@@ -48,13 +38,16 @@ def contradict(
     else:
         _forget(cells, block, cell)
     before, place = 0, cells.heads[block, cell]
+    # [beams] A surface is gone when this many beams of a direction in a row have continued where
+    # others ended. Less forgets panes and fences, which few beams hit.
+    gone_after = 20
     while place > 0:
         weight, cluster = OPEN_WEIGHT, cells.clusters[place]
         if cluster.last_scan != cells.counters[0].scans and goes_along(cluster, dx, dy):
             cluster.misses += 1
-            if cluster.misses >= GONE_AFTER:
+            if cluster.misses >= gone_after:
                 # What beams hit there is gone: each further few halve what is left of it.
-                cluster.misses -= GONE_AFTER // 4
+                cluster.misses -= gone_after // 4
                 weight += 0.5 * cluster.hits
                 _halve(cluster)
         if walls.rows[cluster.owner].version == cluster.owner_version:
@@ -104,7 +97,8 @@ def _unmark_solid(cells: Cells, block: int, cell: int) -> None:
 @borrower
 def goes_along(cluster: Any, dx: float, dy: float) -> bool:
     """Whether a beam has the direction of a cluster."""
-    return bool(dx * cluster.toward_x + dy * cluster.toward_y > SAME_WAY)
+    same_way = 0.7  # [cosine] Largest angle between beams of one direction.
+    return bool(dx * cluster.toward_x + dy * cluster.toward_y > same_way)
 
 
 @borrower
@@ -193,7 +187,9 @@ def add_hit(
         at = _new_cluster(cells, block, cell, way)
     cluster = cells.clusters[at]
     counters.widest = max(counters.widest, deviation)
-    if cluster.hits >= MOST_HITS:
+    # [beams] Above this number of returns in a cluster all counts of its cell are halved.
+    most_hits = 255.0
+    if cluster.hits >= most_hits:
         _forget(cells, block, cell)
     if cluster.last_scan != counters.scans:
         if cluster.scans > 0.0:

@@ -31,9 +31,6 @@ from lrf3d.mapping.robust.beams import (
 )
 from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
-GRAZING_ANGLE = np.radians(8.0)
-"""[rad] Walls at a smaller angle of incidence cannot be distinguished from a gap."""
-
 CLUSTER_DEVIATIONS = 4.0
 """[deviations] Noise of two returns that is added to the largest gap in a cluster."""
 
@@ -41,23 +38,9 @@ LEAST_INCIDENCE = 0.05
 """[cosine] Least incidence in weights: at grazing beams other errors than that of the range
 dominate."""
 
-WEAKEST_DIRECTION = 0.15
-"""[rad] Largest standard deviation of the direction of a segment."""
-
 END_DEVIATIONS = 5.0
 """[deviations] Largest shift of an end along its beam onto its wall: a beam that almost runs along
 the wall would move it far."""
-
-SCAN_CORNER_SINE = 0.2
-"""[sine] Least angle of a corner of a scan: lines that are almost parallel cross at an arbitrary
-place."""
-
-SCAN_CORNER_BEAMS = 3
-"""[beams] Largest distance between the ends of two walls of a scan that share a corner."""
-
-SCAN_CORNER_STEPS = 1.5
-"""[steps] Largest distance from the two ends to the corner, relative to their distance and
-noise."""
 
 
 WALL_COST = 20.0
@@ -122,6 +105,8 @@ def _joined_returns(
             deviations[kept] = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
             places[kept] = place
             kept += 1
+    # [rad] Walls at a smaller angle of incidence cannot be distinguished from a gap.
+    grazing_angle = np.radians(8.0)
     for i in range(kept):
         k = (i + 1) % kept
         if k == i or (k == 0 and not circle):
@@ -136,8 +121,8 @@ def _joined_returns(
         # On a wall met at no less than the grazing angle two beams return points no farther
         # apart than this; noise adds to it. A wider gap than the given one always parts.
         reach = gap
-        if turn < GRAZING_ANGLE:
-            reach = min(gap, near * np.sin(turn) / np.sin(GRAZING_ANGLE - turn))
+        if turn < grazing_angle:
+            reach = min(gap, near * np.sin(turn) / np.sin(grazing_angle - turn))
         blur = CLUSTER_DEVIATIONS * np.sqrt(deviations[i] ** 2 + deviations[k] ** 2)
         joined[i] = step <= reach + blur
     return Beams(beams[:kept], reaches[:kept], deviations[:kept]), joined[:kept]
@@ -205,6 +190,7 @@ def _part(beams: Beams, first: int, last: int) -> Beams:
 def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> int:
     """Fill in the segments of one cluster of walls (m,), joined at corners; returns how many."""
     rows, ends = 0, local.ends[begin:]
+    weakest_direction = 0.15  # [rad] Largest standard deviation of the direction of a segment.
     for wall in range(len(spans)):
         span, fit = spans[wall], local.fits[begin + rows]
         run = _part(beams, span.first, span.last + 1)
@@ -214,7 +200,7 @@ def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> in
         nx, ny = x / size, y / size
         spread = fit.xx * ny * ny + fit.yy * nx * nx
         spread -= 2.0 * fit.xy * nx * ny
-        if not spread * WEAKEST_DIRECTION**2 > 1.0:
+        if not spread * weakest_direction**2 > 1.0:
             continue
         span.x, span.y = x, y
         spans[rows] = span
@@ -228,16 +214,24 @@ def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> in
                 reach = 1.0 / slope
             ends[rows, 2 * k], ends[rows, 2 * k + 1] = reach * ux, reach * uy
         rows += 1
+    # [sine] Least angle of a corner of a scan: lines that are almost parallel cross at an arbitrary
+    # place.
+    scan_corner_sine = 0.2
+    # [beams] Largest distance between the ends of two walls of a scan that share a corner.
+    scan_corner_beams = 3
+    # [steps] Largest distance from the two ends to the corner, relative to their distance and
+    # noise.
+    scan_corner_steps = 1.5
     for row in range(rows - 1):
         one, other = spans[row], spans[row + 1]
         turn = one.x * other.y - one.y * other.x
         lengths = np.sqrt((one.x**2 + one.y**2) * (other.x**2 + other.y**2))
-        if abs(turn) < SCAN_CORNER_SINE * lengths or other.first - one.last > SCAN_CORNER_BEAMS:
+        if abs(turn) < scan_corner_sine * lengths or other.first - one.last > scan_corner_beams:
             continue
         x, y = (other.y - one.y) / turn, (one.x - other.x) / turn
         (ax, ay), (bx, by) = end_of(ends[row], 1), end_of(ends[row + 1], 0)
         step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[one.last]
-        reach = SCAN_CORNER_STEPS * step
+        reach = scan_corner_steps * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
             put_line(ends[row], *end_of(ends[row], 0), x, y)
             put_line(ends[row + 1], x, y, *end_of(ends[row + 1], 1))

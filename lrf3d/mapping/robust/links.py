@@ -34,21 +34,6 @@ buildings across lanes, less separates the corners of a building."""
 LONGEST_LINK = 15.0
 """[m] Longest link behind two walls: the depth of most buildings."""
 
-BEHIND_SINE = 0.3
-"""[sine] Largest angle at which a link that runs in front of a wall still counts as behind it."""
-
-STRAY_BEAMS = 1
-"""[beams] Beams that may cross a short link: noise rarely lets one through, but links are many."""
-
-CORNER_BEAMS = 8
-"""[beams] Beams that may reach into the corner behind a short link; more have seen that corner."""
-
-SIGHT_PLACES = (0.1, 0.5, 0.9)
-"""[share] Where along two walls the lines of sight between them begin and end."""
-
-LINKS_A_TURN = 16
-"""[links] Links that an update tests again, so that two objects that were joined are separated."""
-
 LINK_SINE = 0.35
 """[sine] Least angle at which a beam crosses a link."""
 
@@ -100,6 +85,8 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
 def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
     """Test a few links in turn, and void those that beams have crossed."""
     asked, counters = 0, walls.counters[0]
+    # [links] Links that an update tests again, so that two objects that were joined are separated.
+    links_a_turn = 16
     for _ in range(counters.taken):
         counters.asked = (counters.asked + 1) % counters.taken
         for place in range(walls.rows[counters.asked].links):
@@ -109,7 +96,7 @@ def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
                 asked += 1
                 if _measure_link(one, other, line) and not _joins(line, one, other, cells):
                     link.linked = -1
-        if asked >= LINKS_A_TURN:
+        if asked >= links_a_turn:
             break
 
 
@@ -133,7 +120,9 @@ def _measure_link(one: Float, other: Float, link: Float) -> bool:
 def _is_behind(one: Float, other: Float, line: Float) -> bool:
     """Whether a line between two walls runs in front of neither."""
     before = max(_reach_before(one, line), _reach_before(other, line))
-    return before <= BEHIND_SINE * length_of(line)
+    # [sine] Largest angle at which a link that runs in front of a wall still counts as behind it.
+    behind_sine = 0.3
+    return before <= behind_sine * length_of(line)
 
 
 @borrower
@@ -188,17 +177,23 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
     # corner, half as deep as it is long.
     before = not _is_behind(one, other, link)
     depth = max(FREE_DEPTH, 0.5 * length) if before else FREE_DEPTH
-    if is_crossed(link, cells, depth, STRAY_BEAMS, LINK_SINE):
+    # [beams] Beams that may cross a short link: noise rarely lets one through, but links are many.
+    stray_beams = 1
+    if is_crossed(link, cells, depth, stray_beams, LINK_SINE):
         return False
-    return not (before and is_crossed(link, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
+    # [beams] Beams that may reach into the corner behind a short link; more have seen that corner.
+    corner_beams = 8
+    return not (before and is_crossed(link, cells, FREE_DEPTH, corner_beams, LINK_SINE))
 
 
 @inner
 def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
     """Whether no beam has crossed a line of sight behind both of two walls."""
     line = np.empty(4)
-    for own in SIGHT_PLACES:
-        for across in SIGHT_PLACES:
+    # [share] Where along two walls the lines of sight between them begin and end.
+    sight_places = (0.1, 0.5, 0.9)
+    for own in sight_places:
+        for across in sight_places:
             for k in range(2):
                 line[k] = one[k] + own * (one[k + 2] - one[k])
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])

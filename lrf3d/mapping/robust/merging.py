@@ -36,20 +36,9 @@ from lrf3d.mapping.robust.walls import (
     widen_box,
 )
 
-SAME_DIRECTION = 0.5
-"""[cosine] Largest angle between two segments of one wall: far more than noise, the offsets of the
-ends decide."""
-
 BEND = 0.4
 """[share of merge_distance] Largest bend where a wall is continued: two views of a wall differ by
 the error of poses, but adjacent views share it. More merges slightly bent walls."""
-
-LONGEST_GAP = 3.0
-"""[m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess."""
-
-SPARE_BEAMS = 20
-"""[beams] Beams that may cross a gap of at most merge_length: a refit needs more to cut a wall
-there, so that merging and cutting agree."""
 
 
 class Rule(NamedTuple):
@@ -154,12 +143,17 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
 @inner
 def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
     """The wall to merge a row with: the best fit, or the nearest continuation; −1 if none."""
+    # [m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess.
+    longest_gap = 3.0
     # A continuation must be straight, and no farther off than two views of one wall: without an
     # overlap nothing shows where the two lead.
-    straight = Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
-    best, least, second, narrowest = -1, 1.0, -1, LONGEST_GAP
+    straight = Rule(longest_gap, rule.bend, rule.bend, rule.distance)
+    best, least, second, narrowest = -1, 1.0, -1, longest_gap
     line = np.empty(4)
-    for k in range(near(walls, walls.ends[row], LONGEST_GAP + rule.distance)):
+    # [beams] Beams that may cross a gap of at most merge_length: a refit needs more to cut a wall
+    # there, so that merging and cutting agree.
+    spare_beams = 20
+    for k in range(near(walls, walls.ends[row], longest_gap + rule.distance)):
         other = walls.found[k]
         if other == row:
             continue
@@ -168,7 +162,7 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
         value = misfit(one, fit, two, its, rule)
         if value < least or (value == least and other < best):
             if _span(one, two, line) <= 0.0 or not is_crossed(
-                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
+                line, cells, FREE_DEPTH, spare_beams, WALL_SINE
             ):
                 best, least = other, value
         elif best < 0 and fit.shown and its.shown:
@@ -200,8 +194,11 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
     """Offset of the shorter of two segments from the line of the longer; up to 1 is allowed."""
     (x, y), (u, v) = vector_of(ends), vector_of(other_ends)
     size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
+    # [cosine] Largest angle between two segments of one wall: far more than noise, the offsets of
+    # the ends decide.
+    same_direction = 0.5
     # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
-    if x * u + y * v <= SAME_DIRECTION * size * length:
+    if x * u + y * v <= same_direction * size * length:
         return np.inf
     if size > length:
         ends, other_ends = other_ends, ends

@@ -28,25 +28,6 @@ from lrf3d.mapping.robust.walls import Walls, end_of, unit_of
 FOLLOWED = 2.0
 """[m] Extension of a wall beyond both ends, to reach single hits."""
 
-ROUNDING = 1e-6
-"""[m] A wall may end exactly at its last hit: rounding must not make that hit an extension."""
-
-CONTINUATION_STRICTNESS = 0.5
-"""[share] Tolerance for returns beyond the ends of a wall, relative to that along it."""
-
-CONTINUATION_PENALTY = 2.0
-"""[share] Distance added to returns beyond the ends, in tolerances, so that walls that were seen
-there come first."""
-
-DEEPEST_HIT = 5.0
-"""[share] Largest distance from a hit to the wall along its beam, in tolerances: beams that almost
-run along a wall hit it anywhere."""
-
-SPREAD_FACTOR = 16.0
-"""[share] Largest spread of the returns in a cell across a wall, in variances of the noise; above
-it they are of two walls. At 4 walls of rooms are a fifth closer to the truth, and a map of an
-office explains 0.1 % less of its returns."""
-
 
 PIECE = record(
     hits=float, violations=float,  # [beams] that hit it, and that went through it
@@ -141,9 +122,13 @@ def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
     factor = 1.0 / (slope * slope)
     xx, xy, yy = cluster.xx, cluster.xy, cluster.yy
     across = xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux
+    # [share] Largest spread of the returns in a cell across a wall, in variances of the noise;
+    # above it they are of two walls. At 4 walls of rooms are a fifth closer to the truth, and a map
+    # of an office explains 0.1 % less of its returns.
+    spread_factor = 16.0
     # Returns spread wider than by noise are of two walls in one cell, or of poses that err:
     # the mean of any number of them is no better than they are spread.
-    excess = across / weights - SPREAD_FACTOR * hits / (factor * weights)
+    excess = across / weights - spread_factor * hits / (factor * weights)
     if excess > 0.0:
         factor /= 1.0 + factor * weights * excess
     weight = factor * weights
@@ -222,16 +207,26 @@ def _claim_one(
     incidence = cluster.toward_x * uy - cluster.toward_y * ux
     slope, hits = abs(incidence), cluster.hits
     off = lines.near + HIT_DEVIATIONS * np.sqrt(hits / cluster.weight) * slope
+    # [m] A wall may end exactly at its last hit: rounding must not make that hit an extension.
+    rounding = 1e-6
     # What continues a wall lies on its line, and takes what no wall has.
-    continues = along < FOLLOWED - ROUNDING or along > length - FOLLOWED + ROUNDING
-    allowed = CONTINUATION_STRICTNESS * off if continues else off
-    if away > allowed or away >= DEEPEST_HIT * allowed * slope:
+    continues = along < FOLLOWED - rounding or along > length - FOLLOWED + rounding
+    # [share] Tolerance for returns beyond the ends of a wall, relative to that along it.
+    continuation_strictness = 0.5
+    allowed = continuation_strictness * off if continues else off
+    # [share] Largest distance from a hit to the wall along its beam, in tolerances: beams that
+    # almost run along a wall hit it anywhere.
+    deepest_hit = 5.0
+    if away > allowed or away >= deepest_hit * allowed * slope:
         return found
     pieces = lines.first[k + 1] - lines.first[k]
     piece = lines.first[k] + min(int(along / length * pieces), pieces - 1)
     lines.pieces[piece].nearer += hits
+    # [share] Distance added to returns beyond the ends, in tolerances, so that walls that were seen
+    # there come first.
+    continuation_penalty = 2.0
     if continues:
-        away += CONTINUATION_PENALTY * off
+        away += continuation_penalty * off
     # A wall seen from its back does not end a beam.
     if incidence < 0.0:
         away += off

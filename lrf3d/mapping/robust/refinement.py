@@ -25,14 +25,6 @@ from lrf3d.mapping.robust.walls import (
     widen_box,
 )
 
-FRESH_SHARE = 0.1
-"""[share] New evidence after which a wall is refit, relative to that of its last fit. Less takes
-time, more leaves walls outdated."""
-
-UNCHANGED = 0.15
-"""[m] A part within this distance of a linked wall keeps its row and links. Ends move by pieces of
-0.1 m. Less takes time."""
-
 
 @compiled
 def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: float) -> Int:
@@ -46,9 +38,12 @@ def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: 
     rows, marks = np.empty(counters.taken, np.int64), np.zeros(counters.taken, np.bool_)
     for k in range(len(dirty)):
         marks[dirty[k]] = True
+    # [share] New evidence after which a wall is refit, relative to that of its last fit. Less takes
+    # time, more leaves walls outdated.
+    fresh_share = 0.1
     for k in range(counters.changed):
         wall = walls.changed[k]
-        if walls.rows[wall].fresh >= FRESH_SHARE * walls.fits[wall].evidence:
+        if walls.rows[wall].fresh >= fresh_share * walls.fits[wall].evidence:
             marks[wall] = True
     for _ in range(counters.taken):
         counters.refit = (counters.refit + 1) % counters.taken
@@ -124,7 +119,10 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
 @borrower
 def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
     """The index of the former wall, not taken yet, that a part hardly differs from; −1."""
-    best, least = -1, UNCHANGED
+    # [m] A part within this distance of a linked wall keeps its row and links. Ends move by pieces
+    # of 0.1 m. Less takes time.
+    unchanged = 0.15
+    best, least = -1, unchanged
     for place in range(len(old)):
         apart = 0.0
         for side in range(4):

@@ -22,50 +22,13 @@ VIOLATION_WEIGHT = 0.01
 small errors, and beams miss thin legs, so that a wall hit by one beam in a hundred is kept. At 0.04
 maps of cluttered offices explain 0.5 % less of the returns."""
 
-TRANSIENT_WEIGHT = 0.16
-"""[scans] Weight of a violation against a scan with hits where they do not alternate, as at a
-moving object, which few scans hit with many beams each. More removes what robots saw only in
-passing from maps of offices, less leaves more trails of people."""
-
-TAKEN_TURNS = 0.3
-"""[share] Hits and violations alternate if this many beams for each scan with hits passed before
-the next hit. More removes legs of furniture, less keeps more slow obstacles."""
-
-TURNS_SHARE = 0.1
-"""[share] They alternate only if at least this share of the violations lies between the first and
-the last hit. Without it slow obstacles leave half as many false walls more; one in ten short walls
-of furniture has less."""
-
 SETTLED_AFTER = 30
 """[scans] An object that was hit over this many scans is permanent, like a door that closed:
 earlier violations no longer count. Less keeps the last views of slow walkers, more ignores doors
 for longer."""
 
-CAME_BEAMS = 8.0
-"""[beams] A wall shorter than SHORT_WALL that was hit over fewer scans is transient if more beams
-than this, and than scans with hits, passed before. At 20 more slow obstacles remain; at 5 a map of
-an office explains 0.1 % less of its returns."""
-
-DUPLICATE_WEIGHT = 0.2
-"""[hits] Weight of a beam that hit a nearer wall, against a second copy of a wall."""
-
-END_SPARE = 0.04
-"""[m] Extension of a wall beyond its last hit where no beam passed: half of the spacing of beams.
-More explains more returns at corners, and hides more behind the ends."""
-
-UNSEEN_COST = 0.1
-"""[hits] Cost of each piece of wall, so that walls end at their hits."""
-
 CHANGE_COST = 5.0
 """[hits] Cost of each end of a gap: less cuts walls for stray beams."""
-
-MAP_DEVIATION = 0.025
-"""[m] Least standard deviation of a piece of a map: errors of poses are shared by beams and do not
-average out. Less divides straight walls, more straightens bent ones."""
-
-LEAST_SPREAD = 0.01
-"""[m²] Least mean square spread of points along a segment that determines its direction; shorter
-segments keep that of the wall."""
 
 SHORT_WALL = 0.5
 """[m] Walls shorter than this need twice min_points hits, at twice the weight of violations:
@@ -143,7 +106,11 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
         weight = violation_weight(piece) if piece.hits else VIOLATION_WEIGHT
         against += weight * piece.violations
     passed = before / max(hits, 1e-9)
-    lately = spell < SETTLED_AFTER and passed > max(CAME_BEAMS, scans / len(pieces))
+    # [beams] A wall shorter than SHORT_WALL that was hit over fewer scans is transient if more
+    # beams than this, and than scans with hits, passed before. At 20 more slow obstacles remain; at
+    # 5 a map of an office explains 0.1 % less of its returns.
+    came_beams = 8.0
+    lately = spell < SETTLED_AFTER and passed > max(came_beams, scans / len(pieces))
     factor = 2 if length < SHORT_WALL else 1
     shown = hits >= factor * least and factor * against <= hits
     fit.points, fit.evidence = int(hits), hits
@@ -159,15 +126,26 @@ def violation_weight(count: Any) -> float:
     hits, violations, scans = count.hits, count.violations, count.scans
     if hits == 0.0:
         return OPEN_WEIGHT
+    # [share] Hits and violations alternate if this many beams for each scan with hits passed before
+    # the next hit. More removes legs of furniture, less keeps more slow obstacles.
+    taken_turns = 0.3
+    # [share] They alternate only if at least this share of the violations lies between the first
+    # and the last hit. Without it slow obstacles leave half as many false walls more; one in ten
+    # short walls of furniture has less.
+    turns_share = 0.1
     # What moves, or stood for a while, is hit in a few scans one after the other, be they ever so
     # many beams; what beams hit and miss in turns is there.
-    if scans == 0.0 or count.passes_between >= max(TAKEN_TURNS * scans, TURNS_SHARE * violations):
+    if scans == 0.0 or count.passes_between >= max(taken_turns * scans, turns_share * violations):
         return VIOLATION_WEIGHT
     # What went through before it came says nothing of what has stood there ever since.
     both = hits * violations
     settled = min(count.passes_before, both) if count.spell >= SETTLED_AFTER else 0.0
     share = 1.0 - settled / max(both, 1e-9)
-    weight: float = max(TRANSIENT_WEIGHT * share * hits / scans, VIOLATION_WEIGHT)
+    # [scans] Weight of a violation against a scan with hits where they do not alternate, as at a
+    # moving object, which few scans hit with many beams each. More removes what robots saw only in
+    # passing from maps of offices, less leaves more trails of people.
+    transient_weight = 0.16
+    weight: float = max(transient_weight * share * hits / scans, VIOLATION_WEIGHT)
     return weight
 
 
@@ -183,6 +161,9 @@ def real_pieces(counts: Records) -> Int:
     costs, following = np.zeros(4), np.empty(4)
     costs[GAP] = costs[BEHIND] = np.inf
     came = np.zeros((count, 4), np.int64)
+    # [hits] Weight of a beam that hit a nearer wall, against a second copy of a wall.
+    duplicate_weight = 0.2
+    unseen_cost = 0.1  # [hits] Cost of each piece of wall, so that walls end at their hits.
     for i in range(count):
         for state in range(4):
             following[state], came[i, state] = costs[state], state
@@ -193,7 +174,7 @@ def real_pieces(counts: Records) -> Int:
             following[state] += counts[i].hits
         hits, violations, nearer = counts[i].hits, counts[i].violations, counts[i].nearer
         weight = violation_weight(counts[i])
-        following[REAL] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
+        following[REAL] += weight * violations + duplicate_weight * nearer + unseen_cost - hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)
     state = 0
@@ -239,10 +220,13 @@ def split_pieces(pieces: Records, breaks: Int) -> int:
     """Split pieces (n,) of a wall into straight segments: fills in their ends, returns how many."""
     count = len(pieces)
     total = np.zeros(count + 1, PIECE)
+    # [m] Least standard deviation of a piece of a map: errors of poses are shared by beams and do
+    # not average out. Less divides straight walls, more straightens bent ones.
+    map_deviation = 0.025
     for i in range(count):
         total[i + 1] = total[i]
         # No piece of a map is known better than this, however many beams hit it.
-        _add(total[i + 1], pieces[i], 1.0 / (1.0 + pieces[i].weight * MAP_DEVIATION**2))
+        _add(total[i + 1], pieces[i], 1.0 / (1.0 + pieces[i].weight * map_deviation**2))
     if _misfit(total[0], total[count]) <= WALL_COST:
         # No division gains what a further segment costs.
         breaks[0] = count
@@ -293,22 +277,28 @@ def place_part(
     ux, uy, length = unit_of(ends)
     count = len(pieces)
     a, b = start / count * length, stop / count * length
+    # [m] Extension of a wall beyond its last hit where no beam passed: half of the spacing of
+    # beams. More explains more returns at corners, and hides more behind the ends.
+    end_spare = 0.04
     # Where a wall ends and does not bend, it ends with its hits.
     if start == begin:
         seen = begin > 0 and pieces[begin - 1].violations > 0.0
         place = _end_of_hits(pieces[begin], -1.0)
-        a = max(a - CELL, place if seen else place - END_SPARE)
+        a = max(a - CELL, place if seen else place - end_spare)
     if stop == end:
         seen = end < count and pieces[end].violations > 0.0
         place = _end_of_hits(pieces[end - 1], 1.0)
-        b = min(b + CELL, place if seen else place + END_SPARE)
+        b = min(b + CELL, place if seen else place + end_spare)
     # A part without hits would have cost a wall more.
     w = total.weight
     s, d = total.along / w, total.aside / w
     ss = max(total.along_along - w * s * s, 1e-12)
     sd = total.along_aside - w * s * d
     dd = max(total.aside_aside - w * d * d, 0.0)
-    slope = sd / ss if ss > w * LEAST_SPREAD else 0.0
+    # [m²] Least mean square spread of points along a segment that determines its direction; shorter
+    # segments keep that of the wall.
+    least_spread = 0.01
+    slope = sd / ss if ss > w * least_spread else 0.0
     da, db = d + slope * (a - s), d + slope * (b - s)
     x, y = end_of(ends, 0)
     put_line(

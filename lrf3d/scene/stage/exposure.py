@@ -18,10 +18,9 @@ from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import as_pose
 from lrf3d.run import Run
-from lrf3d.scene.beams import FARTHEST, folded, turning_walls
+from lrf3d.scene.beams import FARTHEST, folded
 from lrf3d.scene.shapes import single
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.world import World
 
 TIME = np.dtype(
     [
@@ -41,10 +40,10 @@ _LONGEST_WAVE, _NEVER = 0.7, 9.0
 """Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
 never seen [lengths of the run]."""
 
-_SOFT, _CLOSED, _COVERS, _TOLERANCE = 1.3, 3, 3.2, 1.6
-"""How far times and rims are smoothed, how wide gaps between beams are closed, half the width of
-the strip in which a segment sets the time of its cells, and how far off it colours walls [cells].
-"""
+_SOFT, _SLOPE, _CLOSED, _COVERS, _TOLERANCE = 1.3, 5.0, 3, 3.2, 1.6
+"""How far times and rims, and the times of the map, are smoothed, how wide gaps between beams are
+closed, half the width of the strip in which a segment sets the time of its cells, and how far off
+it colours walls [cells]."""
 
 _GAP, _BRIDGED, _MOVED = 0.3, 13, 1e-3
 """Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
@@ -94,15 +93,25 @@ class Exposure:
         columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
         return np.asarray(self.times[rows, columns])
 
-    def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
-        """Paint a value into a picture where the beams of a scan in the film's frame pass."""
+    def fan(
+        self,
+        scan: LaserScan,
+        mirrors: Float,
+        picture: Image.Image,
+        value: int,
+        far: float = FARTHEST,
+    ) -> None:
+        """Paint a value into a picture where the beams of a scan in the film's frame pass.
+
+        Those without a return go so far [m].
+        """
         draw, ways = ImageDraw.Draw(picture), beam_directions(scan.pose.theta, scan.angles)
         place = np.array([scan.pose.x, scan.pose.y])
 
         def fill(corners: Float) -> None:
             draw.polygon(((corners - self.corner) / self.cell - 0.5).ravel().tolist(), fill=value)
 
-        far = min(scan.range_max, FARTHEST)
+        far = min(scan.range_max, far)
         reach = np.where(np.isfinite(scan.ranges), scan.ranges, far) + 0.5 * self.cell
         reach[scan.ranges == -np.inf] = 0.0
         if len(mirrors):
@@ -153,14 +162,15 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     start, length = float(times.min()), max(float(np.ptp(times)), 1e-3)
     exposure = replace(bare, start=start, length=length)
     size, cells = bare.times.shape[::-1], bare.times
-    first, walls = Image.new("I", size), run.world.segments - np.tile(origin, 2)
-    mirrors = walls[turning_walls(run.world)]
+    first, mirrors = Image.new("I", size), structures.segments[structures.mirrors]
+    # Recorded beams without a return may have met what is black or clear: they light nothing.
+    unmet = FARTHEST if run.knows_truth else 0.0
     # From the last scan to the first: what was seen first lies on top.
     step = 1 + (len(poses) - 1) // _MOST_SCANS
     for number in range(0, len(poses), step)[::-1]:
         for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
             placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
-            exposure.fan(placed, mirrors, first, number + 1)
+            exposure.fan(placed, mirrors, first, number + 1, unmet)
     seen: Bool = np.asarray(first) > 0
     near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     scans = np.maximum(np.asarray(first)[tuple(near)] - 1, 0)
@@ -174,7 +184,13 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
         segments = (line_map.segments - np.tile(origin + low, 2)) / exposure.cell - 0.5
         for ends in segments.tolist():
             draw.line(ends, fill=number + 1, width=round(2.0 * _COVERS))
-    mapped = np.append(_NEVER, share)[np.asarray(covered)]
+    within: Bool = np.asarray(covered) > 0
+    # A wall that grows scan by scan is coloured by an even slope, without steps.
+    sums, weights = (
+        gaussian_filter(each.astype(np.float32), _SLOPE)
+        for each in (np.append(0.0, share)[np.asarray(covered)], within)
+    )
+    mapped = np.where(within, sums / np.maximum(weights, 1e-6), _NEVER)
     # What the map has between two lit places is coloured with them.
     cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
     delay = wave(exposure, poses[scans, :2], structures.setting.light)
@@ -185,11 +201,9 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
 class LiveExposure:
     """The times of a drive that goes on, lit by each scan as it comes, from those before it."""
 
-    def __init__(self, exposure: Exposure, structures: Structures, world: World) -> None:
+    def __init__(self, exposure: Exposure, structures: Structures) -> None:
         self.exposure = replace(exposure, times=exposure.times.copy())
         self._structures = structures
-        walls = world.segments - np.tile(structures.origin, 2)
-        self._mirrors = walls[turning_walls(world)]
         self._poses: Float | None = None
         self._fresh: tuple[Int, Int] | None = None
 
@@ -204,6 +218,7 @@ class LiveExposure:
 
     def _light(self, scan: LaserScan, time: float) -> None:
         place, whole = np.array(scan.pose[:2]), self.exposure
+        mirrors = self._structures.segments[self._structures.mirrors]
         far = (
             np.max(scan.ranges, initial=min(scan.range_max, FARTHEST), where=scan.hits) + whole.cell
         )
@@ -217,7 +232,7 @@ class LiveExposure:
         times = whole.times[_box(low, high)]
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
-        part.fan(scan, self._mirrors, picture, 255)
+        part.fan(scan, mirrors, picture, 255)
         cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
         first = (cover > 0.0) & (times["sure"] == 0.0)
         times["seen"][first], times["mapped"][first] = time, time + _GAP

@@ -12,13 +12,11 @@ import shapely
 
 from lrf3d.geometry import LEFT, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.beams import turning_walls
 from lrf3d.scene.look import SUN, WALL_LIGHT
 from lrf3d.scene.shapes import GroundPicture, Painted, single
 from lrf3d.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.scene.stage.ground import canvas_of, paint_ground
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.world import World
 
 _TOGETHER, _APART, _LEAST = 0.05, 0.004, 1e-7
 """Length [m] over which two walls at one place are one; half the gap between both faces of a free
@@ -56,16 +54,11 @@ def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
     exposure = unexposed(structures, *box)
     if isinstance(run, Run):
         exposure = expose(run, structures, *box)
-    mirrors = np.zeros((0, 5)) if run is None else _mirrors(run.world, structures.origin)
+    walls, tops = (each[structures.mirrors] for each in (structures.segments, structures.heights))
+    longest = np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]
+    mirrors = np.column_stack([walls, tops])[longest]
     faces, ground = lay_faces(structures, exposure), paint_ground(structures, canvas)
     return Stage(structures, faces, ground, exposure, mirrors)
-
-
-def _mirrors(world: World, origin: Float) -> Float:
-    chosen = np.flatnonzero(turning_walls(world))
-    chosen = chosen[np.argsort(-lengths(world.segments[chosen]), kind="stable")[:_MOST_MIRRORS]]
-    walls = world.segments[chosen] - np.tile(origin, 2)
-    return np.column_stack([walls, world.heights[chosen]])
 
 
 def wall_sides(structures: Structures) -> tuple[Int, Float]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
 from lrf3d.scene import look
+from lrf3d.scene.beams import turning_walls
 from lrf3d.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
 from lrf3d.scene.shapes import Lines, Soft, single
 from lrf3d.world import World
@@ -89,7 +90,9 @@ class Structures:
     """(n,) the object of each wall, its height [m] and (n, 3) its colour."""
     closed: Bool
     glass: Bool
-    """(n,) whether a wall is of a solid, and so has one visible side, and whether it is glass."""
+    mirrors: Bool
+    """(n,) whether a wall is of a solid, and so has one visible side; whether it is glass; and
+    whether it is a mirror."""
     solids: NDArray[Any]
     """(k,) polygons of the solids."""
     solid_objects: Int
@@ -149,6 +152,7 @@ class Structures:
             colours=colours[world.objects].reshape(-1, 3),
             closed=closed,
             glass=np.array(clear or [False])[world.objects if clear else 0 * world.objects],
+            mirrors=turning_walls(world),
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
@@ -170,11 +174,14 @@ class Structures:
 
 
 def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
-    """Panes of glass up to the height of a cut [m], which are clear, and their bright edges."""
-    walls, tops = structures.segments[structures.glass], structures.heights[structures.glass]
+    """Panes of glass up to the height of a cut [m], and the bright edges of glass and mirrors."""
+    framed = structures.glass | structures.mirrors
+    walls, tops, clear = (
+        each[framed] for each in (structures.segments, structures.heights, structures.glass)
+    )
     a, b = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(walls, 2))
     c, d = (end + np.minimum(tops, cut)[:, None] * [0.0, 0.0, 1.0] for end in (b, a))
-    corners = np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3, 3)
+    corners = np.stack([a, b, c, a, c, d], axis=1)[clear].reshape(-1, 3, 3)
     tints = np.full((*corners.shape[:2], 4), (*look.MATERIAL_COLOURS["glass"], look.PANE))
     starts, ends = np.concatenate([a, b, d]), np.concatenate([d, c, c])
     colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))

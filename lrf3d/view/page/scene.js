@@ -209,7 +209,7 @@ export class Scene {
     const box = [0, 0, canvas.width, canvas.height];
     gl.depthMask(true);
     gl.clearColor(...this.back, 1);
-    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.clear(gl.DEPTH_BUFFER_BIT | gl.COLOR_BUFFER_BIT); // No sky is drawn into mirrors.
     for (const mirror of this.mirrors) this.reflect(reflection(mirror, camera), box);
     this.see(camera, box);
     this.paintBodies("faces");

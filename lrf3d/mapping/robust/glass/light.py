@@ -29,28 +29,6 @@ RAY = record(
 MOST_SCANS = 160
 """[scans] Scans kept: at least the last 80 m of a drive. Mirrors found before remain."""
 
-LEAST_MOTION = 0.5
-"""[m, rad] Motion of the robot after which a scan is kept."""
-
-USUAL_SHARE = 0.7
-"""[share] Quantile of the light of the returns of a scan that is its usual light: near a front of
-glass most are dim."""
-
-WEAKEST_COSINE = 0.1
-"""[cosine] Least incidence: the direction of a wall is not known well enough for smaller ones."""
-
-APART, LEAST_CHANGE = 0.05, 0.2
-"""[share, log] Distance in the scan, and difference by the laser equation, from which on two
-returns of a wall are compared."""
-
-LARGEST_MISFIT = 0.3
-"""[share] Largest relative error of that difference. Light that falls with the range alone has a
-third."""
-
-LEAST_FITTING, LEAST_PAIRS = 0.5, 100
-"""[share, pairs] Intensities are light if this share of at least this many pairs fits: metal and
-glass never do."""
-
 
 class LitScans:
     """The last kept scans: their places (k, 2) [m], and :data:`RAY` (k, n) by rising angle."""
@@ -76,7 +54,8 @@ class LitScans:
         has no intensities, or if the robot has hardly moved.
         """
         off = np.abs(np.array(pose) - self._last)
-        if scan.intensities is None or (max(np.hypot(*off[:2]), off[2]) <= LEAST_MOTION):
+        least_motion = 0.5  # [m, rad] Motion of the robot after which a scan is kept.
+        if scan.intensities is None or (max(np.hypot(*off[:2]), off[2]) <= least_motion):
             return False
         lights = scan.intensities[np.argsort(scan.angles, kind="stable")]
         units, free, _ = Beams.of(scan, pose[2], noise)
@@ -84,7 +63,10 @@ class LitScans:
         light = np.where((lights > 0.0) & (lights < np.inf), lights * ranges * ranges, 0.0)
         if not light.any():
             return False
-        usual = float(np.log(np.quantile(light[light > 0.0], USUAL_SHARE)))
+        # [share] Quantile of the light of the returns of a scan that is its usual light: near a
+        # front of glass most are dim.
+        usual_share = 0.7
+        usual = float(np.log(np.quantile(light[light > 0.0], usual_share)))
         self._usual = (self._count * self._usual + usual) / (self._count + 1)
         more = max(len(light) - self._rays.shape[1], 0)
         self._rays = np.pad(self._rays, ((0, 0), (0, more))) if more else self._rays
@@ -97,14 +79,17 @@ class LitScans:
         rays["bright"] = light / np.exp(self._usual)
         self._read_reflectances(rays, light, walls)
         self._count += 1
-        are_light = self._fitting >= LEAST_FITTING * self._pairs
-        if self._pairs >= LEAST_PAIRS and not are_light and not self._warned:
+        # [share, pairs] Intensities are light if this share of at least this many pairs fits: metal
+        # and glass never do.
+        least_fitting, least_pairs = 0.5, 100
+        are_light = self._fitting >= least_fitting * self._pairs
+        if self._pairs >= least_pairs and not are_light and not self._warned:
             self._warned = True
             warnings.warn(
                 "intensities do not fall with range and incidence as light does: the map has no"
                 " glass and no mirrors", Lrf3dWarning, stacklevel=2,
             )  # fmt: skip
-        return self._pairs >= LEAST_PAIRS and are_light
+        return self._pairs >= least_pairs and are_light
 
     def _read_reflectances(self, rays: Records, light: Float, walls: Float) -> None:
         """Fill in the reflectances of the walls (w, 4) that rays (n,) end on, and count pairs."""
@@ -114,16 +99,25 @@ class LitScans:
         along, units = directions(walls), np.column_stack([rays["ux"], rays["uy"]])[lit, None]
         off = units * rays["range"][lit, None, None] - walls[:, :2]
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
-        on = (np.abs(cross(along, off)) < CELL) & (cosines > WEAKEST_COSINE)
+        # [cosine] Least incidence: the direction of a wall is not known well enough for smaller
+        # ones.
+        weakest_cosine = 0.1
+        on = (np.abs(cross(along, off)) < CELL) & (cosines > weakest_cosine)
         on &= (station > -CELL) & (station < lengths(walls) + CELL)
         there, wall = on.any(axis=1), on.argmax(axis=1)
         lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
         rays["reflectance"][lit] = reflectance = light[lit] / cosine
+        # [share, log] Distance in the scan, and difference by the laser equation, from which on two
+        # returns of a wall are compared.
+        farther_apart, least_change = 0.05, 0.2
         # Neighbours differ by too little.
-        apart = int(APART * len(rays)) + 1
+        apart = int(farther_apart * len(rays)) + 1
         expected, found = np.log(cosine / rays["range"][lit] ** 2), np.log(reflectance)
         change = np.abs(expected[apart:] - expected[:-apart])
-        compared = (wall[apart:] == wall[:-apart]) & (change > LEAST_CHANGE)
-        fits = np.abs(found[apart:] - found[:-apart]) < LARGEST_MISFIT * change
+        compared = (wall[apart:] == wall[:-apart]) & (change > least_change)
+        # [share] Largest relative error of that difference. Light that falls with the range alone
+        # has a third.
+        largest_misfit = 0.3
+        fits = np.abs(found[apart:] - found[:-apart]) < largest_misfit * change
         self._pairs += int(compared.sum())
         self._fitting += int((fits & compared).sum())

@@ -35,29 +35,12 @@ from lrf3d.mapping.robust.glass.surfaces import (
 )
 from lrf3d.mapping.robust.walls import Walls
 
-MOST_LINES = 256
-"""[lines] Number of lines that are kept."""
-
-LINES_A_SCAN, MOST_A_SCAN = 8, 64
-"""[lines] Largest numbers of lines of a scan that count, those that most of its walls support; and
-of images that are compared for this, those that share most with a wall."""
-
 LEAST_VOTES, FLASH_VOTES, MOST_VOTES = 2.0, 8.0, 50.0
 """[votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
 metal flash, while an image gives one; and number of observations that a line is averaged over."""
 
-SHORTEST = 0.6
-"""[m] Least length of a pane or a mirror."""
-
-PARALLEL_SINE = 0.2
-"""[sine] Twice the sine of half the least angle between a wall and its image: walls at right angles
-to a mirror continue in their images, and do not locate it."""
-
 SAME_COSINE = np.cos(np.radians(2.0))
 """[cosine] Largest angle between two observations of one line."""
-
-JOINS = 0.4
-"""[m] A pane or mirror belongs to the object of a wall whose end is this close."""
 
 VOTES = record(
     total=float, new=float,  # in all, and since the line was looked at
@@ -72,10 +55,11 @@ class Optics:
 
     def __init__(self) -> None:
         self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
+        most_lines = 256  # [lines] Number of lines that are kept.
         # Of each line: its unit normal, distance and middle, see `count_rays`; its votes; and which
         # of its pieces are glass, or a mirror.
-        self._lines, self._votes = np.zeros((MOST_LINES, 4)), np.zeros(MOST_LINES, VOTES)
-        self._pieces = np.zeros((MOST_LINES, PIECES), np.bool_)
+        self._lines, self._votes = np.zeros((most_lines, 4)), np.zeros(most_lines, VOTES)
+        self._pieces = np.zeros((most_lines, PIECES), np.bool_)
         self.surfaces = np.zeros((0, 5))
         """Glass and mirrors (s, 5) [m] in the map's frame, and whether each is a mirror."""
 
@@ -162,7 +146,8 @@ class Optics:
         along = middle + PIECE_LENGTH * ends
         x, y = distance * nx + along * ny, distance * ny - along * nx
         found = np.column_stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1], mirror])
-        solid: Bool = along[:, 1] - along[:, 0] > SHORTEST
+        shortest = 0.6  # [m] Least length of a pane or a mirror.
+        solid: Bool = along[:, 1] - along[:, 0] > shortest
         return np.asarray(found[solid])
 
 
@@ -174,7 +159,10 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     along, units = directions(walls), directions(segments)
     # The normals of the two walls, (−y, x): a mirror turns both directions and sides.
     turn = along[:, None] - units
-    wall, real = np.nonzero((turn * turn).sum(axis=2) >= PARALLEL_SINE**2)
+    # [sine] Twice the sine of half the least angle between a wall and its image: walls at right
+    # angles to a mirror continue in their images, and do not locate it.
+    parallel_sine = 0.2
+    wall, real = np.nonzero((turn * turn).sum(axis=2) >= parallel_sine**2)
     normals = turn[wall, real, ::-1] * [1.0, -1.0]
     normals /= np.hypot(*normals.T)[:, None]
     apart = cross(along, walls[:, :2])[wall] - cross(units, segments[:, :2])[real]
@@ -193,11 +181,14 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     good = (np.abs(cross(unit, off)) <= CELL).all(axis=1)
     good &= shared > 0.5 * lengths(walls)[wall]
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
-    lines = np.column_stack([normals, distances])[rows[:MOST_A_SCAN]]
+    # [lines] Largest numbers of lines of a scan that count, those that most of its walls support;
+    # and of images that are compared for this, those that share most with a wall.
+    lines_a_scan, most_a_scan = 8, 64
+    lines = np.column_stack([normals, distances])[rows[:most_a_scan]]
     same = line_distances(place, lines, lines) < CELL
-    weights = same @ shared[rows[:MOST_A_SCAN]]
+    weights = same @ shared[rows[:most_a_scan]]
     found: list[Float] = []
-    while weights.any() and len(found) < LINES_A_SCAN:
+    while weights.any() and len(found) < lines_a_scan:
         best = int(weights.argmax())
         found.append(lines[best])
         weights[same[best]] = 0.0
@@ -235,11 +226,12 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     kept = ~part.any(axis=1)
     segments, objects = segments[kept], objects[kept]
     owners = objects.max(initial=-1) + 1 + np.arange(len(ends))
+    joins = 0.4  # [m] A pane or mirror belongs to the object of a wall whose end is this close.
     if len(segments):
         tips = (segments.reshape(-1, 1, 2) - ends.reshape(-1, 2)).reshape(len(segments), 2, -1, 4)
         apart = np.hypot(tips[..., ::2], tips[..., 1::2]).min(axis=(1, 3))
         nearest = apart.argmin(axis=0)
-        owners = np.where(apart.min(axis=0) < JOINS, objects[nearest], owners)
+        owners = np.where(apart.min(axis=0) < joins, objects[nearest], owners)
     return LineMap(
         np.concatenate([segments, ends]),
         np.unique(np.concatenate([objects, owners]), return_inverse=True)[1],

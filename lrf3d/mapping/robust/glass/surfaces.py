@@ -30,17 +30,6 @@ PATCH = record(
 )  # fmt: skip
 """What the rays of kept scans showed of a patch."""
 
-LARGEST_SPREAD = 0.1
-"""[share] Largest relative deviation of the reflectance of a patch; it is unknown where it varies
-more, as on metal."""
-
-EDGE = 0.3
-"""[m] Beams that pass a mirror by less may have met it."""
-
-SPACING = 0.02
-"""[rad] Half of the largest angle between two beams: beams between those of the kept scans met the
-same mirror."""
-
 GRAZING = 0.26
 """[cosine] Above 75° from the normal glass reflects as much as it transmits: such beams show
 neither glass nor mirrors."""
@@ -62,25 +51,6 @@ most, glass some hundreds and, askew, about a hundredth."""
 
 FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
 """[cosine] Glass may flash at this incidence, and always does at the second."""
-
-MOST_OPAQUE, PASSED_SHARE = 0.3, 0.6
-"""[share, share] Largest share of returns as of a wall at a piece of glass; and least share of the
-pieces of a pane that beams pass."""
-
-IMAGE_FACTOR = 3.0
-"""[factor] Least ratio of images to other returns at a piece of a mirror."""
-
-WIDEST_HOLE = 3
-"""[pieces] Longest gap of a mirror, where it shows what was not seen otherwise: narrower than a
-door."""
-
-LEAST_LIT, ALIKE_SHARE = 16, 0.85
-"""[beams, share] Least number of images of walls of known reflectance, and least share of them that
-are as bright as in a mirror: others are of metal, or at an edge of two walls."""
-
-DIMMED = 0.87, 0.98
-"""[share] Brightness of an image in a mirror relative to its object: through a pane of glass it is
-lower, in a real room equal."""
 
 COUNTS = record(
     shown=float, flashed=float,  # returns as of glass, and those of them that flash
@@ -106,6 +76,7 @@ def _patch_at(cells: Cells, x: float, y: float) -> int:
 def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
     """Distances [m] of a ray to the first of surfaces (s, 5), and to the first that may turn it."""
     first = turn = np.inf
+    edge = 0.3  # [m] Beams that pass a mirror by less may have met it.
     for x1, y1, x2, y2, mirror in surfaces:
         dx, dy = x2 - x1, y2 - y1
         across, size = ux * dy - uy * dx, np.hypot(dx, dy)
@@ -113,7 +84,7 @@ def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[fl
             continue
         way = ((x1 - x) * dy - (y1 - y) * dx) / across
         aside = abs(((x1 - x) * uy - (y1 - y) * ux) / across - 0.5) * size - 0.5 * size
-        if way > 0.0 and aside <= EDGE:
+        if way > 0.0 and aside <= edge:
             if aside <= 0.0:
                 first = min(first, way)
             if mirror > 0.0 or abs(across) <= GRAZING * size:
@@ -140,6 +111,9 @@ def turn_rays(
 
     The ground (p,) holds what the other rays showed of each patch.
     """
+    # [rad] Half of the largest angle between two beams: beams between those of the kept scans met
+    # the same mirror.
+    spacing = 0.02
     for scan in range(len(places)):
         x, y = places[scan]
         for beam in range(rays.shape[1]):
@@ -160,7 +134,7 @@ def turn_rays(
                 patch.total += sign * light
                 patch.squares += sign * light * light
             if not direct:
-                forget_hits(cells, x2, y2, ray.ux, ray.uy, CELL + SPACING * reach, walls)
+                forget_hits(cells, x2, y2, ray.ux, ray.uy, CELL + spacing * reach, walls)
 
 
 @borrower
@@ -174,7 +148,10 @@ def _reflectance_at(cells: Cells, ground: Records, x: float, y: float) -> float:
         return 0.0
     mean = patch.total / patch.lights
     spread = patch.squares / patch.lights - mean * mean
-    result: float = mean if spread <= (LARGEST_SPREAD * mean) ** 2 else 0.0
+    # [share] Largest relative deviation of the reflectance of a patch; it is unknown where it
+    # varies more, as on metal.
+    largest_spread = 0.1
+    result: float = mean if spread <= (largest_spread * mean) ** 2 else 0.0
     return result
 
 
@@ -189,6 +166,9 @@ def count_rays(
     """
     nx, ny, distance, middle = line
     half = 0.5 * PIECE_LENGTH * PIECES
+    # [share] Brightness of an image in a mirror relative to its object: through a pane of glass it
+    # is lower, in a real room equal.
+    dimmed = 0.87, 0.98
     for scan in range(len(places)):
         x, y = places[scan]
         ahead = nx * x + ny * y - distance
@@ -230,7 +210,7 @@ def count_rays(
                 if reflectance > 0.0 and ray.reflectance > 0.0:
                     share = ray.reflectance / reflectance
                     count.lit += 1.0
-                    count.alike += DIMMED[0] < share < DIMMED[1]
+                    count.alike += dimmed[0] < share < dimmed[1]
 
 
 def glass_pieces(pieces: Records) -> Bool:
@@ -239,14 +219,17 @@ def glass_pieces(pieces: Records) -> Bool:
     found = np.zeros(PIECES, np.bool_)
     if not flashed.any():
         return found
-    good = (shown + passed > 0) & (pieces["opaque"] <= MOST_OPAQUE * (shown + passed))
+    # [share, share] Largest share of returns as of a wall at a piece of glass; and least share of
+    # the pieces of a pane that beams pass.
+    most_opaque, passed_share = 0.3, 0.6
+    good = (shown + passed > 0) & (pieces["opaque"] <= most_opaque * (shown + passed))
     good &= (pieces["missing"] == 0) | (shown > 0)
     good |= flashed > 0
     for first, last in runs(good):
         if flashed[first:last].any():
             lit = first + np.flatnonzero(shown[first:last])
             own = slice(lit[0], lit[-1] + 1)
-            seen_through = (passed[own] > 0).mean() >= PASSED_SHARE
+            seen_through = (passed[own] > 0).mean() >= passed_share
             found[own] = seen_through and passed[own].sum() >= SEEN
     return found
 
@@ -255,18 +238,25 @@ def mirror_pieces(pieces: Records) -> Bool:
     """Which pieces (PIECES,) of a line are a mirror."""
     opaque, images, wrong = pieces["opaque"], pieces["images"], pieces["wrong"]
     known, alike = pieces["lit"], pieces["alike"]
-    if alike.sum() < LEAST_LIT:
+    # [beams, share] Least number of images of walls of known reflectance, and least share of them
+    # that are as bright as in a mirror: others are of metal, or at an edge of two walls.
+    least_lit, alike_share = 16, 0.85
+    if alike.sum() < least_lit:
         return np.zeros(PIECES, np.bool_)
+    image_factor = 3.0  # [factor] Least ratio of images to other returns at a piece of a mirror.
     # What a mirror shows that was not seen otherwise is no image of anything.
-    good = np.where(known > 0.0, alike > ALIKE_SHARE * known, images > IMAGE_FACTOR * wrong)
-    good &= (images >= SEEN) & (images > IMAGE_FACTOR * opaque)
+    good = np.where(known > 0.0, alike > alike_share * known, images > image_factor * wrong)
+    good &= (images >= SEEN) & (images > image_factor * opaque)
+    # [pieces] Longest gap of a mirror, where it shows what was not seen otherwise: narrower than a
+    # door.
+    widest_hole = 3
     for (_, last), (first, _) in pairwise(runs(good)):
         # A mirror goes on between two pieces of it where nothing stands.
-        stands = opaque[last:first] > (images + wrong)[last:first] / IMAGE_FACTOR
-        good[last:first] |= first - last <= WIDEST_HOLE and not stands.any()
+        stands = opaque[last:first] > (images + wrong)[last:first] / image_factor
+        good[last:first] |= first - last <= widest_hole and not stands.any()
     for first, last in runs(good):
-        enough = alike[first:last].sum() >= LEAST_LIT
-        enough &= alike[first:last].sum() > ALIKE_SHARE * known[first:last].sum()
+        enough = alike[first:last].sum() >= least_lit
+        enough &= alike[first:last].sum() > alike_share * known[first:last].sum()
         good[first:last] = enough and images[first:last].sum() > 2.0 * wrong[first:last].sum()
     return np.asarray(good)
 
