@@ -7,7 +7,7 @@ form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -20,6 +20,8 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 Records = NDArray[Any]
 """Rows of fields with names, as kernels take them."""
+Radians = Annotated[float, "rad"]
+"""An angle, which files give in degrees."""
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
@@ -81,9 +83,8 @@ def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = 
     array = np.asarray(numbers(values, name), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != columns or len(array) < least:
         raise InputError(f"{name} of shape {array.shape}: expected (n, {columns}), n ≥ {least}")
-    inside = (np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
-    if not inside.all():
-        place = int(np.argmin(inside))
+    if not (inside := np.abs(array) <= LARGEST_COORDINATE).all():
+        place = int(np.argmin(inside.all(axis=1)))
         raise InputError(
             f"{name}: {row} {place} is {array[place].tolist()}, expected finite numbers of at most"
             f" {LARGEST_COORDINATE:g}"

@@ -145,16 +145,24 @@ def test_a_mount_that_makes_no_sense_is_reported(mount, expected):
         lrf3d.Simulation(ROOM, ROUTE, [lrf3d.LaserRangeFinder()] * 2)
 
 
-def test_a_carmen_log_says_where_its_laser_is_mounted(tmp_path):
+def test_a_carmen_log_has_all_lasers_with_their_mounts(tmp_path):
     wheels = lrf3d.WheelOdometry(scale=0.02)
     run = lrf3d.simulate(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=QUIET, odometry=wheels)
-    lrf3d.export_run(run, "carmen", tmp_path / "drive.log")
-    text = (tmp_path / "drive.log").read_text()
-    assert text.count("\nROBOTLASER1 ") == text.count("\nROBOTLASER2 ") == len(run)
-    log = lrf3d.load_log(tmp_path / "drive.log")
-    assert log.scans[3].mount == pytest.approx(FRONT.mount, abs=1e-9)
-    truth = lrf3d.load_log(tmp_path / "drive.log", poses="truth")
-    assert truth.scans[3].pose == pytest.approx(run.scan(3).pose, abs=1e-9)
+    path = tmp_path / "drive.log"
+    lrf3d.export_run(run, "carmen", path)
+    log = lrf3d.load_log(path)
+    assert log.lasers == ["laser", "laser2"] and len(log) == 2 * len(run)
+    for scan, lrf in zip(log.scans[6:8], run.lasers, strict=True):
+        assert scan.mount == pytest.approx(lrf.mount, abs=1e-9)
+    truth = lrf3d.load_log(path, poses="truth")
+    for scan, true in zip(truth.scans[6:8], run.scans_at(3), strict=True):
+        assert scan.pose == pytest.approx(true.pose, abs=1e-9)
     found = lrf3d.slam_log(log).trajectory.poses
-    true = np.array([run.scan(k).pose for k in range(len(run))])
-    assert np.hypot(*(found - true)[:, :2].T).max() < 0.03
+    assert np.hypot(*(found - run.trajectory.poses)[:, :2].T).max() < 0.03
+    # Without odometry in its place, the mount of a further laser is unknown.
+    lines = path.read_text().splitlines()
+    front = [line for line in lines if not line.startswith("ROBOTLASER2 ")]
+    rear = [f"RLASER 181 {' '.join(['1'] * 181)} 1 1 {k} 0 0 0 {k} h {k}" for k in range(5)]
+    path.write_text("\n".join(front + rear))
+    found = lrf3d.load_log(path)
+    assert found.lasers == ["laser"] and "unknown mounts (5 of laser2)" in " ".join(found.notes)

@@ -76,7 +76,7 @@ class EmbreeCaster(PlanarCaster):
 
     def _middle(self, level: float) -> Float:
         """The middle (2,) of the walls, from which Embree counts coordinates."""
-        box = self._tree(level).boxes[0]
+        box = self._tree(level).boxes[:, 0]
         return np.asarray(np.round(0.5 * (box[:2] + box[2:])))
 
     def cast_layers(

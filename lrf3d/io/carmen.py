@@ -4,17 +4,19 @@ A log may be gzipped. Its scans have the logged poses, or those of odometry or g
 times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. Old and
 related programs leave out the end of FLASER, from the stamp or from odom_x on. ``n`` readings stand
 after their number. Lines that cannot be read are skipped and reported. If a log holds each scan
-twice, as an old and as a new message, only the kind that comes first is read.
+twice, as an old and as a new message, only the kind that comes first is read. Of several lasers,
+such as that of RLASER messages, each has the mount that its poses and those of its robot show.
 """
 
 import re
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from math import inf, isfinite, pi
+from math import degrees, inf, isfinite, pi
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,6 +53,12 @@ LAYOUTS = {
 """The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
 these. The last of scans without a pose are those of DP-SLAM."""
 
+OLD = {b"FLASER": 1, b"RLASER": 2, b"LLASER": 3}
+"""The numbers of the lasers of FLASER messages and their like."""
+
+NUMBERED = re.compile(rb"(ROBOTLASER|RAWLASER)([1-9])").fullmatch
+"""Messages of lasers by their numbers."""
+
 RAW = (b"RAWLASER1", b"Laser")
 """Scans without a pose: it is that of the odometry before it."""
 
@@ -60,12 +68,10 @@ SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 """Words that the end of a line may lack: the host, the stamp, and the pose by odometry."""
 
 WORDS = re.compile(
-    rb"(?m)^(?:(?:FLASER|ROBOTLASER1|RAWLASER1|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) |"
-    rb"[\d.]+ \S+ \d+ (?:laser|position2d) \d+ )"
+    rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
+    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ )"
 )
 """What lines of such logs begin with."""
-
-OTHER_LASERS = re.compile(rb"[FRL]LASER|(ROBOT|RAW)LASER\d+").fullmatch
 
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
@@ -85,25 +91,20 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
             intake.refuse(number, error)
         else:
             intake.take(size, number)
-    if not reading.scans:
+    if not reading.rows:
         expected = "no laser scan in it, expected FLASER or ROBOTLASER1 lines"
         raise InputError(f"{path}: {expected}{intake.first_bad}")
-    if reading.untimed:
-        each = f"one each {UNTIMED:g} s assumed"
-        intake.notes.append(f"no stamps on {reading.untimed} scans: {each}")
-    if reading.others:
-        lines = ", ".join(f"{count} {name}" for name, count in sorted(reading.others.items()))
-        intake.notes.append(f"left out: lines of other lasers ({lines})")
-    scans, wheels, mount = reading.scans, None, Pose(reading.offset, 0.0, 0.0)
-    # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
+    if untimed := sum(not row.timed for row in reading.rows):
+        intake.notes.append(f"no stamps on {untimed} scans: one each {UNTIMED:g} s assumed")
+    reading.settle()
+    scans, wheels = [row.scan for row in reading.rows], None
     if odom := reading.stamped["odom"]:
         times, driven = (np.array(column) for column in zip(*odom, strict=True))
-        wheels = WheelRecord(times, driven, np.array(reading.places), reading.offset)
-        mount = reading.mount()
-    if mount != CENTRE:
-        scans = [replace(scan, mount=mount) for scan in scans]
+        places = np.array([row.place for row in reading.rows])
+        wheels = WheelRecord(times, driven, places, reading.offset)
+    not_numbers = sum(row.not_numbers for row in reading.rows)
     log = intake.log(
-        scans, wheels=wheels, not_numbers=reading.not_numbers, placed=reading.placed,
+        scans, wheels=wheels, not_numbers=not_numbers, placed=reading.placed,
         source="as logged" if reading.placed else "none",
     )  # fmt: skip
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
@@ -148,10 +149,12 @@ def _translated(words: list[bytes]) -> list[bytes]:
     return words
 
 
-def _by_name(words: list[bytes], lacking: int | None) -> tuple[dict[str, list[bytes]], int]:
+def _by_name(
+    words: list[bytes], kind: bytes, lacking: int | None
+) -> tuple[dict[str, list[bytes]], int]:
     """The words of a message by their names, and how many its end lacks; or a ValueError."""
     found, place = dict[str, list[bytes]](), 1
-    for name in LAYOUTS[words[0]].split():
+    for name in LAYOUTS[kind].split():
         found[name] = words[place : place + 1]
         place += 1
         if name in ("n", "m"):
@@ -161,7 +164,7 @@ def _by_name(words: list[bytes], lacking: int | None) -> tuple[dict[str, list[by
             found[name] = words[place : place + int(count)]
             place += int(count)
     short = place - len(words)
-    allowed = SHORT_ENDS.get(words[0], (0,)) if lacking is None else (lacking,)
+    allowed = SHORT_ENDS.get(kind, (0,)) if lacking is None else (lacking,)
     if short not in allowed:
         raise ValueError(f"{len(words)} words, expected {place - allowed[0]}")
     return found, short
@@ -206,15 +209,33 @@ def _angles(found: Mapping[str, list[bytes]], count: int) -> Float:
     return even_angles(count, start, step)
 
 
+def _laser_of(name: bytes) -> tuple[bytes, int]:
+    """The kind of the message of a scan, as in `LAYOUTS`, and the number of its laser; or 0."""
+    if name in OLD:
+        return b"FLASER", OLD[name]
+    if numbered := NUMBERED(name):
+        return numbered[1] + b"1", int(numbered[2])
+    return name, int(name in LAYOUTS)
+
+
+class _Row(NamedTuple):
+    """A scan, the number of its laser, its robot if that is known, and the odometry before it."""
+
+    scan: LaserScan
+    laser: int
+    robot: Pose | None
+    place: int
+    not_numbers: int
+    timed: bool
+
+
 class _Reading:
     """What the messages so far contain."""
 
     def __init__(self, intake: Intake) -> None:
-        self._intake, self.scans = intake, list[LaserScan]()
-        self.not_numbers = self.untimed = 0
+        self._intake, self.rows, self._counts = intake, list[_Row](), Counter[int]()
         self.offset, self.placed, self._pose = 0.0, False, CENTRE
-        self._kind, self._lacking = b"", cast("int | None", None)
-        self._robots, self.places, self.others = list[Pose](), list[int](), Counter[str]()
+        self._kinds = dict[int, tuple[bytes, int]]()
         self.stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
     def take(self, words: list[bytes]) -> int:
@@ -227,30 +248,29 @@ class _Reading:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self.offset = offset
         elif name in TRACKS or name == b"Odometry":
-            found, _ = _by_name(words, 0)
+            found, _ = _by_name(words, name, 0)
             self._pose, self.placed = _pose(found), True
             if name in TRACKS:
                 self.stamped[TRACKS[name]].append((_number(found, "time"), self._pose))
                 return A_MESSAGE // 2
-        elif name in LAYOUTS:
+        elif _laser_of(name)[1]:
             return self._take_scan(words)
-        elif OTHER_LASERS(name):
-            self.others[name.decode()] += 1
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
         return 0
 
     def _take_scan(self, words: list[bytes]) -> int:
         """Read a scan, unless scans of another kind came first."""
-        name = words[0]
-        if self._kind not in (b"", name):
-            if self._kind not in RAW or name in RAW:
+        kind, laser = _laser_of(words[0])
+        first, lacking = self._kinds.get(laser, (kind, None))
+        if first != kind:
+            if first not in RAW or kind in RAW:
                 return 0
             # What has poses is better than what comes without.
-            self.scans, self._robots, self.places, self._lacking = [], [], [], None
-            self.not_numbers = self.untimed = 0
+            self.rows, lacking = [row for row in self.rows if row.laser != laser], None
+            self._counts[laser] = 0
         # All lines of a log are alike; one that ends before is cut.
-        found, lacking = _by_name(words, self._lacking)
+        found, lacking = _by_name(words, kind, lacking)
         range_max = _number(found, "range_max") if "range_max" in found else 0.0
         if range_max > LARGEST_COORDINATE:
             raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
@@ -261,31 +281,65 @@ class _Reading:
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
-        pose = self._pose if name in RAW else _pose(found)
-        is_timed = bool(found.get("time"))
-        stamp = _number(found, "time") if is_timed else UNTIMED * len(self.scans)
-        robot = _pose(found, "robot_") if "robot_x" in found else pose
-        angles = _angles(found, len(ranges))
-        self.scans.append(LaserScan(pose, angles, ranges, range_max=farthest, time=stamp))
-        self._robots.append(robot)
-        self.places.append(len(self.stamped["odom"]) - 1)
-        self._kind, self._lacking = name, lacking
-        self.not_numbers += not_numbers
-        self.untimed += not is_timed
-        self.placed |= name not in RAW
+        pose, robot = self._pose if kind in RAW else _pose(found), None
+        timed = bool(found.get("time"))
+        stamp = _number(found, "time") if timed else UNTIMED * self._counts[laser]
+        if "robot_x" in found:
+            robot = _pose(found, "robot_")
+        elif found.get("odom_theta"):
+            # Lines that leave out the odometry may have something else there.
+            with suppress(ValueError):
+                robot = _pose(found, "odom_")
+        angles, name = _angles(found, len(ranges)), f"laser{laser}" if laser > 1 else "laser"
+        scan = LaserScan(pose, angles, ranges, range_max=farthest, time=stamp, laser=name)
+        place = len(self.stamped["odom"]) - 1
+        self.rows.append(_Row(scan, laser, robot, place, not_numbers, timed))
+        self._kinds[laser], self._counts[laser] = (kind, lacking), self._counts[laser] + 1
+        self.placed |= kind not in RAW
         return len(ranges) + A_MESSAGE
 
-    def mount(self) -> Pose:
-        """The pose of the laser on the robot, if all scans agree on one; else the centre."""
-        lasers = np.array([scan.pose for scan in self.scans])
-        mounts = between(np.array(self._robots), lasers)
-        apart = mounts - mounts[0]
-        apart[:, 2] = wrap_angle(apart[:, 2])
+    def settle(self) -> None:
+        """Give the scans the mounts of their lasers, and leave out lasers whose mount is unknown.
+
+        Of one laser alone the poses of FLASER messages are taken for those of its robot.
+        """
+        notes, numbers = self._intake.notes, sorted({row.laser for row in self.rows})
+        mounts = {laser: self._mount(laser) for laser in numbers}
+        first = numbers[0]
+        if len(numbers) == 1 or mounts[first] is None:
+            alone = self._kinds[first][0] != b"FLASER" and self.stamped["odom"]
+            offset = Pose(0.0 if self.stamped["odom"] else self.offset, 0.0, 0.0)
+            mounts = {first: (mounts[first] if alone else None) or offset}
+        unknown = Counter(row.scan.laser for row in self.rows if not mounts.get(row.laser))
+        if unknown:
+            lines = ", ".join(f"{count} of {name}" for name, count in sorted(unknown.items()))
+            notes.append(f"left out: scans of lasers with unknown mounts ({lines})")
+        rows = [(row, mounts.get(row.laser)) for row in self.rows]
+        self.rows = [
+            row._replace(scan=replace(row.scan, mount=mount) if mount != CENTRE else row.scan)
+            for row, mount in rows
+            if mount is not None
+        ]
+        if len(known := {row.scan.laser: row.scan.mount for row in self.rows}) > 1:
+            self.offset = 0.0
+            places = [f"{name} at {x:.3g}, {y:.3g} m, {degrees(turn):.0f}°"
+                      for name, (x, y, turn) in known.items()]  # fmt: skip
+            notes.append(f"{len(known)} lasers: {'; '.join(places)}")
+
+    def _mount(self, laser: int) -> Pose | None:
+        """The pose of a laser on its robot, if all its scans agree on one."""
+        rows = [row for row in self.rows if row.laser == laser]
+        if any(row.robot is None for row in rows):
+            return None
+        robots = np.array([row.robot for row in rows])
+        mounts = between(robots, np.array([row.scan.pose for row in rows]))
+        # About half a turn headings may have either sign.
+        mounts[:, 2] += 2.0 * pi * np.round((mounts[0, 2] - mounts[:, 2]) / (2.0 * pi))
         far = float(np.hypot(*mounts[0, :2]))
         # How far mounts of one laser may differ [m], [rad]: logs round their numbers.
         steady = 1e-3
-        if np.abs(apart).max() > steady or far > FARTHEST_LASER:
-            return CENTRE
+        if np.abs(mounts - mounts[0]).max() > steady or far > FARTHEST_LASER:
+            return None
         mount: Float = np.where(np.abs(mounts[0]) > steady, np.median(mounts, axis=0), 0.0)
         return Pose(*mount.tolist())
 

@@ -4,7 +4,7 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -29,6 +29,10 @@ LAYERS = (
     "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
+
+MARKS: dict[str, Callable[["Scene", Moment], Mark | None]] = {}
+"""Further marks of films and pages, by the names of their layers, over those of a scene. Enter what
+returns a mark in the film's frame for a scene and a moment, or None."""
 
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
@@ -114,7 +118,7 @@ class Scene:
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
-            if layer in layers and mark is not None
+            if (layer in layers or layer in MARKS) and mark is not None
         )
         x, y, _ = pose.tolist()
         seen = Seen(
@@ -167,6 +171,8 @@ class Scene:
             yield "map", "bands", drawn.bands
         yield "points", "recent", self._recent_hits(moment)
         yield "points", "points", hits
+        for layer, draw in MARKS.items():
+            yield layer, layer, draw(self, moment)
         yield "marker", "marker", self._markers(moment.time, pose, lens, size)
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":

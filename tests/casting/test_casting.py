@@ -135,4 +135,4 @@ def test_the_tree_of_walls_of_all_scales_is_no_deeper_than_casting_has_room_for(
     for node, (first, count) in enumerate(tree.links.tolist()):
         depths[first : first - count] = depths[node] + 1
         assert count <= LEAF
-    assert FREE_LEVELS < depths.max() <= FREE_LEVELS + 31
+    assert FREE_LEVELS < depths.max() <= FREE_LEVELS + 11

@@ -210,7 +210,8 @@ MESSAGES = {
     "gmapping.gfs": lambda r, p, t: f"ODO_UPDATE 3\nODOM {p} {t}\n"
     f"LASER_READING {BEAMS} {r} {p} {t}",
     "raw.log": lambda r, p, t: f"ODOM {p} 0 0 0 {t} h {t}\n"
-    f"RAWLASER1 0 {ANGLES[0]} 3.14 {ANGLES[1] - ANGLES[0]} 9 0 0 {BEAMS} {r} 0 {t} h {t}\nRLASER 1",
+    f"RAWLASER1 0 {ANGLES[0]} 3.14 {ANGLES[1] - ANGLES[0]} 9 0 0 {BEAMS} {r} 0 {t} h {t}\n"
+    f"RLASER {BEAMS} {r} {p} {p} {t} h {t}",
     "player.log": lambda r, p, t: f"{t} 16 6665 position2d 00 001 001 {t} {p} 0 0 0 1\n"
     f"{t} 16 6665 laser 00 001 001 {t} 0 {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} 9 {BEAMS} "
     + " ".join(f"{each} 0" for each in r.split()),
@@ -240,7 +241,7 @@ def test_messages_and_records_of_other_programs_are_read(name, drive, tmp_path):
     assert len(log) == 40 and log.bad_count == 0 and log.placed and len(map_log(log).map) == 4
     assert np.diff(log.times) == pytest.approx(0.1, abs=1e-3)
     assert any("no stamps" in note for note in log.notes) == (name in ("short.txt", "other.txt"))
-    assert any("other lasers (40 RLASER)" in note for note in log.notes) == (name == "raw.log")
+    assert any("unknown mounts (40 of laser2)" in note for note in log.notes) == (name == "raw.log")
 
 
 def test_printed_messages_get_the_poses_in_a_file_beside_them(drive, tmp_path):

@@ -12,19 +12,33 @@ from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.predicates import (
     FILTER,
+    LANES,
     Beam,
     Wall,
     area_sign,
     between,
     compare,
     compare_limit,
+    index_of,
     length,
     meets_in_line,
     meets_seen,
     plain_length,
     wall_at,
 )
-from lrf3d.casting.kernels.tree import BOX, ROOM, STACK, Plain, Tree, Way, enter, next_leaf
+from lrf3d.casting.kernels.tree import (
+    ROOM,
+    SMALL,
+    Plain,
+    Stack,
+    Tree,
+    Way,
+    column_at,
+    enter,
+    new_stack,
+    next_leaf,
+    whole,
+)
 from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry import Float, Int, Records
 
@@ -40,6 +54,18 @@ CLEAR_LENGTH = 1e-6
 MISSED, TAKEN, OPEN = 0, 1, 2
 """Verdicts about a wall: not met before the nearest so far, met, or left open by float64."""
 
+UNDECIDED = -2
+"""In place of the row of a wall where float64 leaves open which one it is."""
+
+BLOCK = 64
+"""Rays that are followed before their lengths are computed."""
+
+SIFTED = (SMALL + LANES - 1) // LANES * LANES
+"""Walls of a leaf that are sifted together, in whole vectors."""
+
+FARTHEST = 1e100
+"""Limit [m] in place of infinity, which times a slope of zero were no number."""
+
 
 class Nearest(NamedTuple):
     """The wall that a beam meets first so far: its row, or −1, and bounds of its distance [m]."""
@@ -49,12 +75,13 @@ class Nearest(NamedTuple):
     high: float
 
 
-class Place(NamedTuple):
-    """A place on the way through a tree: the boxes that wait, and the rest of a leaf."""
+class Block(NamedTuple):
+    """Room for BLOCK rays, of which the lengths are computed in vectors."""
 
-    top: int
-    row: int
-    stop: int
+    rows: Int  # The wall that each meets, −1 for none, or UNDECIDED.
+    numbers: Float  # (8, BLOCK) coordinates of the beam and of that wall.
+    lengths: Float  # t, not a number where float64 falls short.
+    sifted: Float  # (SIFTED,) room for the walls of a leaf.
 
 
 NO_GUESSES = np.empty(0, np.int32)
@@ -71,22 +98,47 @@ def cast_rays(
     Guesses (n,), unless empty, are the rows of the walls that rays probably meet, or −1. A wall
     that is guessed counts if the ray meets it, and then only nearer ones are looked for.
     """
-    tree, (range_min, range_max) = Tree(*plain_tree), limits
-    waiting, row = np.empty(STACK, BOX), -1
+    tree, (range_min, range_max), stack = Tree(*plain_tree), limits, new_stack()
+    # Walls a little beyond the range may be met.
+    reach, names = range_max * ROOM * ROOM, tree.rows
+    rows, lengths = np.empty(BLOCK, np.int64), np.empty(BLOCK)
+    block = Block(rows, np.zeros((8, BLOCK)), lengths, np.empty(SIFTED))
+    for start in range(0, len(rays), BLOCK):
+        count = min(BLOCK, len(rays) - start)
+        part = slice(start, start + count)
+        _follow(tree, rays[part], guesses[part], reach, block, stack)
+        for k in range(count):
+            i, row, t = start + k, rows[k], lengths[k]
+            if row == UNDECIDED:
+                row = first_wall(tree, beam_of(rays, i), Nearest(-1, np.inf, reach), stack)
+            if row >= 0 and not (rows[k] >= 0 and range_min * ROOM < t < range_max / ROOM):
+                beam, wall = beam_of(rays, i), wall_at(tree.walls, row)
+                t = within(length_of(beam, wall), range_min, range_max, beam, wall)
+            ranges[i] = t if row >= 0 else np.inf
+            if len(hits) > 0:
+                hits[i] = names[row] if math.isfinite(ranges[i]) else -1
+
+
+@borrower
+def _follow(
+    tree: Tree, rays: Records, guesses: NDArray[np.int32], reach: float, block: Block, stack: Stack
+) -> None:
+    """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
+    rows, numbers, before, row = block.rows, block.numbers, -1, -1
     for i in range(len(rays)):
-        beam = beam_of(rays, i)
-        # Walls a little beyond the range may be met.
-        nearest = Nearest(-1, np.inf, range_max * ROOM * ROOM)
-        # Without a guess the wall of the beam before is often the one.
-        row = guesses[i] if len(guesses) > 0 and guesses[i] >= 0 else row
-        nearest = proposed(tree, beam, row, nearest) if row >= 0 else nearest
-        row = first_wall(tree, beam, nearest, waiting).row
-        ranges[i] = np.inf
+        ray = rays[i]
+        beam = Beam(ray.x, ray.y, ray.dx, ray.dy)
+        # Without guesses the wall of the two beams before is often the one.
+        guess, before = (guesses[i] if len(guesses) > 0 else row if row == before else -1), row
+        row = rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
         if row >= 0:
-            wall = wall_at(tree.walls, row)
-            ranges[i] = within(length_of(beam, wall), range_min, range_max, beam, wall)
-        if len(hits) > 0:
-            hits[i] = tree.rows[row] if math.isfinite(ranges[i]) else -1
+            numbers[0, i], numbers[1, i], numbers[2, i], numbers[3, i] = beam
+            numbers[4, i], numbers[5, i], numbers[6, i], numbers[7, i] = wall_at(tree.walls, row)
+    for k in range(whole(len(rays))):
+        beam = Beam(numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k])
+        wall = Wall(numbers[4, k], numbers[5, k], numbers[6, k], numbers[7, k])
+        t, good = plain_length(beam, wall)
+        block.lengths[k] = t[0] if good else np.nan
 
 
 @inner
@@ -96,52 +148,73 @@ def beam_of(rays: Records, i: int) -> Beam:
     return Beam(ray.x, ray.y, ray.dx, ray.dy)
 
 
-@inner
-def first_wall(tree: Tree, beam: Beam, nearest: Nearest, waiting: Records) -> Nearest:
-    """The wall that a beam meets first, if it is not the nearest one so far."""
-    place = Place(enter(tree, waiting), 0, 0)
-    while True:
-        place, nearest = search(tree, beam, nearest, waiting, place)
-        if place.row >= place.stop:
-            return nearest
-        # Of walls met at equal t the first in the world stays.
-        first = nearest.row < 0 or tree.rows[place.row] < tree.rows[nearest.row]
-        wall, other = wall_at(tree.walls, place.row), wall_at(tree.walls, max(nearest.row, 0))
-        nearest = settled(beam, nearest, place.row, wall, other, first)
-        place = Place(place.top, place.row + 1, place.stop)
+@borrower
+def clear_wall(
+    tree: Tree, beam: Beam, guess: int, reach: float, sifted: Float, stack: Stack
+) -> int:
+    """The row of the wall that a beam meets first up to a reach, or −1; or UNDECIDED."""
+    way, nearest = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy), Nearest(-1, np.inf, reach)
+    if guess >= 0:
+        verdict, low, high = judged(wall_at(tree.walls, guess), beam, nearest)
+        if verdict == OPEN:
+            return UNDECIDED
+        nearest = Nearest(guess, low, high) if verdict == TAKEN else nearest
+    top = enter(tree, stack)
+    while top > 0:
+        first, stop, top = next_leaf(tree, way, nearest.high, stack, top)
+        sift(tree.columns, first, stop, beam, nearest.high, sifted)
+        for row in range(first, stop):
+            if sifted[row - first] > 0.0:
+                continue
+            verdict, low, high = judged(wall_at(tree.walls, row), beam, nearest)
+            if verdict == TAKEN:
+                nearest = Nearest(row, low, high)
+            elif verdict == OPEN and row != nearest.row:
+                return UNDECIDED
+    return nearest.row
 
 
 @borrower
-def search(
-    tree: Tree, beam: Beam, nearest: Nearest, waiting: Records, place: Place
-) -> tuple[Place, Nearest]:
-    """Search on from a place in the tree up to the next wall that float64 leaves open.
+def sift(columns: Float, first: int, stop: int, beam: Beam, limit: float, sifted: Float) -> None:
+    """Sift the walls of a leaf: what is above zero shows that one is not met up to a limit [m].
 
-    Without one the row comes back as that behind a leaf.
+    One loop without branches, with the bounds of `judged`.
     """
-    walls, way = tree.walls, Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
-    top, row, stop = place
-    while True:
-        while row < stop:
-            verdict, least, most = judged(wall_at(walls, row), beam, nearest)
-            if verdict == TAKEN:
-                nearest = Nearest(row, least, most)
-            elif verdict == OPEN and row != nearest.row:
-                return Place(top, row, stop), nearest
-            row += 1
-        if top == 0:
-            return Place(0, row, row), nearest
-        row, stop, top = next_leaf(tree, way, nearest.high, waiting, top)
+    ox, oy, dx, dy = beam
+    limit = min(limit, FARTHEST)
+    for k in range(whole(stop - first)):
+        px, py, qx, qy = column_at(columns, index_of(first) + k)
+        ax, ay, bx, by, ex, ey = px - ox, py - oy, qx - ox, qy - oy, qx - px, qy - py
+        left, right, other_left, other_right = dx * ay, dy * ax, dx * by, dy * bx
+        p, q = left - right, other_left - other_right
+        doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
+        low, high = (p, q) if p < q else (q, p)
+        aside = (low if low > -high else -high) - doubt
+        left, right, other_left, other_right = ax * ey, ay * ex, dx * ey, dy * ex
+        area, slope = left - right, other_left - other_right
+        size, steep = abs(left) + abs(right), abs(other_left) + abs(other_right)
+        ahead = area if slope > 0.0 else -area
+        beyond = ahead - limit * abs(slope)
+        away = (beyond if beyond > -ahead else -ahead) - 2.0 * FILTER * (size + limit * steep)
+        sifted[k] = aside if aside > away else away
 
 
 @inner
-def proposed(tree: Tree, beam: Beam, row: int, nearest: Nearest) -> Nearest:
-    """The nearest wall, of that in a row and the nearest so far."""
-    wall = wall_at(tree.walls, row)
-    verdict, low, high = judged(wall, beam, nearest)
-    if verdict == TAKEN:
-        return Nearest(row, low, high)
-    return settled(beam, nearest, row, wall, wall, True) if verdict == OPEN else nearest
+def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
+    """The row of the wall that a beam meets first, or −1, decided exactly."""
+    way, top = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy), enter(tree, stack)
+    while top > 0:
+        start, stop, top = next_leaf(tree, way, nearest.high, stack, top)
+        for row in range(start, stop):
+            wall, other = wall_at(tree.walls, row), wall_at(tree.walls, max(nearest.row, 0))
+            verdict, low, high = judged(wall, beam, nearest)
+            if verdict == TAKEN:
+                nearest = Nearest(row, low, high)
+            elif verdict == OPEN:
+                # Of walls met at equal t the first in the world stays.
+                first = nearest.row < 0 or tree.rows[row] < tree.rows[nearest.row]
+                nearest = settled(beam, nearest, row, wall, other, first)
+    return nearest.row
 
 
 @borrower

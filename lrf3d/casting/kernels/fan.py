@@ -25,13 +25,14 @@ from lrf3d.casting.kernels.predicates import (
     area_sign,
     between,
     compare,
+    index_of,
     length,
     meets_in_line,
     meets_seen,
     precise_area,
     wall_at,
 )
-from lrf3d.casting.kernels.tree import ROOM, STACK, Tree
+from lrf3d.casting.kernels.tree import ROOM, STACK, Tree, column_at, whole
 from lrf3d.compiling import inner, record
 from lrf3d.geometry import Float, Int, Records
 
@@ -50,10 +51,6 @@ NARROW = 1e-9
 """Fans not wider than this [rad] are decided beam by beam."""
 
 UNCLEAR = -1
-
-index_of = np.uint64
-"""Indices of this type are never negative, which spares each access in a hot loop the question
-whether it counts from the end."""
 
 BATCH = 32
 """Walls or boxes whose bearings are taken together."""
@@ -121,7 +118,7 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
             continue
         for base in range(first, first + count, BATCH):
             batch = min(BATCH, first + count - base)
-            outline(tree.walls, base, batch, fan, sketch)
+            outline(tree.columns, base, batch, fan, sketch)
             for k in range(batch):
                 left_open = draw(base + k, k, sketch, fan, buffer)
                 if left_open != 0:
@@ -167,11 +164,11 @@ def _enter(
 def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
     ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
-    for k in range(index_of(count)):
-        x0, y0, x1, y1 = wall_at(boxes, index_of(first) + k)
+    for k in range(whole(count)):
+        x0, y0, x1, y1 = column_at(boxes, index_of(first) + k)
         sketch[AX + k], sketch[AY + k] = x0 - ox, y0 - oy
         sketch[BX + k], sketch[BY + k] = x1 - ox, y1 - oy
-    for k in range(index_of(count)):
+    for k in range(whole(count)):
         x0, y0, x1, y1 = sketch[AX + k], sketch[AY + k], sketch[BX + k], sketch[BY + k]
         gap_x = x0 if x0 > 0.0 else (-x1 if x1 < 0.0 else 0.0)
         gap_y = y0 if y0 > 0.0 else (-y1 if y1 < 0.0 else 0.0)
@@ -257,12 +254,12 @@ def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> No
     Where float64 cannot tell on which side a wall is seen, its slack is infinite.
     """
     ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
-    for k in range(index_of(count)):
-        px, py, qx, qy = wall_at(walls, index_of(first) + k)
+    for k in range(whole(count)):
+        px, py, qx, qy = column_at(walls, index_of(first) + k)
         sketch[AX + k], sketch[AY + k] = px - ox, py - oy
         sketch[BX + k], sketch[BY + k] = qx - ox, qy - oy
         sketch[U + k], sketch[V + k] = qy - py, qx - px
-    for k in range(index_of(count)):
+    for k in range(whole(count)):
         ax, ay, bx, by = sketch[AX + k], sketch[AY + k], sketch[BX + k], sketch[BY + k]
         ey, ex = sketch[U + k], sketch[V + k]
         left, right = ax * ey, ay * ex

@@ -26,7 +26,7 @@ from lrf3d.casting.kernels.echoes import (
 )
 from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
 from lrf3d.casting.kernels.predicates import Vector, Wall, wall_at
-from lrf3d.casting.kernels.tree import BOX, ROOM, STACK, Plain, Tree, Way, enter, next_leaf
+from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new_stack, next_leaf
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry import Float, Int, Records
 
@@ -80,7 +80,7 @@ class Room(NamedTuple):
 
     rays: Records
     chains: Int  # The walls of each.
-    boxes: Records
+    stack: Stack
 
 
 @compiled
@@ -100,7 +100,7 @@ def light_rays(
     room = Room(
         np.empty(MOST_WALLS + 2, LEFT),
         np.empty((MOST_WALLS + 2, MOST_WALLS), np.int64),
-        np.empty(STACK, BOX),
+        new_stack(),
     )
     level, moment = len(inclined) == 0, np.nan
     for i in range(len(rays)):
@@ -156,7 +156,7 @@ def _follow(
             chain[k] = chains[waiting, k]
         t = way
         if not known:
-            t, name = _next_wall(scene, start, ray, chain, room.boxes)
+            t, name = _next_wall(scene, start, ray, chain, room.stack)
             way = ray.way + t
         known = False
         if name < 0 or way > scene.reach:
@@ -211,16 +211,16 @@ def _wall_of(scene: Scene, name: int) -> Wall:
 
 @borrower
 def _next_wall(
-    scene: Scene, start: Vector, ray: Any, chain: Int, boxes: Records
+    scene: Scene, start: Vector, ray: Any, chain: Int, stack: Stack
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
     tree, heights, movers = scene.tree, scene.optics.heights, scene.among.movers
     way = Way(start[0], start[1], ray.x, ray.y, ray.dx, ray.dy)
     near_by = NEAR + NEAR_SHARE * (abs(ray.x) + abs(ray.y))
     best, hit, limit = np.inf, -1, (scene.reach - ray.way) * ROOM
-    top = enter(tree, boxes)
+    top = enter(tree, stack)
     while top > 0:
-        first, stop, top = next_leaf(tree, way, limit, boxes, top)
+        first, stop, top = next_leaf(tree, way, limit, stack, top)
         for k in range(first, stop):
             name = tree.rows[k]
             t = _met_at(wall_at(tree.walls, k), (name, heights[name]), start, ray, chain, near_by)

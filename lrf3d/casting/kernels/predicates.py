@@ -36,8 +36,13 @@ differences and b and d are too: (1 + 2⁻⁵³)⁴ − 1, and what the bound's 
 SAFE_CANCELLATION = 2.0**-32
 """Least |a·b − c·d| / (|a·b| + |c·d|) at which double-double still gives 70 good bits."""
 
-LANES = 4
-"""Float64 numbers that a vector register holds."""
+LANES = 8
+"""Most float64 numbers that a vector register holds. Loops over whole vectors are rounded up to a
+multiple of it, and their arrays have room for that."""
+
+index_of = np.uint64
+"""Indices of this type are never negative, which spares each access in a hot loop the question
+whether it counts from the end."""
 
 DOUBLE_DOUBLE = 2.0**-65
 """Bound on the relative error of a quotient of two such double-doubles, generously."""

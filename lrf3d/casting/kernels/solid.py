@@ -9,9 +9,9 @@ that pass edges by more than about 1e-15 rad.
 
 import numpy as np
 
-from lrf3d.casting.kernels.tree import BOX, ROOM, STACK, Plain, Tree, Way, enter, next_leaf
+from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new_stack, next_leaf
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry import Float, Int
 
 Vector = tuple[float, float, float]
 
@@ -26,16 +26,16 @@ def cast_solid(
     Origins (n, 3) are those of the beams; of (1, 3) the one is that of all. Corners (m, 3, 3) are
     in the order of the tree. Of triangles at the same distance the first is met.
     """
-    tree, waiting = Tree(*plain_tree), np.empty(STACK, BOX)
+    tree, stack = Tree(*plain_tree), new_stack()
     for i in range(len(beams)):
         origin = origins[min(i, len(origins) - 1)]
         turn = beams[i, 0], beams[i, 1], beams[i, 2]
-        distances[i], hits[i] = _first_met(tree, corners, origin, turn, reach, waiting)
+        distances[i], hits[i] = _first_met(tree, corners, origin, turn, reach, stack)
 
 
 @borrower
 def _first_met(
-    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, waiting: Records
+    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Stack
 ) -> tuple[float, int]:
     """The distance and the triangle that a ray meets first; infinity and −1 for none.
 
@@ -43,9 +43,9 @@ def _first_met(
     """
     dx, dy, dz = turn
     way = Way(origin[0], origin[1], 0.0, 0.0, dx, dy)
-    best, hit, limit, top = np.inf, -1, reach * ROOM, enter(tree, waiting)
+    best, hit, limit, top = np.inf, -1, reach * ROOM, enter(tree, stack)
     while top > 0:
-        first, stop, top = next_leaf(tree, way, limit, waiting, top)
+        first, stop, top = next_leaf(tree, way, limit, stack, top)
         for k in range(first, stop):
             t = _meet(corners[k], origin, dx, dy, dz)
             if t < best or (t == best and tree.rows[k] < hit):

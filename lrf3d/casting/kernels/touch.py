@@ -23,7 +23,7 @@ from lrf3d.casting.kernels.movers import (
     side_at,
 )
 from lrf3d.casting.kernels.predicates import Wall, wall_at
-from lrf3d.casting.kernels.tree import STACK, Plain, Tree
+from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import Float, Int, Records
 
@@ -149,7 +149,7 @@ def _first_touch(
                 if w < best or (w == best < np.inf and tree.rows[row] < found):
                     best, found = w, tree.rows[row]
             for child in range(first, first - count):
-                x0, y0, x2, y2 = wall_at(tree.boxes, child)
+                x0, y0, x2, y2 = column_at(tree.boxes, child)
                 if max(x0 - high_x, low_x - x2, y0 - high_y, low_y - y2) <= room:
                     stack[top] = child
                     top += 1

@@ -5,11 +5,12 @@ perimeter of a box is in proportion to the beams that meet it). Unlike the cells
 take worlds of any density and scale, and a wall lies in one leaf however long it is.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.casting.kernels.predicates import LANES, Wall, index_of
 from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry import Float, Int, Records
 
@@ -19,19 +20,18 @@ SPLIT_BINS = 16
 LEAF = 8
 """Walls that a leaf may always hold: visiting them costs no more than another two boxes."""
 
-CHILDREN = 4
-"""Boxes below a node, looked at together: as many as a vector register holds numbers."""
+CHILDREN = LANES
+"""Boxes below a node, looked at together."""
 
 SMALL = 24
 """Walls up to which a world gets one leaf and no tree."""
 
-FREE_LEVELS = 40
+FREE_LEVELS = 20
 """Levels from the root on that are cut where it is cheapest. Below, walls are halved by number:
 walls whose scales span many powers of ten could else make a tree as deep as they are many."""
 
 STACK = 256
-"""Boxes that may wait on the path through a tree: three for each of at most 40 + 31 levels."""
-
+"""Boxes that may wait on the path through a tree: seven for each of at most 20 + 11 levels."""
 
 ROOM = 1.0 + 1e-9
 """Room for rounding and for directions that are not quite of unit length."""
@@ -41,17 +41,26 @@ BOX = record(node=int, near=float)
 
 
 class Tree(NamedTuple):
-    """Boxes (m, 4) over walls (n, 4), in the order of the leaves, and their rows (n,) in a world.
+    """Boxes over walls (n, 4), in the order of the leaves, and their rows (n,) in a world.
 
     A box is the smallest x, y and the largest x, y [m] of a node; node 0 is the root. Links (m, 2)
     are for a leaf the row of its first wall and how many it holds; for a node above others the
-    first of its children, which lie side by side, and minus how many.
+    first of its children, which lie side by side, and minus how many. Boxes, and the walls again,
+    are also there as columns (4, …), with whole vectors of zeros behind.
     """
 
     boxes: Float
     links: NDArray[np.int32]
     walls: Float
+    columns: Float
     rows: NDArray[np.int32]
+
+
+class Stack(NamedTuple):
+    """The boxes that wait on a ray's path, and room for the distances of boxes [m]."""
+
+    waiting: Records
+    near: Float
 
 
 PART = record(**dict.fromkeys(("node", "start", "stop", "level"), int))
@@ -75,20 +84,41 @@ class Way(NamedTuple):
     dy: float
 
 
+@inner
+def new_stack() -> Stack:
+    """A stack without boxes."""
+    return Stack(np.empty(STACK, BOX), np.empty(CHILDREN))
+
+
+@inner
+def whole(count: int) -> Any:
+    """A number of lanes, rounded up to whole vectors."""
+    return index_of(count + LANES - 1) // index_of(LANES) * index_of(LANES)
+
+
+@inner
+def column_at(columns: Float, row: SupportsIndex) -> Wall:
+    """The box or the wall in a row of columns."""
+    return Wall(
+        columns[index_of(0), row],
+        columns[index_of(1), row],
+        columns[index_of(2), row],
+        columns[index_of(3), row],
+    )
+
+
 @borrower
-def next_leaf(
-    tree: Tree, way: Way, limit: float, waiting: Records, top: int
-) -> tuple[int, int, int]:
+def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tuple[int, int, int]:
     """The next leaf on a path up to a limit [m]: its first row and its end, which are 0 after all.
 
     The last number is that of the boxes that still wait, of which the root is the first.
     """
-    boxes, links, _, _ = tree
-    ox, oy, x, y, dx, dy = way
+    boxes, links = tree.boxes, tree.links
+    (waiting, nears), (ox, oy, x, y, dx, dy) = stack, way
     across, along = 1.0 / dx, 1.0 / dy
     # Columns of the sides where a ray enters a box, and where it leaves it.
-    left, low = (0 if across > 0.0 else 2), (1 if along > 0.0 else 3)
-    right, high = 2 - left, 4 - low
+    left, low = index_of(0 if across > 0.0 else 2), index_of(1 if along > 0.0 else 3)
+    right, high = index_of(2) - left, index_of(4) - low
     while top > 0:
         top -= 1
         if waiting[top].near > limit * ROOM:
@@ -96,33 +126,38 @@ def next_leaf(
         first, count = links[waiting[top].node, 0], links[waiting[top].node, 1]
         if count > 0:
             return first, first + count, top
-        bottom = top
-        for child in range(first, first - count):
+        for k in range(whole(-count)):
+            child = index_of(first) + k
             near, far = 0.0, limit
             # Along an axis 0 times infinity is no number, and no bound.
-            bound = ((boxes[child, left] - ox) - x) * across
+            bound = ((boxes[left, child] - ox) - x) * across
             near = bound if bound > near else near
-            bound = ((boxes[child, low] - oy) - y) * along
+            bound = ((boxes[low, child] - oy) - y) * along
             near = bound if bound > near else near
-            bound = ((boxes[child, right] - ox) - x) * across
+            bound = ((boxes[right, child] - ox) - x) * across
             far = bound if bound < far else far
-            bound = ((boxes[child, high] - oy) - y) * along
+            bound = ((boxes[high, child] - oy) - y) * along
             far = bound if bound < far else far
-            if near > far * ROOM:
+            nears[k] = near if near <= far * ROOM else np.inf
+        bottom = top
+        for k in range(-count):
+            near = nears[k]
+            if near == np.inf:
                 continue
             slot = top
             while slot > bottom and waiting[slot - 1].near < near:
                 waiting[slot] = waiting[slot - 1]
                 slot -= 1
-            waiting[slot].node, waiting[slot].near = child, near
+            waiting[slot].node, waiting[slot].near = first + k, near
             top += 1
     return 0, 0, 0
 
 
 @inner
-def enter(tree: Tree, waiting: Records) -> int:
+def enter(tree: Tree, stack: Stack) -> int:
     """Let the root of a tree wait, if it has walls; the number of boxes that do."""
-    waiting[0].node, waiting[0].near = 0, 0.0
+    root = stack.waiting[0]
+    root.node, root.near = 0, 0.0
     return 1 if len(tree.rows) > 0 else 0
 
 
@@ -136,7 +171,13 @@ def build_tree(segments: Float, index: NDArray[np.int32] | None = None) -> Tree:
     links = np.zeros((capacity, 2), dtype=np.int32)
     used = _build(segments, order, boxes, links)
     names = order if index is None else index[order]
-    return Tree(boxes[:used].copy(), links[:used].copy(), segments[order], names)
+    walls = segments[order]
+    return Tree(_columns(boxes[:used]), links[:used].copy(), walls, _columns(walls), names)
+
+
+def _columns(rows: Float) -> Float:
+    """Columns (4, …) of rows (n, 4), and zeros behind."""
+    return np.ascontiguousarray(np.pad(rows, ((0, LANES), (0, 0))).T)
 
 
 @compiled

@@ -35,7 +35,7 @@ class RobustMapper:
     def __init__(
         self, extract: LikelihoodExtractor, length: float, distance: float, least: int
     ) -> None:
-        self._extract, self._least = extract, least
+        self._extract, self._least, self.local_map = extract, least, extract.local_map
         self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
         self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
         self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
