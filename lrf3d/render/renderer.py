@@ -49,7 +49,7 @@ class Renderer:
         ground = stage.ground
         self._ground = self._filled("ground", ground_of(ground))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
-        self._sky = self._filled("sky", mesh(10, 10))
+        self._sky = self._filled("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2))
         self._pavement = Texture(0, ground.picture)
         exposure, self._mirrors = stage.exposure, stage.mirrors
         self._times, self._tints = (

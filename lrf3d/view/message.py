@@ -92,7 +92,7 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     parts = {
         "walls": _part("walls", *walls),
         "ground": _part("ground", ground_of(ground)),
-        "sky": _part("sky", mesh(10, 10)),
+        "sky": _part("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2)),
     }
     if times:
         parts["times"] = times_part(seen)
