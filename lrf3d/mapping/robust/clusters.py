@@ -37,7 +37,7 @@ def contradict(
         cells.passes[block, way, cell] += 1
     else:
         _forget(cells, block, cell)
-    before, place = 0, cells.heads[block, cell]
+    place, fell = cells.heads[block, cell], False
     # [beams] A surface is gone when this many beams of a direction in a row have continued where
     # others ended. Less forgets panes and fences, which few beams hit.
     gone_after = 20
@@ -52,14 +52,26 @@ def contradict(
                 _halve(cluster)
         if walls.rows[cluster.owner].version == cluster.owner_version:
             count_evidence(walls, cluster.owner, weight)
-        after = cluster.next
-        if cluster.hits < LEAST_HITS:
+        fell |= cluster.hits < LEAST_HITS
+        place = cluster.next
+    if fell or cells.heads[block, cell] == 0:
+        _delete_few(cells, block, cell)
+
+
+@borrower
+def _delete_few(cells: Cells, block: int, cell: int) -> None:
+    """Delete the clusters of a cell with too few hits; without any, its marks go, passes stay."""
+    before, place = 0, cells.heads[block, cell]
+    while place > 0:
+        after = cells.clusters[place].next
+        if cells.clusters[place].hits < LEAST_HITS:
             _give_back(cells, block, cell, before, place)
         else:
             before = place
         place = after
     if before == 0:
-        _unmark_solid(cells, block, cell)
+        for direction in range(PASS_DIRECTIONS):
+            cells.passes[block, direction, cell] &= MOST_PASSES
 
 
 @borrower
@@ -72,26 +84,15 @@ def forget_hits(
     for cx in range(first_x, last_x + 1):
         for cy in range(first_y, last_y + 1):
             block, cell = block_at(cells, cx, cy), cell_in(cx, cy)
-            before, place = 0, cells.heads[block, cell]
+            place = cells.heads[block, cell]
             while place > 0:
                 cluster = cells.clusters[place]
-                after = cluster.next
                 if goes_along(cluster, dx, dy):
                     if walls.rows[cluster.owner].version == cluster.owner_version:
                         count_evidence(walls, cluster.owner, cluster.hits)
-                    _give_back(cells, block, cell, before, place)
-                else:
-                    before = place
-                place = after
-            if before == 0:
-                _unmark_solid(cells, block, cell)
-
-
-@borrower
-def _unmark_solid(cells: Cells, block: int, cell: int) -> None:
-    """Remove the marks of a cell without clusters; its passes stay counted."""
-    for direction in range(PASS_DIRECTIONS):
-        cells.passes[block, direction, cell] &= MOST_PASSES
+                    cluster.hits = 0.0
+                place = cluster.next
+            _delete_few(cells, block, cell)
 
 
 @borrower
