@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, sealed
+from lrf3d.geometry import Float, Int, sealed, usual_step
 from lrf3d.io.laser_log import UNTIMED, Intake, LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, compose, heading_of
@@ -228,8 +228,7 @@ class Table:
         if "stamp" not in self.values:
             self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
             return UNTIMED * np.arange(float(len(self.values["ranges"])))
-        steps = np.abs(np.diff(self.values["stamp"]))
-        usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+        usual = usual_step(self.values["stamp"]) or 1.0
         # Longest usual time between two scans [s], from which the unit of stamps is known.
         slowest = 5.0
         guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= slowest), "ns")

@@ -7,6 +7,7 @@ import pytest
 from test_render import SIZE, city_run, room_run
 
 from lrf3d.errors import InputError
+from lrf3d.mapping import LineMap
 from lrf3d.scene.camera import Look
 from lrf3d.scene.panel import Facts, panel
 from lrf3d.scene.timeline import Timeline
@@ -29,6 +30,20 @@ def test_a_number_is_said_once_and_a_film_that_runs_faster_says_so():
     run = city_run()
     head, passed = said(run, "short", "whole", playback=3.0)
     assert head == f"{len(run.map)} walls in the map" and passed == "1 s at 3 × speed"
+
+
+def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
+    run = city_run()
+    kinds = np.array(["mirror"] + ["wall"] * (len(run.map) - 1))
+    known, plain = replace(run.map, kinds=kinds), run.map
+    left, few = (
+        LineMap(one.segments[:2], np.arange(2), one.points[:2], one.kinds[:2])
+        for one in (known, plain)
+    )
+    dropped = f"The room in the mirror is a reflection: {len(plain) - 2} walls dropped"
+    for maps, words in (((known, left), dropped), ((known,) * 2, "91 "), ((plain, few), "91 ")):
+        head, *_ = said(replace(run, maps=maps, snapshot_scans=(0, 3)), "short")
+        assert head.startswith(words)
 
 
 @pytest.mark.parametrize("make", [city_run, room_run])
