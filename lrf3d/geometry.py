@@ -131,6 +131,12 @@ def generator(rng: Any) -> "np.random.Generator":
         ) from None
 
 
+def usual_step(values: NDArray[Any]) -> float:
+    """The median of the steps by which values (n,), such as stamps, rise; 0 if none does."""
+    steps = np.diff(values)
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+
 def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:
     """A value from outside as an integer; 181.0 is accepted."""
     largest = value if most is None else most

@@ -10,7 +10,7 @@ from lrf3d.files import as_path, opened, own_name
 from lrf3d.geometry import number
 from lrf3d.interrupts import reading
 from lrf3d.io.array_log import RECORDS, array_table, is_foreign, record_table
-from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE
+from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE, ZSTD
 from lrf3d.io.carmen import WORDS, load_carmen
 from lrf3d.io.laser_log import GZIPPED, Intake, LaserLog
 from lrf3d.io.text_log import add_partner, text_table
@@ -127,7 +127,7 @@ def _kind(path: Path) -> str:
         head = file.read(HEAD)
     if ending.endswith((".npz", ".mat")):
         return "arrays" if ending.endswith(".mat") or is_foreign(path) else "run"
-    if head.startswith((MCAP, SQLITE, OLD)):
+    if head.startswith((MCAP, SQLITE, OLD, ZSTD)):
         return "bag"
     if head.startswith(GZIPPED):
         # What a packed file begins with is enough.

@@ -250,7 +250,7 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
         reach = np.concatenate([ends - low, high - ends], axis=2)
         off = reach.max(axis=1)
         for side, long in enumerate(sides[[1, 0, 1, 0]]):
-            on = left[off[:, side] < 1e-3 * sides.max()]
+            on = left[off[:, side] < 2e-3 * sides.max()]
             if not lengths(segments[on]).sum() > 0.98 * long > 0.0:
                 return framed
         rim = (off < MARGIN).any(axis=1)

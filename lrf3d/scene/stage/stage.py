@@ -23,9 +23,6 @@ _TOGETHER, _APART, _LEAST = 0.05, 0.004, 1e-7
 wall [m], as a ray meets the one that looks at it; and the least area of a triangle [m²]: outlines
 that touch themselves have smaller ones."""
 
-_MOST_MIRRORS = 4
-"""Most walls that show reflections: each takes the time of a picture."""
-
 
 class Stage(NamedTuple):
     """What stands in a world: what its walls make up, their faces, the ground, and its light.
@@ -55,7 +52,8 @@ def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
     if isinstance(run, Run):
         exposure = expose(run, structures, *box)
     walls, tops = (each[structures.mirrors] for each in (structures.segments, structures.heights))
-    longest = np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]
+    most_mirrors = 4  # Most walls that show reflections: each takes the time of a picture.
+    longest = np.argsort(-lengths(walls), kind="stable")[:most_mirrors]
     mirrors = np.column_stack([walls, tops])[longest]
     faces, ground = lay_faces(structures, exposure), paint_ground(structures, canvas)
     return Stage(structures, faces, ground, exposure, mirrors)
