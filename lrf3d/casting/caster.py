@@ -1,7 +1,7 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -179,28 +179,10 @@ class PlanarCaster:
         Beams end at the first wall, also at mirrors and glass.
         """
         tree = self.tree(height)
-        if ranges.shape[1] > FEW and not self._guessing:
+        if ranges.shape[1] > FEW:
             cast_scans(tree[:], laser, poses, ranges, walls)
-            return
-        many = max(1, AT_ONCE // ranges.shape[1])
-        for part in (slice(k, k + many) for k in range(0, len(poses), many)):
-            guesses = self._guesses(tree, height, laser, poses[part])
-            if guesses is None:
-                cast_scans(tree[:], laser, poses[part], ranges[part], walls[part])
-                continue
-            rays = np.empty(ranges[part].shape, RAY)
-            rays_from(laser, poses[part], np.zeros(len(rays)), rays)
-            flat = rays.ravel(), guesses, ranges[part].ravel(), walls[part].ravel()
-            cast_rays(tree[:], laser[-2:], *flat)
-
-    def _guesses(
-        self, tree: Tree, height: float, laser: Plain, poses: Float
-    ) -> NDArray[np.int32] | None:
-        """The rows of walls that beams probably meet; None where they are cast as fans."""
-        return None if laser[0].shape[1] > FEW else NO_GUESSES
-
-    _guessing = False
-    """Whether there may be guesses for fans."""
+        else:
+            cast_one_by_one(tree, laser, poses, ranges, walls, lambda part: NO_GUESSES)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)
@@ -234,3 +216,16 @@ class PlanarCaster:
 
         share(work, len(poses))
         return lit
+
+
+def cast_one_by_one(
+    tree: Tree, laser: Plain, poses: Float, ranges: Float, walls: Int,
+    guesses: Callable[[Float], NDArray[np.int32]],
+) -> None:  # fmt: skip
+    """Cast scans beam by beam, some of them at a time, with the walls that beams probably meet."""
+    many = max(1, AT_ONCE // ranges.shape[1])
+    for part in (slice(k, k + many) for k in range(0, len(poses), many)):
+        rays = np.empty(ranges[part].shape, RAY)
+        rays_from(laser, poses[part], np.zeros(len(rays)), rays)
+        flat = rays.ravel(), guesses(poses[part]), ranges[part].ravel(), walls[part].ravel()
+        cast_rays(tree[:], laser[-2:], *flat)

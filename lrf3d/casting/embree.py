@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.caster import MOST_TREES, PlanarCaster
+from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster, cast_one_by_one
 from lrf3d.casting.kernels.echoes import Lit
 from lrf3d.casting.kernels.scans import rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
@@ -149,17 +149,18 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    _guessing = True
-
-    def _guesses(
-        self, tree: Tree, height: float, laser: Plain, poses: Float
-    ) -> NDArray[np.int32] | None:
-        guesses = super()._guesses(tree, height, laser, poses)
-        if guesses is not None or not len(tree.rows) or not embreex_installed():
-            return guesses
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
+        tree = self.tree(height)
+        if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
+            super()._fill(height, laser, poses, ranges, walls)
+            return
         level = self._level(height)
-        rays = rays_of(laser, poses, *self._middle(level).tolist())
-        return self._scene(level).first(*rays) // 2
+        scene, middle = self._scene(level), self._middle(level).tolist()
+
+        def guesses(part: Float) -> NDArray[np.int32]:
+            return scene.first(*rays_of(laser, part, *middle)) // 2
+
+        cast_one_by_one(tree, laser, poses, ranges, walls, guesses)
 
 
 def _level_layers(
