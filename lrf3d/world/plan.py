@@ -84,12 +84,13 @@ NOT_DOORS = ("indoor", "outdoor", "ovid")
 def role_of(*names: str) -> str:
     """The role that the first recognised name gives: a key of WORDS, or ``other``.
 
-    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("Layer1")
+    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("axes_1")
     ('wall', 'door', 'furniture', 'other')
     """
     for name in names:
         plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
-        words = set(re.findall(r"[^\W\d_]+", plain)) - set(NOT_DOORS)
+        # Matplotlib draws all that it draws in "axes_1".
+        words = set(re.findall(r"[^\W\d_]+", re.sub(r"^axes_\d+$", "", plain))) - set(NOT_DOORS)
         for role, known in _KNOWN.items():
             if any(_means(word, part) for word in words for part in known):
                 return "annotation" if role == "sheet" else role
