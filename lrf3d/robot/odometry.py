@@ -50,7 +50,12 @@ class WheelOdometry:
 
     def __post_init__(self) -> None:
         values = [getattr(self, each.name) for each in fields(self)]
-        if not is_finite(*values) or min(values[:2]) <= -1.0 or min(values[3:]) < 0.0:
+        if is_finite(*values[:2]) and max(map(abs, values[:2])) >= 1.0:
+            raise InputError(
+                f"wheel odometry: scale {values[0]:g}, track {values[1]:g}: expected shares between"
+                " −1 and 1, such as 0.02 for 2 %"
+            )
+        if not is_finite(*values) or min(values[3:]) < 0.0:
             raise InputError(
                 f"wheel odometry {shown(values)}: expected finite numbers, deviations of at least 0"
             )
