@@ -178,29 +178,26 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        tree = self.tree(height)
-        if ranges.shape[1] > FEW and not self._guessing:
+        tree, is_fan = self.tree(height), ranges.shape[1] > FEW
+        guessing = is_fan and self._guessing(tree)
+        if is_fan and not guessing:
             cast_scans(tree[:], laser, poses, ranges, walls)
             return
         many = max(1, AT_ONCE // ranges.shape[1])
         for part in (slice(k, k + many) for k in range(0, len(poses), many)):
-            guesses = self._guesses(tree, height, laser, poses[part])
-            if guesses is None:
-                cast_scans(tree[:], laser, poses[part], ranges[part], walls[part])
-                continue
             rays = np.empty(ranges[part].shape, RAY)
             rays_from(laser, poses[part], np.zeros(len(rays)), rays)
-            flat = rays.ravel(), guesses, ranges[part].ravel(), walls[part].ravel()
-            cast_rays(tree[:], laser[-2:], *flat)
+            flat = rays.ravel()
+            guesses = self._guesses(height, flat) if guessing else NO_GUESSES
+            cast_rays(tree[:], laser[-2:], flat, guesses, ranges[part].ravel(), walls[part].ravel())
 
-    def _guesses(
-        self, tree: Tree, height: float, laser: Plain, poses: Float
-    ) -> NDArray[np.int32] | None:
-        """The rows of walls that beams probably meet; None where they are cast as fans."""
-        return None if laser[0].shape[1] > FEW else NO_GUESSES
+    def _guessing(self, tree: Tree) -> bool:
+        """Whether there are guesses for the rays of fans, too."""
+        return False
 
-    _guessing = False
-    """Whether there may be guesses for fans."""
+    def _guesses(self, height: float, rays: Records) -> NDArray[np.int32]:
+        """The rows (n,) of the walls that rays (n,) probably meet, or −1."""
+        return NO_GUESSES
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from lrf3d.casting.caster import MOST_TREES, PlanarCaster
 from lrf3d.casting.kernels.echoes import Lit
-from lrf3d.casting.kernels.scans import rays_of
-from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
+from lrf3d.casting.kernels.tree import Tree, build_tree
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
+from lrf3d.geometry import Bool, Float, Int, Records, is_finite, numbers
 from lrf3d.laser import LaserRangeFinder, layer_directions
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose
@@ -149,17 +148,15 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    _guessing = True
+    def _guessing(self, tree: Tree) -> bool:
+        return len(tree.rows) > 0 and embreex_installed()
 
-    def _guesses(
-        self, tree: Tree, height: float, laser: Plain, poses: Float
-    ) -> NDArray[np.int32] | None:
-        guesses = super()._guesses(tree, height, laser, poses)
-        if guesses is not None or not len(tree.rows) or not embreex_installed():
-            return guesses
-        level = self._level(height)
-        rays = rays_of(laser, poses, *self._middle(level).tolist())
-        return self._scene(level).first(*rays) // 2
+    def _guesses(self, height: float, rays: Records) -> NDArray[np.int32]:
+        level, ends = self._level(height), np.zeros((2, len(rays), 3), np.float32)
+        x, y = self._middle(level).tolist()
+        ends[0, :, 0], ends[0, :, 1] = rays["x"] - x, rays["y"] - y
+        ends[1, :, 0], ends[1, :, 1] = rays["dx"], rays["dy"]
+        return self._scene(level).first(*ends) // 2
 
 
 def _level_layers(
