@@ -4,7 +4,7 @@ The public names, which stand in the stub next to this file, are loaded when the
 that ``import lrf3d`` costs next to nothing and loads no more than a program needs.
 """
 
-from lrf3d.lazy import PAINTERS, loading
+from lrf3d.lazy import ABOVE, loading
 
 # Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
@@ -42,5 +42,11 @@ def _film(run: "Run", *args: "Any", **options: "Any") -> "Any":
     return render_video(run, *args, **options)
 
 
-# Values are drawn by layers above them, which are loaded when a picture is asked for.
-PAINTERS.update(figure=_figure, frame=_frame, film=_film)
+def _settings(table: str) -> "Any":
+    from lrf3d.equipment import settings
+
+    return settings(table)
+
+
+# Layers above draw values and know their settings; they are loaded when they are asked for it.
+ABOVE.update(figure=_figure, frame=_frame, film=_film, settings=_settings)

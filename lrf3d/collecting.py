@@ -311,10 +311,7 @@ class Recorder:
         if self._maps:
             newest = max(self._maps)
             kept[newest] = self._maps[newest]
-        estimate = None
-        if self._estimates:
-            none = np.empty(0, np.int64), np.empty((0, 3, 3))
-            estimate = EstimatedTrajectory(np.array(self._estimates), *none)
+        estimates = np.array(self._estimates)
         rows = rows_of(row_type(self._world, self._lasers), len(self))
         for index, taken in enumerate(self._taken):
             fill_row(rows, index, taken)
@@ -328,7 +325,7 @@ class Recorder:
             snapshot_scans=tuple(sorted(kept)),
             maps=tuple(kept[scan] for scan in sorted(kept)),
             obstacles=tuple(each.until(times[-1]) for each in self._obstacles),
-            estimate=estimate,
+            estimate=EstimatedTrajectory(estimates) if len(estimates) else None,
             further=self._lasers[1:],
         )
 

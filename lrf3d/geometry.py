@@ -7,7 +7,7 @@ form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -20,6 +20,8 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 Records = NDArray[Any]
 """Rows of fields with names, as kernels take them."""
+Radians = Annotated[float, "rad"]
+"""An angle, which files give in degrees."""
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
@@ -127,6 +129,12 @@ def generator(rng: Any) -> "np.random.Generator":
             f"rng {shown(rng)}: expected a whole number that seeds a generator, or a"
             " numpy.random.Generator"
         ) from None
+
+
+def usual_step(values: NDArray[Any]) -> float:
+    """The median of the steps by which values (n,), such as stamps, rise; 0 if none does."""
+    steps = np.diff(values)
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
 
 def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:

@@ -1,4 +1,4 @@
-"""What is loaded at its first use: public names (PEP 562), and what draws a value."""
+"""What is loaded at its first use: public names (PEP 562), and what layers above do for a value."""
 
 from importlib import import_module
 
@@ -30,9 +30,9 @@ def loading(
     return get, lambda: sorted(module_globals["__all__"])
 
 
-PAINTERS: "dict[str, Callable[..., Any]]" = {}
-"""What draws the figure of a value, and a frame and the film of a run, by these words: no value
-knows what draws it, so the head of the package enters them."""
+ABOVE: "dict[str, Callable[..., Any]]" = {}
+"""What layers above do for those below, entered by the head of the package: the ``figure`` of a
+value, a ``frame`` and the ``film`` of a run, and what the ``settings`` of a world file make."""
 
 
 class Pictured:
@@ -41,5 +41,5 @@ class Pictured:
     __slots__ = ()
 
     def _repr_png_(self) -> bytes:
-        picture: bytes = PAINTERS["figure"](self)
+        picture: bytes = ABOVE["figure"](self)
         return picture

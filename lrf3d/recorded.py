@@ -11,20 +11,23 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning, expect
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, as_rows, usual_step
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import doubtful_ranges
 from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
+from lrf3d.pose import Pose, compose
 from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.odometry import (
+    SURE_OF_POSES,
     Recording,
+    Repairs,
     WheelPath,
     fitted_lag,
     in_order,
@@ -80,9 +83,39 @@ def map_log(
         (5, True)
     """
     expect(progress, Callable, "progress")
-    log = readable(log if isinstance(log, LaserLog) else load_log(log))
+    log = punctual(log if isinstance(log, LaserLog) else load_log(log))
+    return map_scans(log, mode=mode, sigma=sigma, all_scans=all_scans, progress=progress)
+
+
+def punctual(log: LaserLog) -> LaserLog:
+    """A log whose scans have the poses of when they were taken, if they are stamped late.
+
+    Their turns show that, and a note says it.
+    """
+    log = readable(log)
     if not log.placed:
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
+    scans, notes = list(log.scans), list(log.notes)
+    for laser in log.lasers:
+        numbers = [number for number, scan in enumerate(scans) if scan.laser == laser]
+        own, places = [scans[number] for number in numbers], np.arange(len(numbers))
+        interval = usual_step(np.array([scan.time for scan in own]))
+        path = WheelPath(np.array([scan.robot for scan in own]), interval)
+        turns = turns_between(Sight(), own, path, places)
+        lags = fitted_lag(turns, path, places, SURE_OF_POSES)
+        said = Repairs(late=path.late(lags)).sentences()
+        notes += said
+        for number, robot in zip(numbers * len(said), path.at(places - lags), strict=False):
+            pose = compose(robot, np.array(scans[number].mount))
+            scans[number] = replace(scans[number], pose=Pose(*pose.tolist()))
+    return replace(log, scans=scans, notes=tuple(notes))
+
+
+@stoppable()
+def map_scans(
+    log: LaserLog, *, mode: str, sigma: float | None, all_scans: bool, progress: Progress
+) -> Run:
+    """Build a map from a log whose poses are known; arguments are those of `map_log`."""
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
@@ -153,20 +186,21 @@ def solve_log(
     expect(progress, Callable, "progress")
     known = on if on is None or isinstance(on, Run) else load_run(on)
     log, recording = followed(log)
-    offset, path = log.odometry.laser_offset, WheelPath(recording.wheels)
-    if not np.ptp(recording.wheels, axis=0).any():
+    offset, path = log.odometry.laser_offset, recording.path
+    if path.stands:
         # Odometry that never moves counts as missing.
         log = replace(log, placed=False)
     try:
-        recording, turns = _right_handed(recording, path, offset)
+        recording, turns = _right_handed(recording, offset)
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
     scans, places = recording.scans, recording.places
     for name, pairs in (("close", close), ("apart", apart)):
-        for one, other in pairs:
+        none = isinstance(pairs, tuple | list) and not pairs
+        for one, other in [] if none else as_rows(pairs, f"slam: {name}", 2).tolist():
             if not 0 <= one < other < len(scans):
                 raise InputError(
-                    f"{log.name}: {name} {one}:{other}: expected scans from 0 to"
+                    f"{log.name}: {name} {one:g}:{other:g}: expected scans from 0 to"
                     f" {len(scans) - 1}, the earlier one first"
                 )
     increments: Sequence[Float | None] = [None] * len(scans)
@@ -208,7 +242,7 @@ def solve_log(
     slam.finish()
     poses = slam.refined(scans)
     # Now that the poses of all scans are known, all of them show the lag.
-    lag = fitted_lag(np.diff(poses[:, 2]), path, places)
+    lags = fitted_lag(np.diff(poses[:, 2]), path, places)
     both = None
     if known is not None:
         if known.further:
@@ -216,10 +250,12 @@ def solve_log(
             warnings.warn(words, Lrf3dWarning, stacklevel=2)
         both = joined(known, slam, map(slam.sight.surface, scans), poses, log.name)
         poses = both.poses
-    lines = line_poses(path, places, lag, poses)[recording.rows]
+    lines = line_poses(path, places, lags, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
-    found = recording.repairs, slam.self_check() if both is None else both.check
-    return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes, both)
+    repairs = replace(recording.repairs, late=path.late(lags))
+    check_ = slam.self_check() if both is None else both.check
+    lag = float(lags.mean())
+    return SolvedLog(log, slam, scans, poses, lines, lag, repairs, check_, passes, both)
 
 
 def readable(log: LaserLog) -> LaserLog:
@@ -264,7 +300,8 @@ def _checked(log: LaserLog) -> Recording:
     least_beams = 3  # Beams that a scan must have to show a wall.
     if len(first) < least_beams:
         raise InputError(f"scans of {len(first)} beams; expected at least {least_beams}")
-    if np.abs(first).max() > 2.0 * np.pi:
+    # With room for the rounding of drivers.
+    if np.abs(first).max() > 2.1 * np.pi:
         angle = first[np.abs(first).argmax()]
         raise InputError(f"a beam at {angle:g} rad; expected angles of at most a turn")
     finite = np.isfinite(wheels).all(axis=1) & np.isfinite(times)
@@ -277,10 +314,10 @@ def _checked(log: LaserLog) -> Recording:
     return in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
 
 
-def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
+def _right_handed(recording: Recording, offset: float) -> tuple[Recording, Float]:
     """A recording whose laser turns as the odometry does, and the turns that its scans show."""
-    sight, scans = Sight(offset), recording.scans
-    turns = turns_between(lambda number: sight.seen(scans[number]), path, recording.places)
+    scans, path = recording.scans, recording.path
+    turns = turns_between(Sight(offset), scans, path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
     # The order of the beams in time is lost with that of their angles.

@@ -16,7 +16,7 @@ from lrf3d.geometry import Float, Int, Value, number, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.lazy import PAINTERS, Pictured
+from lrf3d.lazy import ABOVE, Pictured
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.robot import EstimatedTrajectory, Trajectory
@@ -264,7 +264,7 @@ class Run(Value, Pictured):
             >>> run.frame(0.5, size=(64, 36), renderer="embree").shape
             (36, 64, 3)
         """
-        picture: NDArray[np.uint8] = PAINTERS["frame"](self, time, **options)
+        picture: NDArray[np.uint8] = ABOVE["frame"](self, time, **options)
         return picture
 
     def video(self, *, size: tuple[int, int] = (640, 360), **options: Any) -> Any:
@@ -279,7 +279,7 @@ class Run(Value, Pictured):
             raise MissingLibraryError(words) from None
         with TemporaryDirectory() as folder:
             file = Path(folder) / "run.mp4"
-            PAINTERS["film"](self, file, size=size, **options)
+            ABOVE["film"](self, file, size=size, **options)
             settings = {"mimetype": "video/mp4", "html_attributes": "controls loop muted"}
             return film(file.read_bytes(), embed=True, width=size[0], **settings)
 

@@ -19,18 +19,11 @@ from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
+from lrf3d.mapping import LineMapper
 from lrf3d.planning import Side
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory, follow_route
-from lrf3d.robot.following import (
-    CONTROL_STEP,
-    LOOKAHEAD,
-    SCAN_INTERVAL,
-    SPEED,
-    Patrol,
-    chain_laps,
-    drive_laps,
-)
+from lrf3d.robot import Trajectory, follow_route, following
+from lrf3d.robot.following import LOOKAHEAD, SCAN_INTERVAL, SPEED, Patrol
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.world import World, load_world
@@ -189,7 +182,7 @@ class Scenario(Value):
     @property
     def _commands(self) -> int:
         """Number of commands between two scans: steering is finer than the interval."""
-        return max(1, round(self.scan_interval / CONTROL_STEP))
+        return max(1, round(self.scan_interval / following.CONTROL_STEP))
 
     def trajectory(
         self,
@@ -217,7 +210,7 @@ class Scenario(Value):
             laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **settings),)
         else:
             most = (scans - 1) * commands + 1
-            laps = drive_laps(self.route, start=self.start, most=most, **settings)
+            laps = following.drive_laps(self.route, start=self.start, most=most, **settings)
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.collision import Body, check_drive, find_collision
 
@@ -229,7 +222,7 @@ class Scenario(Value):
                 on_collision(str(collision))
                 break
         laps = tuple(lap.every(commands) for lap in laps)
-        path = laps[0] if scans is None else chain_laps(laps, scans)
+        path = laps[0] if scans is None else following.chain_laps(laps, scans)
         if self.obstacles:
             nothing = World(np.empty((0, 4)))
             if (collision := find_collision(path, nothing, body, self.obstacles)) is not None:
@@ -381,7 +374,9 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             path = Patrol(given["route"], given.get("speed", 1.0))
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
-    sigmas = noise.get("sigma", SIGMA)
+    sigmas, sensors = noise.get("sigma", SIGMA), motion_sensors(file, tables)
+    with file.at("mapper"):
+        LineMapper(**tables["mapper"])
     with file.at("robot"):
         return Scenario(
             world=file.world,
@@ -391,7 +386,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
             obstacles=tuple(obstacles),
             mapper=tables["mapper"],
-            **motion_sensors(file, tables),
+            **sensors,
             film=film,
             name=own_name(file.path, file.world.name),
             **robot,

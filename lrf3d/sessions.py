@@ -21,7 +21,6 @@ from lrf3d.pose import bent, between, compose
 from lrf3d.recorded import followed
 from lrf3d.run import Run
 from lrf3d.slam import Slam
-from lrf3d.slam.odometry import WheelPath
 from lrf3d.world import World, load_world
 
 
@@ -103,7 +102,7 @@ def localise_log(
     slam, search = Slam(laser_offset=log.odometry.laser_offset), PlaceSearch(places)
     increments: Sequence[Float | None] = [None] * len(log)
     if log.placed:
-        increments = list(WheelPath(recording.wheels).increments(1.0 * recording.places))
+        increments = list(recording.path.increments(recording.places))
     for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
         slam.update(scan, increment)
         search.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)

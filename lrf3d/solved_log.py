@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Float, lengths, usual_step
 from lrf3d.interrupts import Progress, check, silent
 from lrf3d.io import LaserLog
 from lrf3d.io.laser_log import on_one_fan
@@ -280,8 +280,7 @@ def rising(stamps: Float) -> Float:
     """Stamps (k,) [s] made to rise: those that do not are interpolated between their neighbours."""
     latest = np.maximum.accumulate(stamps)
     knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    usual = usual_step(stamps) or 1.0
     number = np.arange(len(stamps), dtype=np.float64)
     times = np.interp(number, knots, latest[knots])
     times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])

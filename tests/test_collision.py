@@ -237,14 +237,11 @@ def test_an_outline_in_a_world_file_is_the_body_or_an_error_that_names_the_file(
 
 
 def fleet(drives, starts=None, **settings):
-    world = World([[90.0, 0, 90, 1]])
     lrf = LaserRangeFinder(-np.pi, np.pi, 73)
     usual = {"mapper": NoMap, "caster": "planar", "radius": 0.5}
     if "scans" in settings:
         usual["scan_interval"] = 0.5
-    return simulate_fleet(
-        world or World([[90.0, 0, 90, 1]]), drives, lrf, starts=starts, **usual | settings
-    )
+    return simulate_fleet(World([[90.0, 0, 90, 1]]), drives, lrf, starts=starts, **usual | settings)
 
 
 def test_controllers_of_a_fleet_see_and_touch_each_other_where_they_meet():

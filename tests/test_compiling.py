@@ -185,3 +185,11 @@ def test_a_kernel_that_counts_no_references_may_not_return_arrays():
 
     with pytest.raises(TypeError, match="returns an array"):
         borrower(kernel)
+
+
+def test_a_kernel_whose_parts_were_in_a_module_that_is_gone_is_compiled_again(load, tmp_path):
+    run(load())
+    kept = list(tmp_path.rglob("*.nbc"))
+    for path in kept:
+        path.write_bytes(b"cmodule_that_is_gone\npart\n.")
+    assert run(load()) == (25.0, bool(kept))

@@ -14,7 +14,7 @@ import lrf3d
 from lrf3d.cli.commands import COMMANDS
 from lrf3d.world import Material
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES
+from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES, settings
 
 README = PAGES[0]
 LONG = {
@@ -88,7 +88,7 @@ def test_every_picture_of_the_readme_is_there():
 
 def test_every_key_of_a_world_file_is_documented():
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
-    keys = {key for table in (*TABLES.values(), OBJECT, OBSTACLE) for key in table}
+    keys = {key for table in (*map(settings, TABLES), OBJECT, OBSTACLE) for key in table}
     keys |= {field.name for kind in (FixedCamera, Material) for field in fields(kind)}
     assert [key for key in sorted(keys) if f"`{key}`" not in text] == []
 

@@ -17,7 +17,6 @@ import yaml
 import lrf3d
 
 ROOT = Path(__file__).parents[1]
-WORKFLOWS = ROOT / ".github" / "workflows"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 USER = """

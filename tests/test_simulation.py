@@ -89,7 +89,7 @@ def test_light_and_estimate_are_of_as_many_scans(run):
         replace(run, intensities=np.ones((2, 181)))
     with pytest.raises(InputError, match="echoes"):
         replace(run, echoes=np.ones((3, 180, 2)))
-    estimate = lrf3d.EstimatedTrajectory(np.zeros((2, 3)), [], np.empty((0, 3, 3)))
+    estimate = lrf3d.EstimatedTrajectory(np.zeros((2, 3)))
     with pytest.raises(InputError, match="estimate of 2 scans; expected 3"):
         replace(run, estimate=estimate)
 

@@ -1,7 +1,7 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -178,26 +178,11 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        tree, is_fan = self.tree(height), ranges.shape[1] > FEW
-        guessing = is_fan and self._guessing(tree)
-        if is_fan and not guessing:
+        tree = self.tree(height)
+        if ranges.shape[1] > FEW:
             cast_scans(tree[:], laser, poses, ranges, walls)
-            return
-        many = max(1, AT_ONCE // ranges.shape[1])
-        for part in (slice(k, k + many) for k in range(0, len(poses), many)):
-            rays = np.empty(ranges[part].shape, RAY)
-            rays_from(laser, poses[part], np.zeros(len(rays)), rays)
-            flat = rays.ravel()
-            guesses = self._guesses(height, flat) if guessing else NO_GUESSES
-            cast_rays(tree[:], laser[-2:], flat, guesses, ranges[part].ravel(), walls[part].ravel())
-
-    def _guessing(self, tree: Tree) -> bool:
-        """Whether there are guesses for the rays of fans, too."""
-        return False
-
-    def _guesses(self, height: float, rays: Records) -> NDArray[np.int32]:
-        """The rows (n,) of the walls that rays (n,) probably meet, or −1."""
-        return NO_GUESSES
+        else:
+            cast_one_by_one(tree, laser, poses, ranges, walls, lambda rays: NO_GUESSES)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)
@@ -231,3 +216,17 @@ class PlanarCaster:
 
         share(work, len(poses))
         return lit
+
+
+def cast_one_by_one(
+    tree: Tree, laser: Plain, poses: Float, ranges: Float, walls: Int,
+    guesses: Callable[[Records], NDArray[np.int32]],
+) -> None:  # fmt: skip
+    """Cast scans beam by beam, some of them at a time, with the walls that beams probably meet."""
+    many = max(1, AT_ONCE // ranges.shape[1])
+    for part in (slice(k, k + many) for k in range(0, len(poses), many)):
+        rays = np.empty(ranges[part].shape, RAY)
+        rays_from(laser, poses[part], np.zeros(len(rays)), rays)
+        flat = rays.ravel()
+        found = guesses(flat), ranges[part].ravel(), walls[part].ravel()
+        cast_rays(tree[:], laser[-2:], flat, *found)

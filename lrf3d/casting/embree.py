@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.caster import MOST_TREES, PlanarCaster
+from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster, cast_one_by_one
 from lrf3d.casting.kernels.echoes import Lit
-from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Bool, Float, Int, Records, is_finite, numbers
@@ -148,15 +148,21 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    def _guessing(self, tree: Tree) -> bool:
-        return len(tree.rows) > 0 and embreex_installed()
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
+        tree = self.tree(height)
+        if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
+            super()._fill(height, laser, poses, ranges, walls)
+            return
+        level = self._level(height)
+        scene, (x, y) = self._scene(level), self._middle(level).tolist()
 
-    def _guesses(self, height: float, rays: Records) -> NDArray[np.int32]:
-        level, ends = self._level(height), np.zeros((2, len(rays), 3), np.float32)
-        x, y = self._middle(level).tolist()
-        ends[0, :, 0], ends[0, :, 1] = rays["x"] - x, rays["y"] - y
-        ends[1, :, 0], ends[1, :, 1] = rays["dx"], rays["dy"]
-        return self._scene(level).first(*ends) // 2
+        def guesses(rays: Records) -> NDArray[np.int32]:
+            ends = np.zeros((2, len(rays), 3), np.float32)
+            ends[0, :, 0], ends[0, :, 1] = rays["x"] - x, rays["y"] - y
+            ends[1, :, 0], ends[1, :, 1] = rays["dx"], rays["dy"]
+            return scene.first(*ends) // 2
+
+        cast_one_by_one(tree, laser, poses, ranges, walls, guesses)
 
 
 def _level_layers(

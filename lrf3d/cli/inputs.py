@@ -39,6 +39,20 @@ def refuse(args: Namespace, flags: str, why: str) -> None:
         raise InputError(f"{', '.join(given)}: {why}")
 
 
+def refuse_twice(args: Namespace) -> None:
+    """Refuse a key of the world file that is given in two ways, of which one would be dropped."""
+    keys = {
+        "--sigma": "noise.sigma", "--beams": "laser.beams", "--mode": "mapper.mode",
+        "--view": "film.view", "--playback": "film.playback", "--points-by": "film.points_by",
+    }  # fmt: skip
+    for name in ("set", "vary"):
+        given = [text.partition("=")[0].strip() for text in getattr(args, name, None) or ()]
+        for key in given:
+            flags = [flag for flag, other in keys.items() if other == key and flag in args.flags]
+            if flags or (name == "vary" and given.count(key) > 1):
+                raise InputError(f"{' '.join([*flags, f'--{name} {key}'])}: given twice")
+
+
 DRIVE = "--set --inside --outside --ignore-collisions"
 """Options of a simulated drive."""
 
@@ -93,8 +107,13 @@ def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
         raise InputError("--inside, --outside: a controller drives, so no route is planned")
     if args.slam and (args.mapper or args.mode):
         raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
+    if args.noise and len(args.sigma or ()) > 1:
+        raise InputError("--sigma: --noise takes its place; give one, for the mapper, or none")
     scenario = scenario_of(read_file(args.world, **options_of(args)), args.set or ())
     check_view(args.view or scenario.film.view, scenario.world.cameras)
+    if args.noise and scenario.compared:
+        warn(f"{scenario.name}: --noise takes the place of its noise levels; none are compared")
+        scenario = scenario.changed(compared=())
     kinds = [kind for kind in ("mapper", "controller", "noise") if vars(args)[kind] is not None]
     return scenario, {kind: load_plugin(kind, vars(args)[kind]) for kind in kinds}
 
@@ -237,10 +256,10 @@ def start(args: Namespace) -> int | None:
     with ExitStack() as stack:
         report = Report(args.command, args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
-        parts = ["slam"] if slam else []
-        compiling = start_compiling(*parts) if args.command in compiled else None
+        compiling = start_compiling(bool(slam)) if args.command in compiled else None
         if compiling is not None:
             stack.callback(compiling.kill)
+        refuse_twice(args)
         source = read(args)
         module, _, function = target.partition(":")
         command = getattr(import_module(f"lrf3d.cli.{module}"), function)

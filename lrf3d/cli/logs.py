@@ -25,7 +25,7 @@ from lrf3d.localization import OdometryNoise
 from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.mapping import LineMap, save_map
 from lrf3d.pose import Pose, compose
-from lrf3d.recorded import map_log, solve_log
+from lrf3d.recorded import map_scans, punctual, solve_log
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import score_log, score_trajectory
@@ -38,9 +38,10 @@ from lrf3d.world import World
 def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     """Map a log whose poses are known, and test the map."""
     settings = {"mode": args.mode or "robust", "sigma": args.sigma}
+    log = punctual(log)
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        run = map_log(log, **settings, all_scans=args.all, progress=progress)
+        run = map_scans(log, **settings, all_scans=args.all, progress=progress)
     tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
     score = score_log(run.map, [] if args.all else tests)
     bad = [{line.kind: line.number, "reason": line.reason} for line in log.bad_lines]

@@ -72,7 +72,8 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
     updates = sum(each.done for each in simulations)
     summary = {
         "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
-        "sigma_m": sigmas[0], "planned": scenario.planned, **_figures(main, run, output.path),
+        "sigma_m": _sigma(scenario, args), "planned": scenario.planned,
+        **_figures(main, run, output.path),
         "seconds": seconds, "milliseconds_a_scan": 1e3 * seconds / updates if updates else None,
         "milliseconds_an_update": main.milliseconds_an_update,
     }  # fmt: skip
@@ -145,6 +146,11 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
         ) from None
 
 
+def _sigma(scenario: Scenario, args: Namespace) -> float | None:
+    """The noise [m] at range_max; None for a noise of the user's."""
+    return None if args.noise and not args.sigma else (args.sigma or scenario.sigmas)[0]
+
+
 def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]:
     run, drive, score = runs[0], summary["drive"], summary["score"]
     scans = f"{counted(drive['scans'], 'scan')} of {counted(run.ranges.shape[1], 'beam')}"
@@ -154,7 +160,8 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
     few_seen = 0.6  # Share of the walls below which a run says that it saw few of them.
     if (share := summary["seen_share"]) is not None:
         side = f"{summary['planned'] or 'there'}"
-        few = "; the map shows the smaller part: see the doors above, or drive on with more --scans"
+        doors = "see the doors above, or " if summary["planned"] else ""
+        few = f"; the map shows the smaller part: {doors}drive on with more --scans"
         rows.append(("seen", f"{100 * share:.0f} % of the walls {side}{few * (share < few_seen)}"))
     if score is not None:
         found = "no wall is long enough to be looked for"
@@ -204,7 +211,7 @@ def _run_fleet(
     runs = [replace(run, film=scenario.film) for run in runs]
     common = {
         "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
-        "sigma_m": scenario.sigmas[0] if sigma is None else sigma, "planned": scenario.planned,
+        "sigma_m": _sigma(scenario, args), "planned": scenario.planned,
         "seconds": perf_counter() - begin,
     }  # fmt: skip
     files, pictures, rows, robots = dict[str, str](), dict[str, Drawing](), [], []

@@ -67,8 +67,7 @@ def with_trajectory(run: Run, estimate: Trajectory, alignment: Pose | None = Non
         alignment = pose_errors(run.trajectory, estimate).alignment
     poses = compose(np.array(alignment), estimate.at(run.trajectory.times))
     poses[:, 2] = np.unwrap(poses[:, 2])
-    none = np.empty(0, np.int64), np.empty((0, 3, 3))
-    return replace(run, estimate=EstimatedTrajectory(poses, *none))
+    return replace(run, estimate=EstimatedTrajectory(poses))
 
 
 def _moved_map(path: Path, pose: Pose) -> LineMap:

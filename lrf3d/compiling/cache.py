@@ -183,7 +183,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         # An installation that cannot be written may have come with its kernels.
         beside = Path(self._py_func.__code__.co_filename).parent / "__pycache__"
         for folder in (Path(self._cache_path), beside):
-            with suppress(OSError):
+            # Code that has moved to another module is the same code: its old home may be gone.
+            with suppress(OSError, ImportError):
                 return loads((folder / self._file_name(key)).read_bytes())
         return None
 

@@ -12,7 +12,7 @@ import sqlite3
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,17 +69,27 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
             _unpack(path, file)
             head = file.read(len(SQLITE))
         if head == SQLITE:
-            yield from _of_sqlite(Path(file.name))
+            try:
+                yield from _of_sqlite(Path(file.name))
+            except sqlite3.DatabaseError as error:
+                raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
             return
         is_mcap = head.startswith(MCAP)
         if not is_mcap and not head.startswith(OLD):
             raise InputError("none of a known kind")
-        file.seek(len(MCAP if is_mcap else OLD))
-        yield from _of_mcap(file, {}, {}) if is_mcap else _of_ros1(file, {})
         end = file.seek(0, 2)
-        file.seek(max(end - len(MCAP), 0))
-        if is_mcap and file.read() != MCAP:
+        if is_mcap:
+            file.seek(max(end - len(MCAP), 0))
+            whole = file.read() == MCAP
+            file.seek(len(MCAP))
+        else:
+            file.seek(len(OLD))
+            index = int.from_bytes(_fields(_block(file)).get(b"index_pos", b""), "little")
+            whole = 0 < index <= end
+            _block(file)
+        if not whole:
             note(f"{path.name} was cut short: what is whole in it was read")
+        yield from _of_mcap(file, {}, {}) if is_mcap else _of_ros1(file, {})
 
 
 def unpacked(packing: str, data: bytes) -> bytes:
@@ -119,14 +129,17 @@ def _unpack(path: Path, whole: Any) -> None:
     # Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
     most_times = 200
     left = MOST_UNPACKED + most_times * path.stat().st_size
-    block = 1 << 20  # Bytes of a packed file that are unpacked at a time.
-    with _zstd().open(path) as stream:
+    # Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
+    block = 1 << 16
+    with suppress(EOFError), _zstd().open(path) as stream:
         while part := stream.read(block):
             check()
             left -= len(part)
             if left < 0:
                 raise InputError(f"a packed file unpacks to more than {most_times} times its size")
             whole.write(part)
+    if not whole.tell():
+        raise InputError("cut short, so that nothing in it is whole")
     whole.seek(0)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, one_line
-from lrf3d.geometry import LARGEST_COORDINATE
+from lrf3d.geometry import LARGEST_COORDINATE, usual_step
 from lrf3d.io.bag_frames import BACK, Frames, Part, Track, in_the_plane
 from lrf3d.io.laser_log import A_MESSAGE, A_POSE, Intake, LaserLog
 from lrf3d.laser import LaserScan, Stamp
@@ -16,12 +16,16 @@ from lrf3d.pose import Pose
 from lrf3d.text import counted
 
 SCAN = "sensor_msgs/msg/LaserScan"
+ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
+SCANS = (SCAN, ECHOES)
+"""Scans, and those of several echoes a beam, of which the first counts."""
+
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 OLD_TRANSFORMS = "tf/msg/tfMessage"
-TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
+TYPES = (*SCANS, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
 """The types of messages that are read."""
 
 STATIC_FRAMES = "/tf_static"
@@ -93,7 +97,10 @@ class Contents:
                     )
             return A_POSE * len(message.transforms)
         stamp = _stamp(message), received, number
-        if kind == SCAN:
+        if kind in SCANS:
+            if kind == ECHOES:
+                message.ranges = [[*each.echoes, np.inf][0] for each in message.ranges]
+                message.intensities = []
             frame = _frame(message.header.frame_id)
             stream = self.by_frame.get((topic, frame)) or Stream(topic, frame)
             stream.add(message, *stamp)
@@ -146,6 +153,8 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     left = [each.words for each in contents.streams if each is not used.get(each.frame)]
     if left:
         notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
+    if robot.coarse:
+        notes.append(robot.coarse)
     if len(used) > 1:
         notes.append("lasers: " + ", ".join(each.words for each in used.values()))
     scans = [s for each in used.values() for s in robot.placed(each)]
@@ -252,6 +261,20 @@ class _Robot:
                 f"{source}, with the laser in the middle of {child} for want of a transform",
             )
         return base, f"{source}, with {base} taken for {child}"
+
+    @property
+    def coarse(self) -> str:
+        """That odometry comes much more seldom than scans, in a sentence; "" if it does not."""
+        if self.source not in self._tracks:
+            return ""
+        apart, scans = (usual_step(1e-9 * track.times(self.part)[0])
+                        for track in (self._tracks[self.source], self._stream.track))  # fmt: skip
+        # Intervals [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
+        if not scans or apart < max(0.3, 3.0 * scans):
+            return ""
+        return (
+            f"poses of {self.source} are {apart:.2g} s apart: interpolated for scans between them"
+        )
 
     def doubt(self) -> str:
         """What is wrong with the stamps of this robot's scans or poses; "" if nothing is."""

@@ -26,8 +26,10 @@ from pathlib import Path
 from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.interrupts import check
 from lrf3d.io.bag_files import ZSTD, Topic, bag_files, packets, unpacked
-from lrf3d.io.bag_poses import OLD_TRANSFORMS, SCAN, TRANSFORMS, TYPES, Contents, log_of
+from lrf3d.io.bag_poses import OLD_TRANSFORMS, SCAN, SCANS, TRANSFORMS, TYPES, Contents, log_of
 from lrf3d.io.laser_log import Intake, LaserLog
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def load_bag(
@@ -55,12 +57,14 @@ def load_bag(
         else:
             intake.take(size, number, "message")
     scans = sorted(
-        {t.name for t in topics if t.kind == SCAN}, key=lambda name: (name != "/scan", name)
+        {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
     )
     why = "".join(f"; {note}" for note in intake.notes)
     if not scans:
         there = ", ".join(sorted(f"{topic.name} ({topic.kind})" for topic in topics))
         there = there and f"; there are {one_line(there, 300)}"
+        if any(topic.kind == CLOUD for topic in topics):
+            there += "; ROS's pointcloud_to_laserscan makes scans of point clouds"
         raise InputError(f"{path}: no topic of {SCAN} in it{there}{why}")
     if scan_topic not in (None, *scans):
         raise InputError(f"{path}: no scans on {scan_topic}; there are {', '.join(scans)}")
@@ -79,7 +83,7 @@ def _wanted(
         try:
             for topic, received, data in packets(file, intake.notes.append):
                 topics.add(topic)
-                unwanted = topic.kind == SCAN and scan_topic not in (None, topic.name)
+                unwanted = topic.kind in SCANS and scan_topic not in (None, topic.name)
                 if data is not None and topic.kind in TYPES and not unwanted:
                     yield topic, received, unpacked("zstd" if data.startswith(ZSTD) else "", data)
         except InputError as error:

@@ -10,7 +10,7 @@ from lrf3d.files import as_path, opened, own_name
 from lrf3d.geometry import number
 from lrf3d.interrupts import reading
 from lrf3d.io.array_log import RECORDS, array_table, is_foreign, record_table
-from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE
+from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE, ZSTD
 from lrf3d.io.carmen import WORDS, load_carmen
 from lrf3d.io.laser_log import GZIPPED, Intake, LaserLog
 from lrf3d.io.text_log import add_partner, text_table
@@ -98,7 +98,10 @@ def load_log(
         from lrf3d.io.run_file import load_run
 
         if poses not in ("auto", "truth"):
-            raise InputError(f"{path}: no poses from {poses} in it; a run has only true poses")
+            raise InputError(
+                f"{path}: no poses from {poses} in it; a run has only true poses (--poses truth);"
+                " for SLAM write its log: lrf3d export RUN --to carmen"
+            )
         run = load_run(path)
         # Another name than the run's, so that its map does not replace that of the run.
         name = own_name(path.resolve().parent if path.name == "run.npz" else path)
@@ -127,7 +130,7 @@ def _kind(path: Path) -> str:
         head = file.read(HEAD)
     if ending.endswith((".npz", ".mat")):
         return "arrays" if ending.endswith(".mat") or is_foreign(path) else "run"
-    if head.startswith((MCAP, SQLITE, OLD)):
+    if head.startswith((MCAP, SQLITE, OLD, ZSTD)):
         return "bag"
     if head.startswith(GZIPPED):
         # What a packed file begins with is enough.

@@ -1,12 +1,13 @@
 """Imperfections of a range finder, in addition to the noise of Eq. 7.
 
 Beams deviate from their angle, do not return, or hit a near and a far surface at once. Each is a
-noise; `imperfect` chains those that are given.
+noise, whose keys in a world file stand in `NOISES`; `imperfect` chains those that are given.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -28,44 +29,6 @@ from lrf3d.laser.scan import LaserScan
 
 Echo = tuple[float, float, int]
 """Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
-
-
-def imperfect(
-    sigma: float,
-    lrf: LaserRangeFinder | None = None,
-    *,
-    constant: float = 0.0,
-    angle_deg: float = 0.0,
-    beam_deg: float = 0.0,
-    drop_outs: float = 0.0,
-    drop_outs_far: float = 0.0,
-    resolution: float = 0.0,
-) -> Noise:
-    """The noise of Eq. 7, and the imperfections that are not 0, in physical order.
-
-    They are named as in world files, and those that are 0 are left out: sigma [m] at range_max for
-    `ProportionalNoise`, constant [m], angle_deg [°], beam_deg [°] for `MixedPixels`, which take the
-    echo and the threshold of the range finder, the probabilities of `DropOuts`, and the resolution
-    [m] for `Quantised`.
-
-    Raises:
-        InputError: One is not a number of at least 0, or a probability is above 1.
-    """
-    chain: list[Noise] = []
-    if angle_deg:
-        chain.append(AngleNoise(math.radians(number(angle_deg, "angle_deg", "degrees"))))
-    if beam_deg:
-        width = math.radians(number(beam_deg, "beam_deg", "degrees"))
-        light = {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
-        chain.append(MixedPixels(width, **light))  # type: ignore[arg-type]
-    if drop_outs or drop_outs_far:
-        chain.append(DropOuts(drop_outs, drop_outs_far))
-    if constant:
-        chain.append(ConstantNoise(constant))
-    chain.append(ProportionalNoise(sigma))
-    if resolution:
-        chain.append(Quantised(resolution))
-    return chain[0] if len(chain) == 1 else Chain([*chain, Limits()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,3 +215,43 @@ def on_one_wall(scan: LaserScan) -> Bool:
     """Which beams (beams − 1,) hit the same wall as the next one."""
     known = scan.walls >= 0
     return np.asarray(known[:-1] & known[1:] & (scan.walls[:-1] == scan.walls[1:]))
+
+
+def _degrees(angle: float, key: str) -> float:
+    return math.radians(number(angle, key, "degrees", most=90.0))
+
+
+def _mixed(lrf: LaserRangeFinder | None, width: float) -> Noise:
+    light: Any = {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
+    return MixedPixels(_degrees(width, "beam_deg"), **light)
+
+
+NOISES: dict[tuple[str, ...], Callable[..., Noise]] = {
+    ("angle_deg",): lambda lrf, sigma: AngleNoise(_degrees(sigma, "angle_deg")),
+    ("beam_deg",): _mixed,
+    ("drop_outs", "drop_outs_far"): lambda lrf, share, far: DropOuts(share, far),
+    ("constant",): lambda lrf, sigma: ConstantNoise(sigma),
+    ("sigma",): lambda lrf, sigma: ProportionalNoise(sigma),
+    ("resolution",): lambda lrf, step: Quantised(step),
+}
+"""The kinds of noise in physical order: what makes one of a range finder, which may be unknown, and
+the values of its keys in a world file. Others may be entered, which world files then have, too."""
+
+
+def imperfect(sigma: float, lrf: LaserRangeFinder | None = None, **values: float) -> Noise:
+    """The noise of Eq. 7, with a sigma [m] at range_max, and the imperfections that are not 0.
+
+    They are named as in world files, and chained in the order of `NOISES`. Mixed pixels take the
+    echo and the threshold of the range finder.
+
+    Raises:
+        InputError: One is unknown, no number of at least 0, or a probability above 1.
+    """
+    given = {"sigma": sigma, **values}
+    check_names("noise", given, [key for kind in NOISES for key in kind])
+    chain = [
+        make(lrf, *(given.get(key, 0.0) for key in kind))
+        for kind, make in NOISES.items()
+        if kind == ("sigma",) or any(given.get(key) for key in kind)
+    ]
+    return chain[0] if len(chain) == 1 else Chain([*chain, Limits()])

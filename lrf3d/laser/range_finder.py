@@ -5,12 +5,21 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
 from lrf3d.errors import InputError, check_names, expect, shown
-from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Value, number, sealed, whole_number
+from lrf3d.geometry import (
+    LARGEST_COORDINATE,
+    TINY,
+    Float,
+    Radians,
+    Value,
+    number,
+    sealed,
+    whole_number,
+)
 from lrf3d.pose import Pose, as_pose, between, compose
 
 ECHO_CHOICES = ("first", "last", "strongest")
@@ -62,8 +71,8 @@ class LaserRangeFinder(Value):
         [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0]]
     """
 
-    angle_min: float = -np.pi / 2
-    angle_max: float = np.pi / 2
+    angle_min: Radians = -np.pi / 2
+    angle_max: Radians = np.pi / 2
     beams: int = 181
     range_min: float = 0.0
     range_max: float = 80.0
@@ -71,7 +80,7 @@ class LaserRangeFinder(Value):
     scan_duration: float = 0.0
     threshold: float = field(default=0.0, repr=False)
     near_field: float = field(default=0.0, repr=False)
-    echo: str = field(default="strongest", repr=False)
+    echo: Annotated[str, ECHO_CHOICES] = field(default="strongest", repr=False)
     echoes: int = field(default=1, repr=False)
     mount: Pose = field(default=CENTRE, repr=False)
     name: str = field(default="laser", repr=False)

@@ -1,6 +1,8 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Annotated, Any, NamedTuple
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import number, whole_number
@@ -9,10 +11,47 @@ from lrf3d.laser.noise import FLOOR, SIGMA
 from lrf3d.laser.unrolling import motion_since, together, unrolled
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
-from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.mapper import RobustMapper
 
-MODES = ("paper", "robust")
+
+class Thresholds(NamedTuple):
+    """The settings of a mapper, all of them known; see :class:`LineMapper`."""
+
+    gap: float
+    split: float
+    merge_length: float
+    merge_distance: float
+    sigma: float
+    floor: float
+    min_points: int
+
+
+class Mode(NamedTuple):
+    """A mode of the mapper: what makes it of thresholds, and those that depend on the mode."""
+
+    make: Callable[[Thresholds], Any]
+    """Makes an object with `update`, `local_map` and `map` of a LineMapper."""
+    merge_length: float
+    noise: float
+    """Share of sigma that the default merge_distance has in addition."""
+    min_points: int
+
+
+def _paper(limits: Thresholds) -> PaperMapper:
+    extract = SplitMergeExtractor(limits.gap, limits.split)
+    return PaperMapper(extract, limits.merge_length, limits.merge_distance, limits.min_points)
+
+
+def _robust(limits: Thresholds) -> Any:
+    # Compiled code takes a library that readers of settings need not wait for.
+    from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+    from lrf3d.mapping.robust.mapper import RobustMapper
+
+    extract = LikelihoodExtractor(limits.gap, limits.sigma, limits.floor)
+    return RobustMapper(extract, limits.merge_length, limits.merge_distance, limits.min_points)
+
+
+MODES = {"paper": Mode(_paper, 0.1, 0.5, 2), "robust": Mode(_robust, 0.5, 0.0, 4)}
+"""The modes of the mapper; others may be entered, which world files and sweeps then have, too."""
 
 MOST = {
     "gap": 1e6, "split": 1e6, "merge_length": 100.0, "merge_distance": 10.0, "floor": 1e3,
@@ -57,7 +96,7 @@ class LineMapper:
 
     def __init__(
         self,
-        mode: str = "robust",
+        mode: Annotated[str, MODES] = "robust",
         *,
         gap: float = 2.5,
         split: float | None = None,
@@ -69,36 +108,34 @@ class LineMapper:
     ) -> None:
         if not isinstance(mode, str) or mode not in MODES:
             raise InputError(f"mapper mode {shown(mode)}: expected one of {', '.join(MODES)}")
-        paper = mode == "paper"
+        usual = MODES[mode]
         sigma = SIGMA if sigma is None else sigma
         number(sigma, "mapper: sigma", "metres", most=MOST["sigma"])
         split = 0.1 + 1.5 * sigma if split is None else split
-        length = (0.1 if paper else 0.5) if merge_length is None else merge_length
-        usual = 0.1 + (0.5 * sigma if paper else 0.0)
-        distance = usual if merge_distance is None else merge_distance
-        for name, value in (
-            ("gap", gap), ("split", split), ("merge_length", length), ("merge_distance", distance),
-            ("floor", floor),
-        ):  # fmt: skip
-            number(value, f"mapper: {name}", "metres", positive=True, most=MOST[name])
-        least = 2 if paper else 4
-        if min_points is not None:
-            least = whole_number(min_points, "mapper: min_points", least=0)
         self._settings = (
             f"{mode!r}, {gap=}, {split=}, {merge_length=}, {merge_distance=}, {sigma=}, {floor=},"
             f" {min_points=}"
         )
+        length = usual.merge_length if merge_length is None else merge_length
+        distance = 0.1 + usual.noise * sigma if merge_distance is None else merge_distance
+        limits = {
+            "gap": gap, "split": split, "merge_length": length, "merge_distance": distance,
+            "floor": floor,
+        }  # fmt: skip
+        # Compiled code is made for floats alone.
+        known = {
+            name: number(value, f"mapper: {name}", "metres", positive=True, most=MOST[name])
+            for name, value in limits.items()
+        }
+        least = usual.min_points if min_points is None else min_points
+        least = whole_number(least, "mapper: min_points", least=0)
         self.mode = mode
+        self._limits = Thresholds(**known, sigma=float(sigma), min_points=least)
         self._last: LaserScan | None = None
-        self._extract: SplitMergeExtractor | LikelihoodExtractor
-        self._mapper: PaperMapper | RobustMapper
-        if paper:
-            self._extract = SplitMergeExtractor(gap, split)
-            self._mapper = PaperMapper(self._extract, length, distance, least)
-        else:
-            # Compiled code is made for floats alone.
-            self._extract = LikelihoodExtractor(float(gap), sigma, floor)
-            self._mapper = RobustMapper(self._extract, float(length), float(distance), least)
+
+    @cached_property
+    def _mapper(self) -> Any:
+        return MODES[self.mode].make(self._limits)
 
     def __repr__(self) -> str:
         return f"LineMapper({self._settings})"
@@ -124,9 +161,11 @@ class LineMapper:
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""
-        return self._extract.local_map(scan)
+        found: LineMap = self._mapper.local_map(scan)
+        return found
 
     @property
     def map(self) -> LineMap:
         """The global map after all scans so far; the same object until the next update."""
-        return self._mapper.map
+        found: LineMap = self._mapper.map
+        return found

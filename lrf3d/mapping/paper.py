@@ -207,7 +207,7 @@ class PaperMapper:
     def __init__(
         self, extract: SplitMergeExtractor, length: float, distance: float, least: int
     ) -> None:
-        self._extract, self._least = extract, least
+        self._extract, self._least, self.local_map = extract, least, extract.local_map
         self._length, self._distance = length, distance
         self._origin = np.zeros(2)
         self._map: LineMap | None = None

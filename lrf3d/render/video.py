@@ -18,6 +18,7 @@ from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.render.film import Film, FilmOptions
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
+from lrf3d.scene.moments import MARKS
 from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage.stage import stage_of
 from lrf3d.scene.story import margins
@@ -80,7 +81,7 @@ def render_video(
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
-    job = Job(run, np.concatenate([times[examples], times]), chosen, stage_of(run))
+    job = Job(run, np.concatenate([times[examples], times]), chosen, stage_of(run), MARKS)
 
     def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
         for done, picture in enumerate(pictures, 1):

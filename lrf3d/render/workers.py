@@ -22,12 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.cores import core_count
-from lrf3d.errors import Lrf3dError
+from lrf3d.errors import InputError, Lrf3dError
 from lrf3d.geometry import Float
 from lrf3d.interrupts import check
 from lrf3d.render.film import Film, FilmOptions
 from lrf3d.run import Run
-from lrf3d.scene.shapes import Pixels
+from lrf3d.scene.moments import MARKS
+from lrf3d.scene.shapes import Mark, Pixels
 from lrf3d.scene.stage.stage import Stage
 
 _FRAMES_A_WORKER, _WAIT = 20, 0.1
@@ -42,6 +43,7 @@ class Job(NamedTuple):
     times: Float
     options: FilmOptions
     stage: Stage
+    marks: dict[str, Callable[..., Mark | None]]
 
 
 def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None, None]:
@@ -49,6 +51,10 @@ def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None
 
     What ends a process is raised here.
     """
+    for name, mark in MARKS.items():
+        if "<" in mark.__qualname__ or mark.__module__ == "__main__":
+            found = f"mark {name!r} of {mark.__module__}.{mark.__qualname__}"
+            raise InputError(f"{found}: other processes draw films; define it in a module")
     cores, total = core_count(), len(job.times)
     count = min(workers or min(cores, math.ceil(total / _FRAMES_A_WORKER)), total)
     (scratch / "job").write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
@@ -116,6 +122,7 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
     end = Connection(int(pipe), readable=False)
     try:
         job: Job = pickle.loads(Path(job_file).read_bytes())
+        MARKS.update(job.marks)
         film = Film(job.run, stage=job.stage, **asdict(job.options))
         for time in job.times[int(number) :: int(count)].tolist():
             end.send(np.ascontiguousarray(film.draw(time)[:, :, :3]))

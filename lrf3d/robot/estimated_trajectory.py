@@ -14,6 +14,7 @@ CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
 χ² of two degrees of freedom is −2 ln(1 − p)."""
 
 NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
+NO_SCANS, NO_COVARIANCES = sealed(np.empty(0, np.int64)), sealed(np.empty((0, 3, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +45,8 @@ class EstimatedTrajectory(Value):
     """
 
     poses: Float
-    known_scans: Int
-    covariances: Float
+    known_scans: Int = field(default_factory=lambda: NO_SCANS)
+    covariances: Float = field(default_factory=lambda: NO_COVARIANCES)
     closures: Int = field(default_factory=lambda: NO_PAIRS)
     dropped_closures: Int = field(default_factory=lambda: NO_PAIRS)
     odometry: Float = field(default_factory=lambda: NO_POSES)

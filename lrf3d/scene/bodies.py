@@ -21,14 +21,6 @@ from lrf3d.scene.stage.stage import triangles
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-_LASER_HEIGHT, _DECK = 0.495, 0.31
-"""Heights [m] of the laser's ring in the file, and of what carries the laser's column; above, the
-column is stretched."""
-
-_GOAL, _GOAL_OPACITIES, _GOAL_RING, _GOAL_HEIGHT = (0.10, 0.70, 0.36), (0.28, 0.9), 0.86, 0.04
-"""Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in outer
-ones, and its height over the ground [m]."""
-
 _DARK, _SHADOW, _LIFT = (0.02, 0.03, 0.05), (0.35, 0.40), 0.01
 """Colour of shadows and of the rim of a dart; width of the soft edge of a body's shadow [m], its
 darkness, and its height above ground [m]."""
@@ -64,8 +56,11 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
     )
     size = _size(radius)
     low = min(size, 1.0)
-    stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
-    z = low * z + np.maximum(low * (z - _DECK), 0.0) * (stretch - 1.0)
+    # Heights [m] of the laser's ring in the file, and of what carries the laser's column; above,
+    # the column is stretched.
+    ring_height, deck = 0.495, 0.31
+    stretch = max(0.3, (laser_height / low - deck) / (ring_height - deck))
+    z = low * z + np.maximum(low * (z - deck), 0.0) * (stretch - 1.0)
     vertices = np.column_stack([size * x, -size * y, z])
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
     own = np.abs(colours - ROBOT).max(axis=1) < _OWN
@@ -99,9 +94,12 @@ def flat_dart(pose: Float, size: float, height: float, colour: Sequence[float] =
 
 def goal_disc(goal: Float) -> Soft:
     """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
-    (inside, ring), (x, y, radius) = _GOAL_OPACITIES, goal.tolist()
-    outlines = [x, y] + radius * _circle(48) * np.array([0.0, _GOAL_RING, 1.0])[:, None, None]
-    return _rings(outlines, [[inside, inside], [ring, ring]], _GOAL, _GOAL_HEIGHT)
+    # Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in
+    # outer ones, and its height over the ground [m].
+    goal_colour, opacities, ring_inside, above_ground = (0.10, 0.70, 0.36), (0.28, 0.9), 0.86, 0.04
+    (inside, ring), (x, y, radius) = opacities, goal.tolist()
+    outlines = [x, y] + radius * _circle(48) * np.array([0.0, ring_inside, 1.0])[:, None, None]
+    return _rings(outlines, [[inside, inside], [ring, ring]], goal_colour, above_ground)
 
 
 def robot_shadow(pose: Float, radius: float) -> Soft:

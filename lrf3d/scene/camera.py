@@ -17,18 +17,10 @@ from lrf3d.scene.look import SECTION, Rig
 from lrf3d.scene.stage.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 
-_NEAR, _NEAR_SHARE = 0.2, 0.004
-"""Distance [m] from which on things are drawn, and the share of the distance to the target that it
-is at the least: depths are then fine enough far away."""
-
 STEP, _SMOOTH, _FOLLOW, _STRAY, AIM = 0.04, 0.7, 0.15, 0.3, 0.35
 """Times of the film [s] between the points of a smoothed path, and over which turns and places are
 smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m], and
 the height of the robot's middle [m]."""
-
-_ASIDE, _CLEARANCE, _NEAREST = 0.12, 0.3, 1.6
-"""How far from the line to the eye walls count, as a share of its length; how far before them the
-eye stays, and how near it comes to the robot [m]: nearer, the robot would fill the picture."""
 
 _LOW, _BODY, _STEEPEST = 1.0, 0.1, float(np.radians(60.0))
 """The eye looks over walls up to the first height [m], so that the robot is seen above the second
@@ -88,7 +80,10 @@ class Look:
 
         The picture is as wide as its aspect says, and shows things up to so far away [m].
         """
-        tall, near = 1.0 / np.tan(0.5 * self.field), max(_NEAR, _NEAR_SHARE * self.away)
+        # Distance [m] from which on things are drawn, and the share of the distance to the target
+        # that it is at the least: depths are then fine enough far away.
+        near_plane, near_share = 0.2, 0.004
+        tall, near = 1.0 / np.tan(0.5 * self.field), max(near_plane, near_share * self.away)
         depth = (far + near) / (near - far), 2.0 * far * near / (near - far)
         wide, up, deep = [tall / aspect, 0, 0, 0], [0, -tall, self.shift, 0], [0, 0, *depth]
         return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
@@ -179,7 +174,11 @@ class Track(NamedTuple):
         tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)
         steeps, aways = self.steeps.copy(), self.aways.copy()
         way = self.eyes()[:, :2] - robots
-        for aside in (-_ASIDE, 0.0, _ASIDE):
+        # How far from the line to the eye walls count, as a share of its length; how far before
+        # them the eye stays, and how near it comes to the robot [m]: nearer, the robot would fill
+        # the picture.
+        aside_share, clearance, least_away = 0.12, 0.3, 1.6
+        for aside in (-aside_share, 0.0, aside_share):
             ends = robots + way + aside * way @ LEFT
             ways = shapely.linestrings(np.stack([robots, ends], axis=1))
             number, wall = structures.tree.query(ways, predicate="intersects")
@@ -189,10 +188,10 @@ class Track(NamedTuple):
             low = tops[wall] <= _LOW
             np.maximum.at(steeps, number[low], np.minimum(needed[low], _STEEPEST))
             hides = ~low & (needed > self.steeps[number])
-            number, gap = number[hides], gap[hides] - _CLEARANCE
-            np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), _NEAREST))
+            number, gap = number[hides], gap[hides] - clearance
+            np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), least_away))
             # Where even that is too far, the eye looks down into the gap.
-            down = np.arccos(np.clip(gap / _NEAREST, np.cos(_STEEPEST), 1.0))
+            down = np.arccos(np.clip(gap / least_away, np.cos(_STEEPEST), 1.0))
             np.maximum.at(steeps, number, down)
         # The extremes over the filter's reach come first: its mean is then never too little.
         reach = 2 * int(2.0 * smooth) + 1

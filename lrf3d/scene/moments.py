@@ -4,7 +4,7 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -13,16 +13,8 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.scene import look
+from lrf3d.scene import bodies, look
 from lrf3d.scene.beams import draw_beams
-from lrf3d.scene.bodies import (
-    Obstacles,
-    flat_dart,
-    goal_disc,
-    robot_body,
-    robot_shadow,
-    world_from_robot,
-)
 from lrf3d.scene.camera import AIM, Look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
@@ -37,6 +29,10 @@ LAYERS = (
     "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
+
+MARKS: dict[str, Callable[["Scene", Moment], Mark | None]] = {}
+"""Further marks of films and pages, by the names of their layers, over those of a scene. Enter what
+returns a mark in the film's frame for a scene and a moment, or None."""
 
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
@@ -94,10 +90,12 @@ class Scene:
         self.exposure = self.stage.exposure
         self.live = LiveExposure(self.exposure, structures) if live else None
         self.origin = structures.origin
-        self.obstacles = Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
-        self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
+        self.obstacles = bodies.Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
+        self.robot = Body(bodies.robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
-        self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
+        self._goal = (
+            None if goal is None else bodies.goal_disc(np.subtract(goal, [*self.origin, 0]))
+        )
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._mirrors = structures.segments[structures.mirrors]
         self._reach = min(run.lrf.range_max, structures.setting.beams)
@@ -106,7 +104,7 @@ class Scene:
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
-        self._hits = lru_cache(2 * _OLD_SCANS)(self._drawn_hits)
+        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
         self._estimate = DrawnEstimate.from_timeline(timeline)
 
@@ -116,11 +114,11 @@ class Scene:
         """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
         pose = moment.pose - [*self.origin, 0.0]
         lens = self._lens(view, size)
-        robot = self.robot._replace(pose=world_from_robot(pose))
+        robot = self.robot._replace(pose=bodies.world_from_robot(pose))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
-            if layer in layers and mark is not None
+            if (layer in layers or layer in MARKS) and mark is not None
         )
         x, y, _ = pose.tolist()
         seen = Seen(
@@ -156,7 +154,7 @@ class Scene:
         if (self.structures.glass | self.structures.mirrors).any():
             cut = look.SECTION if view.cuts and self.structures.indoor else np.inf
             yield from zip(("outlines",) * 2, ("panes", "edges"), self._panes(cut), strict=True)
-        yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
+        yield "shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
@@ -173,6 +171,8 @@ class Scene:
             yield "map", "bands", drawn.bands
         yield "points", "recent", self._recent_hits(moment)
         yield "points", "points", hits
+        for layer, draw in MARKS.items():
+            yield layer, layer, draw(self, moment)
         yield "marker", "marker", self._markers(moment.time, pose, lens, size)
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":
@@ -218,10 +218,6 @@ class Scene:
         lines, points, light = map(together, zip(*drawn, strict=True))
         return lines, points, light
 
-    def _drawn_hits(self, number: int) -> Points:
-        _, hits, _ = self._drawn_beams(number)
-        return hits
-
     def _recent_hits(self, moment: Moment) -> Points:
         times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
         first = int(np.searchsorted(times, moment.time - lasting))
@@ -250,7 +246,7 @@ class Scene:
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
         others = self.obstacles.plans(time, _MARKER * pixel)
-        dart = flat_dart(pose, _MARKER * pixel, height)
+        dart = bodies.flat_dart(pose, _MARKER * pixel, height)
         marks: Soft = together([dart, *filter(None, [others])])
         return marks._replace(on_top=True)
 
@@ -269,7 +265,7 @@ class Scene:
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         dart = _DART_SHARE * window.width
         marks.append(("obstacles", self.obstacles.plans(moment.time, dart)))
-        marks.append(("robot", flat_dart(pose, dart, 0.0)))
+        marks.append(("robot", bodies.flat_dart(pose, dart, 0.0)))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":

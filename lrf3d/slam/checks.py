@@ -7,6 +7,7 @@ poses that cannot be those of its robot.
 """
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -120,15 +121,24 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
     own, _, pairs = _paired(scans)
     if len(pairs) < LEAST_PAIRS:
         return None
-    mounts = [(turn, sense) for sense in (1, -1)[: 1 + mirrored] for turn in (0, 90, 180, -90)]
-    apart = [[_distance(own[a], own[b], *mount) for mount in mounts] for a, b in pairs]
-    found = np.median(apart, axis=0)
-    best, (declared, *_) = int(found.argmin()), found.tolist()
+    found = dict[tuple[int, int], float]()
+
+    def best_of(turns: range, *senses: int) -> tuple[int, int]:
+        for turn, sense in product(turns, senses):
+            apart = [_distance(own[a], own[b], turn, sense) for a, b in pairs]
+            found[turn, sense] = float(np.median(apart))
+        return min(found, key=found.__getitem__)
+
+    # Angles between the mounts that are tried [°]: all around, and near the best of these.
+    coarse, fine = 45, 15
+    turn, sense = best_of(range(-180 + coarse, 181, coarse), *(1, -1)[: 1 + mirrored])
+    best = turn, sense = best_of(range(turn - coarse + fine, turn + coarse, fine), sense)
+    declared = found[0, 1]
     # Factor and distance [m] by which pairs must fit better with another mount to name it.
-    clearly, close = 3.0, 0.03
-    if best == 0 or declared < clearly * found[best] + close:
+    clearly, close = 1.5, 0.02
+    if best == (0, 1) or declared < clearly * found[best] + close:
         return None
-    turn, sense = mounts[best]
+    turn = (turn + 179) % 360 - 179
     seems = [f"turned by {turn}°"] * (turn != 0) + ["mirrored"] * (sense < 0)
     return (
         f"the poses contradict the laser's mount: scans fit each other to {found[best]:.2f} m"

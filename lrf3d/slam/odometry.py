@@ -1,11 +1,11 @@
 """Odometry of a recording: put in order, without jumps, and by the laser's clock.
 
 Scans and odometry lines as they were logged enter; both leave in the order in which they were
-taken, each once. Then the turns between following scans, as scans show them, say how far the
-laser's clock is behind, and whether the laser and the odometry count turns alike.
+taken, each once. Then the turns between following scans, as scans show them, say how late their
+stamps are, and whether the laser and the odometry count turns alike.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, usual_step
 from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import bent, between, compose
-from lrf3d.slam.key_scans import Key
+from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.search import Submap
 from lrf3d.text import counted
 
@@ -54,12 +55,17 @@ PAIR = np.diag([0.1**2, 0.1**2, 0.2**2])
 LEAST_EXPLAINED = 0.5
 """Minimum inlier ratio of the scans of a pair."""
 
-LAGS = -1.0, 2.0
-"""Bounds of the lag, in lines."""
+LAGS, LATEST = np.array([-1.0, 2.0]), np.array([-0.5, 0.5])
+"""Bounds of the lag, in lines and [s], whichever is wider."""
 
-SURE = 1.3
-"""Accept the lag only if the cost without it is 1.3 times higher. In logs it is by 1.7 and more;
-between two lines the noise of both cancels in part, which looks like a lag of 1.1."""
+SURE, SURE_OF_POSES = 1.3, 3.0
+"""Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs it is by
+1.7 and more; between two lines the noise of both cancels in part, which looks like a lag of 1.1.
+Poses that are not found but believed move only if it is 3 times higher: odometry of a second's
+interval looks early by 1.8."""
+
+LATE = 0.03
+"""Lag of the scans [s] that is reported: by more than that maps of fast turns are blurred."""
 
 CLEARLY = 3.0
 """Factor by which turns must fit better in another sense or unit, for the odometry to be in it."""
@@ -73,7 +79,8 @@ class Repairs:
     """What was wrong with a recording.
 
     Lines out of order were sorted by their stamps, doubled ones read once, and jumps left out; a
-    mirrored laser turns clockwise without saying so.
+    mirrored laser turns clockwise without saying so. Scans are late against the odometry by these
+    times [s] at the beginning and at the end.
     """
 
     put_in_order: bool = False
@@ -81,6 +88,7 @@ class Repairs:
     doubled_odometry_lines: int = 0
     odometry_jumps: int = 0
     mirrored: bool = False
+    late: tuple[float, float] = (0.0, 0.0)
 
     def sentences(self) -> list[str]:
         """What was wrong and what was done, a sentence each; none where all was well."""
@@ -93,20 +101,21 @@ class Repairs:
             "the log is out of order: sorted by its stamps": self.put_in_order,
             f"{doubled} in the log more than once: read once": doubled,
             f"{jumps} of the odometry left out: the rest may be misplaced": self.odometry_jumps,
+            late_sentence(*self.late): max(map(abs, self.late)) >= LATE,
         }  # fmt: skip
         return [sentence for sentence, so in said.items() if so]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Recording:
-    """A recording in order: its scans (k,), each once, and poses (n, 3) by odometry, without jumps.
+    """A recording in order: its scans (k,), each once, and the path by odometry, without jumps.
 
     Places (k,) are for each scan the index of the last pose before it, and rows (lines,) for each
     line of the log its row of the poses.
     """
 
     scans: list[LaserScan]
-    wheels: Float
+    path: "WheelPath"
     places: Int
     rows: Int
     repairs: Repairs
@@ -142,7 +151,8 @@ def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: In
     copies = len(scans) - len(chosen), len(wheels) - len(lines)
     repairs = Repairs(sort, *copies, len(jumps))
     kept = [scans[k] for k in chosen.tolist()]
-    return Recording(kept, straightened, rows[places[chosen]], rows, repairs)
+    path = WheelPath(straightened, usual_step(times[lines]) if stamped else 0.0)
+    return Recording(kept, path, rows[places[chosen]], rows, repairs)
 
 
 def _length(wheels: Float) -> float:
@@ -190,19 +200,43 @@ def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
 
 
 class WheelPath:
-    """The path of the wheels through poses (n, 3), straight between the lines of the log."""
+    """The path of the wheels through poses (n, 3), straight between the lines of the log.
 
-    def __init__(self, poses: Float) -> None:
-        self._whole = poses.copy()
+    The interval is the usual time between two lines [s], 0 if it is not known.
+    """
+
+    def __init__(self, poses: Float, interval: float = 0.0) -> None:
+        self._interval, self._whole = interval, poses.copy()
         self._whole[:, 2] = np.unwrap(poses[:, 2])
 
     def __len__(self) -> int:
         return len(self._whole)
 
+    @property
+    def lags(self) -> Float:
+        """The least and the largest lag [lines] of scans."""
+        bounds = LATEST / (self._interval or np.inf)
+        return np.array([min(LAGS[0], bounds[0]), max(LAGS[1], bounds[1])])
+
+    def late(self, lags: Float) -> tuple[float, float]:
+        """Lags [lines] at the beginning and at the end in seconds."""
+        first, last = (self._interval * lags[[0, -1]]).tolist()
+        return first, last
+
+    @property
+    def stands(self) -> bool:
+        """Whether the odometry never moves."""
+        return not np.ptp(self._whole, axis=0).any()
+
     def at(self, places: NDArray[Any]) -> Float:
         """Poses (k, 3) at fractional places (k,) between the lines; headings go on over π."""
-        number = np.arange(len(self._whole), dtype=np.float64)
-        return np.column_stack([np.interp(places, number, values) for values in self._whole.T])
+        number, last = np.arange(len(self._whole), dtype=np.float64), max(len(self._whole) - 1, 0)
+        poses = np.column_stack([np.interp(places, number, values) for values in self._whole.T])
+        if last:
+            # Before the first line and after the last the robot moved as beside them.
+            beyond = np.array([np.minimum(places, 0.0), np.maximum(places - last, 0.0)])
+            poses += beyond.T @ np.diff(self._whole, axis=0)[[0, -1]]
+        return poses
 
     def increments(self, places: NDArray[Any]) -> Float:
         """How the robot moved (k, 3) to each of the places (k,) from the one before."""
@@ -210,19 +244,20 @@ class WheelPath:
         return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
 
 
-def turns_between(seen: Callable[[int], Key], path: WheelPath, places: Int) -> Float:
-    """Turn (k − 1,) from each scan to the next [rad] as the scans show it; NaN where unknown.
+def turns_between(sight: Sight, scans: Sequence[LaserScan], path: WheelPath, places: Int) -> Float:
+    """Turn (k − 1,) from each of scans (k,) to the next [rad] as they show it; NaN where unknown.
 
     All headings around are searched, not those near the odometry, which may count them the other
-    way or in degrees. ``seen(number)`` is what a scan saw.
+    way or in degrees.
     """
     turns = np.full(max(len(places) - 1, 0), np.nan)
     x, y, turn = path.increments(places)[1:].T
     chosen = np.flatnonzero((np.abs(turn) > LEAST_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
-        before = Submap([seen(number)], np.zeros((1, 3)))
+        seen, following = (sight.seen(unrolled(scan)) for scan in scans[number : number + 2])
+        before = Submap([seen], np.zeros((1, 3)))
         guess = np.array([x[number], y[number], 0.0])
-        for match, _ in before.places(seen(number + 1), guess, PAIR)[:1]:
+        for match, _ in before.places(following, guess, PAIR)[:1]:
             if match.explained > LEAST_EXPLAINED:
                 *_, turns[number] = match.pose
     return turns
@@ -244,36 +279,63 @@ def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
     return CLEARLY * mirrored < alike
 
 
-def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
-    """The lag [lines] at which odometry fits the turns (k − 1,) of scans; 0 if it is not known."""
+def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -> Float:
+    """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
+
+    They are the same for all scans, or grow evenly where two clocks drift.
+    """
     # Of scans without a line between them odometry says nothing, whatever the lag is.
     known = np.isfinite(turns) & (np.diff(places) > 0)
     distances = np.hypot(*np.diff(path.at(places)[:, :2], axis=0).T)[known]
+    progress = np.linspace(-0.5, 0.5, len(places))
 
-    def left(lag: float, by_turn: float, by_distance: float) -> Float:
-        turned = np.diff(path.at(places - lag)[:, 2])[known]
+    def lags(lag: float = 0.0, drift: float = 0.0) -> Float:
+        return np.clip(lag + drift * progress, least, most)
+
+    def left(values: Float) -> Float:
+        by_turn, by_distance, *late = values.tolist()
+        turned = np.diff(path.at(places - lags(*late))[:, 2])[known]
         return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_distance * distances)
 
-    earliest, latest = LAGS
-    moved = np.abs(left(latest, 0.0, 0.0) - left(earliest, 0.0, 0.0))
-    if (moved > LEAST_TURN * (latest - earliest)).sum() < LEAST_PAIRS:
-        return 0.0
-    # The cost with systematic errors of the wheels alone, and with a lag, too.
-    without, with_lag = (
-        least_squares(fit, np.zeros(free), loss="huber", f_scale=LEAST_TURN)
-        for fit, free in ((lambda biases: left(0.0, *biases), 2), (lambda all_: left(*all_), 3))
-    )
-    lag, *_ = np.clip(with_lag.x, earliest, latest).tolist()
-    return lag if without.cost > SURE * with_lag.cost else 0.0
+    def fit(*start: float) -> Any:
+        return least_squares(left, np.array(start), loss="huber", f_scale=LEAST_TURN)
+
+    def at(lag: float) -> Float:
+        return left(np.array([0.0, 0.0, lag]))
+
+    least, most = path.lags.tolist()
+    moved = np.abs(at(most) - at(least))
+    if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
+        return lags()
+    # With a lag, and a drift of it, beside the systematic errors of the wheels. A turn is as long
+    # as the widest lag, so that the best of some is where the search begins.
+    tried = np.arange(least, most, 0.5)
+    first = tried[np.argmin([np.abs(at(lag)).sum() for lag in tried])]
+    best = fit(0.0, 0.0)
+    for start in ((0.0, 0.0, first), (0.0, 0.0, first, 0.0)):
+        found = fit(*start)
+        best = found if best.cost > sure * found.cost else best
+    return lags(*best.x[2:])
 
 
-def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> Float:
+def late_sentence(first: float, last: float) -> str:
+    """How late scans are [s] at the beginning and at the end of a recording."""
+    when = f"{first:.2f} s late"
+    if abs(last - first) >= LATE:
+        when = f"late, by {first:.2f} s at the beginning and {last:.2f} s at the end"
+    elif first < 0.0:
+        when = f"{-first:.2f} s early"
+    return f"by their turns, scans are stamped {when}: corrected"
+
+
+def line_poses(path: WheelPath, places: Int, lags: Float, scan_poses: Float) -> Float:
     """Poses (n, 3) at all odometry lines, which follow the odometry between scans.
 
     The pose of a line that a scan follows is that of the scan: the poses are by the clock of the
     laser, for it is the laser's measurements that they are compared with.
     """
-    wheels = path.at(np.arange(len(path)) - lag)
+    lines = np.arange(len(path))
+    wheels = path.at(lines - np.interp(lines, places, lags))
     known, last = np.unique(places[::-1], return_index=True)
     # The difference between odometry and scans is spread by the motion, and a little by lines.
     steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + 1e-3

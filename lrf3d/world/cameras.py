@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 from lrf3d.errors import WorldError, check_names, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, is_finite, number
@@ -72,7 +72,7 @@ class FilmPlan:
 
     view: str = "story"
     playback: float | None = None
-    points_by: str = "range"
+    points_by: Annotated[str, ("range", "intensity")] = "range"
 
     def __post_init__(self) -> None:
         expect(self.view, str, "film: view")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,16 +16,22 @@ from lrf3d.world.schema import at
 DRAWINGS, PICTURES = (".dxf", ".svg", ".pdf"), (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
 """Endings of what becomes a plan, and then a world."""
 
-READERS = {
-    ".toml": ("toml_file:read_toml", 1 << 28),
-    **dict.fromkeys((".geojson", ".json"), ("geojson:read_geojson", 1 << 28)),
-    ".osm": ("osm:read_osm", 1 << 28),
-    **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
-    **dict.fromkeys(PICTURES, ("pictures:read_picture", 1 << 28)),
-    **dict.fromkeys(DRAWINGS, ("plan:read_drawing", 1 << 26)),
-    **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), ("mesh:read_mesh", 1 << 27)),
+READERS: dict[str, tuple[str | Callable[..., Any], int]] = {
+    ".toml": ("lrf3d.world.toml_file:read_toml", 1 << 28),
+    **dict.fromkeys((".geojson", ".json"), ("lrf3d.world.geojson:read_geojson", 1 << 28)),
+    ".osm": ("lrf3d.world.osm:read_osm", 1 << 28),
+    **dict.fromkeys((".yaml", ".yml"), ("lrf3d.world.ros_map:read_ros_map", 1 << 16)),
+    **dict.fromkeys(PICTURES, ("lrf3d.world.pictures:read_picture", 1 << 28)),
+    **dict.fromkeys(DRAWINGS, ("lrf3d.world.files:_read_drawing", 1 << 26)),
+    **dict.fromkeys(
+        (".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), ("lrf3d.world.mesh:read_mesh", 1 << 27)
+    ),
 }
-"""The module and the function that read a world, and the largest file [bytes], by its ending."""
+"""What reads a world from a path, a function or ``module:function``, and the largest file [bytes].
+
+Others may be entered by their endings. Installed packages enter theirs by entry points of the group
+``lrf3d.world.readers``, whose names are endings.
+"""
 
 OPTIONS = {
     "trees": (".osm",),
@@ -36,10 +43,10 @@ OPTIONS = {
 """Endings of the files for which an option is."""
 
 WRITERS = {
-    ".toml": "toml_file:write_toml",
-    ".geojson": "geojson:write_geojson",
-    ".yaml": "ros_map:write_ros_map",
-    ".glb": "mesh:write_glb",
+    ".toml": "lrf3d.world.toml_file:write_toml",
+    ".geojson": "lrf3d.world.geojson:write_geojson",
+    ".yaml": "lrf3d.world.ros_map:write_ros_map",
+    ".glb": "lrf3d.world.mesh:write_glb",
 }
 """The module and the function that write a world, by the ending of the file."""
 
@@ -84,6 +91,7 @@ def load_world(
     options = _options(path, trees=trees, resolution=resolution, threshold=threshold, **drawing)
     with reading(), at(str(path)):
         world = _read(path, options)
+        expect(world, World, f"the reader of {path.suffix} files: what it returns")
     return world.scaled(scale)
 
 
@@ -124,6 +132,17 @@ def _read(path: Path, options: dict[str, Any]) -> Any:
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
         kind = path.suffix[1:].lower()
         raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
+
+
+def _read_drawing(
+    path: Path, scale: float = 1.0, layers: Any = (), without: Any = (), **options: Any
+) -> Any:
+    """Read a drawing as a plan; a scanned page of a PDF is one already."""
+    from lrf3d.world.plan import Plan, plan_of
+
+    draw = _function(f"lrf3d.world.{path.suffix[1:].lower()}:draw")
+    found = draw(path, scale, **options)
+    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
 
 
 def is_picture(path: str | Path) -> bool:
@@ -171,10 +190,20 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     _function(WRITERS[ending])(world, path, **options)
 
 
-def _function(target: str) -> Callable[..., Any]:
+def _function(target: str | Callable[..., Any]) -> Callable[..., Any]:
     """The function of a table's entry; its module loads the libraries of that format alone."""
+    if not isinstance(target, str):
+        return target
     module, name = target.split(":")
-    return getattr(import_module(f"lrf3d.world.{module}"), name)  # type: ignore[no-any-return]
+    return getattr(import_module(module), name)  # type: ignore[no-any-return]
+
+
+@lru_cache(1)
+def _enter_installed() -> None:
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group="lrf3d.world.readers"):
+        READERS.setdefault(entry.name, (entry.value, 1 << 28))
 
 
 def world_names() -> list[str]:
@@ -193,10 +222,13 @@ def find_world(name_or_path: str | Path) -> Path:
 
     A built-in name comes before a file or a folder of that name, which is given as ``./city``.
     """
-    names, known = world_names(), ", ".join(READERS)
+    names = world_names()
     if isinstance(name_or_path, str) and name_or_path in names:
         return data_folder("worlds") / f"{name_or_path}.toml"
     path = as_path(name_or_path)
+    if path.suffix.lower() not in READERS:
+        _enter_installed()
+    known = ", ".join(READERS)
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
     if (reader := READERS.get(path.suffix.lower())) is not None:

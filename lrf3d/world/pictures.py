@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, find_objects, label, maximum
+import shapely
+from PIL import Image, ImageDraw
+from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label, maximum
 
 from lrf3d.errors import WorldError
 from lrf3d.files import opened
@@ -22,6 +24,7 @@ from lrf3d.world.free_cells import MOST_CELLS
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
+from lrf3d.world.symbols import is_frame
 
 THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
@@ -67,8 +70,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
     pixels, left_out = 1.0 / resolution, Counter[str]()
+    stands = dark & ~_marked(colours, dark, left_out)
     # A thick area is a floor if it is pale.
-    drawn = dark & ~_floors(dark & (lightness < 0.5), key, pixels, left_out)
+    drawn = stands & ~_floors(stands & (lightness < 0.5), key, pixels, left_out)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * resolution
@@ -158,15 +162,102 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
 
     There are so many pixels in a metre.
     """
+    drawn = drawn & ~_frame(drawn, pixels, left_out)
     dark = _filled(drawn, pixels, left_out)
     solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
-    if not (_extent(solid) > 0.7 * _extent(dark) and solid.sum() > 0.4 * dark.sum()):
+    building = _building(solid, pixels)
+    # In a plan of thin lines, what is thick is lettering, or some columns.
+    share = _extent(solid & building) / max(_extent(dark), 1.0)
+    if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
+        strokes = dark & ~grown(solid, 1.5)
+        left_out["outside part"] = parts_of((strokes | solid) & ~building)[1]
+        thin = _thin_walls(strokes & building, solid, pixels, left_out)
+        thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
+        solid &= building
+    else:
         solid = dark
-    elif (strokes := dark & ~grown(solid, 1.5)).any():
-        thin = _thin_walls(strokes, solid, pixels, left_out)
     furniture = _loose(solid, drawn, pixels, left_out)
     return solid & ~furniture, furniture, thin
+
+
+def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
+    """The pixels of coloured parts that touch nothing black or grey, where walls are that."""
+    grey = dark & (np.ptp(colours, axis=2) < 64)
+    if _extent(grey) < 0.7 * _extent(dark) or grey.sum() < 0.5 * dark.sum():
+        return np.zeros_like(dark)
+    parts, count = parts_of(dark & ~grey)
+    loose = np.ones(count + 1, dtype=bool)
+    # The rim of a coloured line may be greyish.
+    loose[np.unique(parts[grown(_opened(grey, 1.0), 2.0)])] = loose[0] = False
+    left_out["coloured part"] = int(loose.sum())
+    return np.asarray(grown(loose[parts], 1.5))
+
+
+def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels of the frame of a sheet with its title block, among parts by their boxes."""
+    parts, count = parts_of(drawn)
+    if count < 2:
+        return np.zeros_like(drawn)
+    boxes = np.array([(x.start, y.start, x.stop, y.stop) for y, x in find_objects(parts)])
+    sides = boxes.reshape(-1, 4)[:, 2:] - boxes.reshape(-1, 4)[:, :2]
+    large = (sides > 0.8 * np.ptp(boxes.reshape(-1, 2), axis=0)).all(axis=1)
+    if not large.any() or large.all():
+        return np.zeros_like(drawn)
+    lines = [walls_of_grid(parts == part) for part in np.flatnonzero(large) + 1]
+    around = np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])
+    lines += [*boxes[~large][:, around]]
+    owner = np.repeat(
+        np.append(np.flatnonzero(large), np.flatnonzero(~large)), [len(each) for each in lines]
+    )
+    # What is thick does not stand on paper alone.
+    thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
+    sheet = _extent(thick) > 0.3 * _extent(drawn)
+    found = is_frame(np.concatenate(lines) / pixels, sheet)
+    framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
+    left_out["frame part"] = int(framed.sum())
+    return np.asarray(np.append(False, framed)[parts])
+
+
+def _building(solid: Bool, pixels: float) -> Bool:
+    """The cells of the building and next to it, without legends and others that stand beside it.
+
+    It is what the largest part of the walls surrounds, unless others are as large.
+    """
+    parts, _ = parts_of(grown(solid, 0.1 * pixels))
+    edge = np.argwhere(solid & ~binary_erosion(solid))
+    owner = parts[tuple(edge.T)]
+    edge, owner = edge[order := np.argsort(owner, kind="stable")], owner[order]
+    each = np.split(edge[:, ::-1], np.flatnonzero(np.diff(owner)) + 1)
+    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in each], dtype=object))
+    area = shapely.area(hulls)
+    if not area.max(initial=0.0) > 0.0:
+        return np.ones_like(solid)
+    main = hulls[int(np.argmax(area))]
+    apart = shapely.disjoint(hulls, main)
+    if area[apart].sum() > main.area:
+        return np.ones_like(solid)
+    kept = shapely.union_all(hulls[~apart | (area > 0.3 * main.area)]).buffer(0.3 * pixels)
+    image = Image.new("1", solid.shape[::-1])
+    for shape in shapely.get_parts(kept):
+        ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
+    return np.asarray(image, dtype=np.bool_)
+
+
+def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
+    """Which sides (n, 4) [pixels] go on out of the building: axes, and lines of dimensions."""
+    found = np.zeros(len(sides), dtype=bool)
+    ink, most = grown(dark, 1.0), np.array(dark.shape)[::-1] - 1
+    steps = np.arange(int(np.hypot(*dark.shape)))[:, None]
+    for row, (side, along) in enumerate(zip(sides, directions(sides), strict=True)):
+        for end, sign in ((side[:2], -1.0), (side[2:], 1.0)):
+            line = np.floor(end + sign * steps * along).astype(np.int64)
+            line = line[((line >= 0) & (line <= most)).all(axis=1)]
+            inside = np.flatnonzero(building[line[:, 1], line[:, 0]])
+            beyond = line[inside[-1] + 1 :][: int(0.4 * pixels)] if len(inside) else line[:0]
+            if len(beyond) > 2 and ink[beyond[:, 1], beyond[:, 0]].mean() > 0.8:
+                found[row] = True
+    return found
 
 
 def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str]) -> list[Float]:
@@ -232,11 +323,17 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     # In a maze for mice all space is as narrow as a wall.
     if not len(rows) or within.sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
         return dark
-    # Tiles and hatches that fill a room are no wall.
-    room = _opened(dark | within, 0.55 * THICKEST * pixels)
+    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
+    small = np.bincount(parts.ravel(), minlength=count + 1) < 24.0 * np.minimum(radius, 1e6) ** 2
+    compact: Bool = within & small[parts]
+    room = _opened(dark | compact, 0.55 * THICKEST * pixels)
     pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
-    left_out["floor pattern"] = parts_of(pattern)[1]
-    return (dark | within) & ~pattern
+    places, most = parts_of(pattern)
+    # A line beside a wall is none.
+    gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
+    many = np.bincount(gaps, minlength=most + 1) >= 5
+    left_out["floor pattern"] = int(many[1:].sum())
+    return np.asarray((dark | (within & ~(compact & pattern))) & ~many[places])
 
 
 def _opened(cells: Bool, radius: float) -> Bool:
@@ -262,7 +359,7 @@ def pixels_of(picture: Path, *, deep: bool = False) -> Any:
 
     They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
     """
-    from PIL import Image, ImageOps
+    from PIL import ImageOps
 
     with opened(picture, what="a picture", largest=1 << 28) as file:
         try:

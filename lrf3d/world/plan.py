@@ -10,9 +10,8 @@ text. What has a thickness is two faces.
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatch
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 from unicodedata import combining, normalize
@@ -21,21 +20,12 @@ import numpy as np
 import shapely
 
 from lrf3d.errors import Lrf3dNote, WorldError
-from lrf3d.geometry import Bool, Float, lengths
+from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import TOUCHING, world_of_walls
-from lrf3d.world.symbols import (
-    LEAST_ROOM,
-    Door,
-    find_doors,
-    find_leaves,
-    is_aside,
-    is_frame,
-    is_lettering,
-    is_pattern,
-)
+from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
+from lrf3d.world.symbols import LEAST_ROOM, Door, Strokes, find_doors, find_leaves, symbols
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
@@ -48,28 +38,38 @@ STANDS = ("wall", "window", "other", "furniture")
 
 WORDS = {
     "annotation": (
-        "anno text txt dim bemass cota acot quot note tag symb title titl ttlb legend label schrift"
-        " beschrift etiquet rotul testo testi teks iden grid axis axes achs rast hatch patt schraff"
-        " hachur tratteg sombr defpoint vport viewport border clng ceiling roof lite elec"
-        " flooring tile paving pavim fliese parket parquet carpet projec ovhd"
-        " текст размер штрих оси 文字 标注 轴 填充 寸法 注記"
+        "anno text txt teks dim bemass cota acot quot wymi maatv misure note tag symb simb"
+        " title titl titul titel ttlb legend leyend label schrift beschrift etiquet rotul testo"
+        " testi texto scritt opis cajetin cartigl cartouch tabel stempel iden grid raster stramien"
+        " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
+        " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
+        " podzial masstab schaal flooring tile paving pavim fliese"
+        " parket parquet carpet projec ovhd"
+        " текст размер штрих оси штамп легенд масштаб"
+        " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
     ),
     "furniture": (
-        "furn eqpm equip mobel moebel mobil meubl muebl movei arred meubel mebl mebel nabyt"
+        "furn eqpm equip mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
         " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
-        " stair strs trepp escal мебел лестн 家具 洁具 楼梯"
+        " stair strs trepp trap escal schod scala scale мебел лестн 家具 洁具 楼梯 가구"
     ),
     "wall": (
-        "wall wand waend wande mauer mur muro mura muri pared paret cloison tabique tramezz alvenar"
-        " scian sten stena seina vagg vegg væg duvar zid fal стен 墙 牆 壁"
+        "wall wand waend wande mauer mur muro mura muri pared paret peret cloison tabique tramezz"
+        " alvenar scian sten stena seina vagg vegg væg duvar dinding zid fal"
+        " стен τοιχ קיר جدار 墙 牆 壁 벽"
     ),
     "window": (
-        "glaz glass window fenet fenster ventan finestr serrament infiss janela raam kozijn okn"
-        " pencere ikkun fonster vindu ablak окн 窗 窓"
+        "glaz glass window fenet fenster ventan finestr serrament infiss janela raam ramen kozijn"
+        " okn pencere ikkun fonster vindu ablak jendela fereastr окн παραθ חלון نافذ 窗 窓 창"
     ),
     "door": (
         "door porte porta puert tur turen tuer tueren deur drzwi dver vrata kapi kapı ovi ovet dorr"
-        " dør ajto двер 门 門 扉 ドア"
+        " dør ajto pintu двер πορτ דלת باب 门 門 扉 ドア 문"
+    ),
+    # Windows and doors have frames, too.
+    "sheet": (
+        "frame rahmen cadre marco ramk kader squadr cornice sheet nord north norte noord polnoc"
+        " рамк север"
     ),
 }
 """Beginnings or ends of words in names, by what a layer holds; the first that fits counts."""
@@ -92,7 +92,7 @@ def role_of(*names: str) -> str:
         words = set(re.findall(r"[^\W\d_]+", plain)) - set(NOT_DOORS)
         for role, known in _KNOWN.items():
             if any(_means(word, part) for word in words for part in known):
-                return role
+                return "annotation" if role == "sheet" else role
     return "other"
 
 
@@ -169,30 +169,6 @@ class Plan(NamedTuple):
         return world
 
 
-def read_drawing(
-    path: Path,
-    *,
-    scale: float = 1.0,
-    layers: Sequence[str] = (),
-    without: Sequence[str] = (),
-    **options: Any,
-) -> Plan:
-    """Read a drawing as a plan; what the options are says ``load_world``."""
-    reader: Any = import_module(f"lrf3d.world.{path.suffix[1:].lower()}")
-    # A scanned page of a PDF is a plan already.
-    found = reader.draw(path, scale, **options)
-    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
-
-
-SYMBOLS: dict[str, Callable[[Float], Bool]] = {
-    "frame line": is_frame,
-    "pattern line": is_pattern,
-    "outside line": is_aside,
-    "letter stroke": is_lettering,
-}
-"""What is no wall where no layer says so, by what the note calls it."""
-
-
 def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
     marks = drawing.marks
@@ -200,15 +176,17 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     solids = _solids(marks, roles)
     flat = [(mark.shape, role) for mark, role in zip(marks, roles, strict=True)
             if not (is_area(mark.shape) and role in STANDS)]  # fmt: skip
+    # An arrowhead does not cut the line that it is on.
+    large = [shape for shape, _ in solids if shape.length > 1.5]
     outline = 1e-4  # Distance [m] up to which a line runs along the outline of an area.
-    solid = shapely.union_all([shape for shape, _ in solids]).buffer(outline)
+    solid = shapely.union_all(large).buffer(outline)
     shapely.prepare(solid)
     pieces = [
         (shape.difference(solid) if role in STANDS and solid.intersects(shape) else shape, role)
         for shape, role in flat
     ]
     pieces += [(shape.boundary, role) for shape, role in solids]
-    segments, line, role = _segments(pieces)
+    segments, line, mark, role = _segments(pieces)
     drawn = np.isin(role, [*STANDS, "door"])
     doors, opened = find_doors(segments, line, drawn)
     more, leaves = find_leaves(segments, line, drawn & ~opened)
@@ -217,11 +195,11 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
     stands &= ~opened
     left = drawing.left_out + Counter(floor=roles.count("floor"))
-    for what, symbols in SYMBOLS.items():
-        loose = np.flatnonzero(stands & (role == "other"))
-        found = loose[symbols(segments[loose])]
-        stands[found] = False
-        left[what] += len(found)
+    known = np.flatnonzero(stands)
+    strokes = Strokes(segments[known], line[known], mark[known], role[known] == "other")
+    for what, found in symbols(strokes, sheet="annotation" in roles):
+        stands[known[found]] = False
+        left[what] += int(found.sum())
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
     hidden = {name for name, role in layered if role == "left out"}
     hidden |= {name for name, role in dict(layered).items() if role in ("annotation", "door")}
@@ -291,14 +269,21 @@ def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
     return solids
 
 
-def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Any, Any]:
-    """The segments (n, 4) of geometries, the number of the line and the role (n,) of each."""
+def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Int, Int, Any]:
+    """The segments (n, 4) of geometries, each once, with its line, its piece and its role (n,)."""
     shapes = [shape.boundary if is_area(shape) else shape for shape, _ in pieces]
     lines, piece = shapely.get_parts(shapes, return_index=True)
     points, line = shapely.get_coordinates(lines, return_index=True)
     joined = np.flatnonzero((line[1:] == line[:-1]) & (points[1:] != points[:-1]).any(axis=1))
     role = np.array([role for _, role in pieces] or [""], dtype=object)
-    return np.hstack([points[joined], points[joined + 1]]), line[joined], role[piece[line[joined]]]
+    segments = np.hstack([points[joined], points[joined + 1]])
+    line = line[joined]
+    role = role[piece[line]]
+    # What stands may be drawn on a floor's outline.
+    same = [np.flatnonzero(role == each) for each in dict.fromkeys(role.tolist())]
+    kept = [each[without_repeats(segments[each])] for each in same]
+    once = np.sort(np.concatenate([np.empty(0, np.int64), *kept]))
+    return segments[once], line[once], piece[line[once]], role[once]
 
 
 def _listed(marks: list[Mark], layered: list[tuple[str, str]]) -> list[Layer]:

@@ -11,12 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields
 from functools import partial
-from typing import Any
+from inspect import signature
+from typing import Any, get_args
 
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError, check_names, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, number, whole_number
+from lrf3d.lazy import ABOVE
+from lrf3d.pose import Pose
 
 Converter = Callable[[Any, str], Any]
 
@@ -162,50 +165,60 @@ OBSTACLE: Mapping[str, Converter] = {
     **_each(_LENGTH, "speed", "radius", "height"),
 }
 
-TABLES: Mapping[str, Mapping[str, Converter]] = {
-    "robot": {
-        "start": poses(row("x", "y", "degrees")),
-        "route": rows("x", "y"),
-        "poses": poses(rows("x", "y", "degrees")),
-        "outline": rows("x", "y", least=3),
-        **_each(_LENGTH, "speed", "scan_interval", "lookahead", "radius"),
-    },
-    "laser": {
-        **_each(partial(number, least=-3600.0, most=3600.0), "angle_min_deg", "angle_max_deg"),
-        "beams": whole_number,
-        "range_max": _LENGTH,
-        **_each(_NOT_NEGATIVE, "range_min", "height", "scan_duration", "threshold", "near_field"),
-        "echo": text("first", "last", "strongest"),
-        "echoes": partial(whole_number, most=5),
-        "mount": poses(row("x", "y", "degrees")),
-        "name": text(),
-    },
-    "noise": {
-        "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
-        **_each(_NOT_NEGATIVE, "constant", "resolution"),
-        **_each(partial(number, most=90.0), "angle_deg", "beam_deg"),
-        **_each(partial(number, most=1.0), "drop_outs", "drop_outs_far"),
-    },
-    "odometry": {
-        **_each(partial(number, least=-10.0, most=10.0), "scale", "track", "turn_per_metre"),
-        **_each(partial(number, most=10.0), "slip", "swerve", "skid"),
-    },
-    "imu": {
-        "rate": partial(number, positive=True, most=10_000.0),
-        **_each(partial(number, most=10.0), "gyro_noise", "gyro_walk"),
-        **_each(partial(number, most=100.0), "accelerometer_noise", "accelerometer_walk"),
-    },
-    "mapper": {
-        "mode": text("paper", "robust"),
-        "min_points": partial(whole_number, least=2),
-        **_each(_LENGTH, "gap", "split", "merge_length", "merge_distance", "floor"),
-    },
-    "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
+ROBOT: Mapping[str, Converter] = {
+    "start": poses(row("x", "y", "degrees")),
+    "route": rows("x", "y"),
+    "poses": poses(rows("x", "y", "degrees")),
+    "outline": rows("x", "y", least=3),
+    **_each(_LENGTH, "speed", "scan_interval", "lookahead", "radius"),
+}
+
+TABLES = ("robot", "laser", "noise", "odometry", "imu", "mapper", "film")
+"""The tables of settings, in the order in which they are checked."""
+
+_BY_TYPE: Mapping[type, Converter] = {
+    float: partial(number, least=-LARGEST_COORDINATE, most=LARGEST_COORDINATE),
+    int: partial(whole_number, least=0),
+    str: text(),
+    Pose: poses(row("x", "y", "degrees")),
 }
 
 
-LASER: Mapping[str, Converter] = {**TABLES["laser"], "noise": table(TABLES["noise"])}
-"""A laser of several, each with its noise."""
+def keys_of(make: Callable[..., Any]) -> dict[str, Converter]:
+    """The keys of a table, which are the parameters of what is made of it, by their types.
+
+    An angle in radians is given in degrees, by a key that ends in ``_deg``; a text that is
+    annotated with choices is one of them.
+    """
+    keys: dict[str, Converter] = {}
+    for name, parameter in signature(make).parameters.items():
+        kind, *notes = get_args(parameter.annotation) or (parameter.annotation,)
+        choices = [each for each in notes if not isinstance(each, type | str)]
+        convert = text(*choices[0]) if choices else _BY_TYPE[kind]
+        keys[f"{name}_deg" if "rad" in notes else name] = convert
+    return keys
+
+
+def settings(name: str) -> Mapping[str, Converter]:
+    """The keys of a table of settings."""
+    return ROBOT if name == "robot" else ABOVE["settings"](name)[0]
+
+
+def checked(name: str) -> Converter:
+    """A table of settings, checked by making what it describes; the values stay as they are."""
+
+    def convert(found: Any, key: str) -> Any:
+        if name == "robot":
+            return table(ROBOT)(found, key)
+        keys, make = ABOVE["settings"](name)
+        if name == "laser":
+            keys = {**keys, "noise": table(ABOVE["settings"]("noise")[0])}
+        values = table(keys)(found, key)
+        with at(key):
+            make(**values)
+        return values
+
+    return convert
 
 
 def value_of(text: str) -> Any:
@@ -235,8 +248,9 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         place = f"setting {name[:80]}"
         with at(place):
             check_names(place, [table], TABLES)
-            check_names(place, [key], TABLES[table])
-            tables.setdefault(table, {})[key] = TABLES[table][key](value_of(value), place)
+            keys = settings(table)
+            check_names(place, [key], keys)
+            tables.setdefault(table, {})[key] = keys[key](value_of(value), place)
     return tables
 
 

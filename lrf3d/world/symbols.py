@@ -1,5 +1,6 @@
 """Symbols of plans, by how they are drawn: doors that stand open, and text."""
 
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,7 +8,8 @@ import shapely
 from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
-from lrf3d.world.pieces import connected, groups, members_of
+from lrf3d.world.annotations import is_annotation
+from lrf3d.world.pieces import connected, groups, members_of, pairs_within
 
 CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 130.0])
 """Turn [rad] between two segments above which they are no chords of one arc; least and largest
@@ -23,6 +25,9 @@ MOST_DOORS = 5000
 LEAST_PLAN, LEAST_ROOM = 20.0, 1.5
 """Least area [m²] of a plan in a frame, as in a hall there may be tables; and of a room: of a
 closet, or a place for a lavatory."""
+
+ASIDE, THICKEST_WALL = 1.0, 0.3
+"""Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces."""
 
 MARGIN, MOST_ALIKE = 0.6, 5
 """Width [m] of the rim of a sheet in which the lines of a frame are; number from which on parallels
@@ -141,6 +146,46 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
     return found
 
 
+class Strokes(NamedTuple):
+    """Segments (n, 4) [m], the line and the mark (n,) of each, and whether they are free (n,).
+
+    A mark may be cut into lines by what covers it. Only what is free may be a symbol.
+    """
+
+    segments: Float
+    line: Int
+    mark: Int
+    free: Bool
+
+
+def symbols(strokes: Strokes, sheet: bool = False) -> Iterator[tuple[str, Bool]]:
+    """What of the strokes is no wall, by what it is called, and which (n,) are that.
+
+    Each kind is looked for among what the others leave. Annotations and frames show that a drawing
+    is a sheet, on which what stands beside the plan is no wall.
+    """
+    segments, left = strokes.segments, strokes.free.copy()
+
+    def among(find: Callable[[Float], Bool], chosen: Bool) -> Bool:
+        found = np.zeros(len(segments), dtype=bool)
+        found[chosen] = find(segments[chosen])
+        found &= left
+        left[found] = False
+        return found
+
+    pattern = np.zeros(len(segments), dtype=bool)
+    pattern[left] = is_pattern(segments[left])
+    noted = is_annotation(segments[left], strokes.line[left], strokes.mark[left], pattern[left])
+    yield "annotation line", (noted := among(lambda _: noted, left.copy()))
+    yield "pattern line", among(lambda _: pattern[left], left.copy())
+    yield "letter stroke", among(is_lettering, left.copy())
+    stands = left | ~strokes.free
+    sheet |= bool(noted.any())
+    yield "frame line", (framed := among(lambda each: is_frame(each, sheet), stands))
+    sheet |= bool(framed.any())
+    yield "outside line", among(lambda each: is_aside(each, sheet), stands & ~framed)
+
+
 def is_lettering(segments: Float) -> Bool:
     """Which segments (n, 4) are letters of a word of three or more; a letter is what touches.
 
@@ -160,14 +205,15 @@ def is_lettering(segments: Float) -> Bool:
     extent = float(np.ptp(boxes.reshape(-1, 2), axis=0).max())
     # Letters, as drawn on a plan of 1:100, are 5 mm high, and those of titles 15 mm.
     for largest, least in ((0.5, 3), (1.5, 5)):
-        small = np.flatnonzero((size < min(largest, 0.05 * extent)) & ~text)
+        small = np.flatnonzero(size < min(largest, 0.05 * extent))
         # Gaps between letters of a word are shares of the larger one.
         away = 0.4 * size[small, None] * [-1.0, -1.0, 1.0, 1.0]
         reach = shapely.box(*(boxes[small] + away).T)
         tree = shapely.STRtree(shapely.box(*boxes[small].T))
         one, other = tree.query(reach, predicate="intersects")
         ratio = size[small[one]] / size[small[other]]
-        alike = (ratio < 2.5) & (ratio > 0.4)
+        # Points and accents are small.
+        alike = (ratio >= 1.0) & ((ratio < 2.5) | (largest < 1.0))
         for word in members_of(groups(one[alike], other[alike], len(small))):
             members = small[word]
             if len(members) < least or len(set(strokes[members].tolist())) < 2:
@@ -175,15 +221,25 @@ def is_lettering(segments: Float) -> Bool:
             wide = sides[members].min(axis=1) > 0.3 * size[members]
             high = sides[members, 1]
             level = np.abs(high / np.median(high) - 1.0) < 0.1
-            text[members] = wide.any() and (least == 3 or level.mean() > 0.6)
+            text[members] |= wide.any() and (least == 3 or level.mean() > 0.6)
+    # Units and single letters stand next to words.
+    while True:
+        rest = np.flatnonzero((size < min(0.5, 0.05 * extent)) & ~text)
+        away = 0.8 * size[text, None] * [-1.0, -1.0, 1.0, 1.0]
+        words = shapely.STRtree(shapely.box(*(boxes[text] + away).T))
+        near, word = words.query(shapely.box(*boxes[rest].T), predicate="intersects")
+        near = near[size[rest[near]] < 1.3 * size[text][word]]
+        if not len(near):
+            break
+        text[rest[near]] = True
     return text[part]
 
 
-def is_frame(segments: Float) -> Bool:
+def is_frame(segments: Float, sheet: bool) -> Bool:
     """Which segments (n, 4) are the frame of a sheet and its title block.
 
-    A frame is the box around all, of the proportions of paper or with a title block at its sides,
-    and has a plan within that does not touch it.
+    A frame is the box around all, has a plan within that does not touch it, and is that of a sheet
+    for another reason: by its proportions, or by a title block at its sides.
     """
     framed = np.zeros(len(segments), dtype=bool)
     while not framed.all():
@@ -191,35 +247,42 @@ def is_frame(segments: Float) -> Bool:
         ends = segments[left].reshape(-1, 2, 2)
         low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
         sides = high - low
-        off = np.concatenate([ends - low, high - ends], axis=2).max(axis=1)
-        rim = (off < MARGIN).any(axis=1)
+        reach = np.concatenate([ends - low, high - ends], axis=2)
+        off = reach.max(axis=1)
         for side, long in enumerate(sides[[1, 0, 1, 0]]):
-            on = left[off[:, side] < 1e-3 * sides.max()]
+            on = left[off[:, side] < 2e-3 * sides.max()]
             if not lengths(segments[on]).sum() > 0.98 * long > 0.0:
                 return framed
+        rim = (off < MARGIN).any(axis=1)
         inner = left[~rim]
-        part = connected(segments[inner])
-        reach = np.concatenate([ends - low, high - ends], axis=2)[~rim].min(axis=(1, 2))
-        block = np.isin(part, part[reach < 1.01 * MARGIN])
+        part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
+        if not len(hulls):
+            return framed
+        part, area = near[part], shapely.area(hulls)
+        block = np.zeros(len(hulls), dtype=bool)
+        block[part[reach[~rim].min(axis=(1, 2)) < 1.01 * MARGIN]] = True
         # Proportions of sheets of paper.
         known = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
         paper = np.abs(known - sides.max() / sides.min()).min() < 0.02
-        plan, titles = (_largest(segments[inner[each]]) for each in (~block, block))
-        held = plan.area > max(LEAST_PLAN, 0.15 * sides.prod(), 2.0 * titles.area)
-        if not (held and (paper or block.any())):
+        plan, titles = (float(area[each].max(initial=0.0)) for each in (~block, block))
+        held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
+        if not (held and (paper or block.any() or sheet)):
             return framed
-        if np.abs(np.reshape(plan.bounds, (2, 2)) - [low, high]).min() < MARGIN:
-            return framed
-        framed[left[rim]] = framed[inner[block]] = True
+        framed[left[rim]] = framed[inner[block[part]]] = True
     return framed
 
 
-def _largest(segments: Float) -> Any:
-    """The largest area that is enclosed by segments (n, 4), or nearly so, with a rim of 0.6 m."""
-    bodies = shapely.buffer(_lines(segments), MARGIN, quad_segs=1)
-    whole = shapely.get_parts(shapely.union_all(bodies))
-    areas = shapely.polygons(shapely.get_exterior_ring(whole))
-    return areas[np.argmax(shapely.area(areas))] if len(areas) else shapely.Polygon()
+def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
+    """The part (n,) that touches, of each segment (n, 4), and the hulls of the parts.
+
+    Then the group of each part, in which hulls are within a gap [m], and the hulls of the groups.
+    """
+    part = connected(segments)
+    owned = [segments[each].reshape(-1, 2) for each in members_of(part)] if len(segments) else []
+    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in owned], dtype=object))
+    near = groups(*pairs_within(hulls, gap, "parts"), len(hulls)) if len(hulls) else part
+    close = [shapely.union_all(hulls[each]) for each in members_of(near)] if len(hulls) else []
+    return part, hulls, near, shapely.convex_hull(np.array(close, dtype=object))
 
 
 def is_pattern(segments: Float) -> Bool:
@@ -227,41 +290,55 @@ def is_pattern(segments: Float) -> Bool:
     found = np.zeros(len(segments), dtype=bool)
     if len(segments) < MOST_ALIKE:
         return found
-    along = directions(segments)
+    along, long = directions(segments), lengths(segments)
+    # Of opposite directions one stands for both.
+    along *= np.where(along @ [1.0, 1e-3] < 0.0, -1.0, 1.0)[:, None]
     across = np.column_stack([-along[:, 1], along[:, 0]])
     middles = 0.5 * (segments[:, :2] + segments[:, 2:])
     # Lines of a pattern are no farther apart.
-    rays = np.hstack([middles + 1e-4 * across, middles + 0.7 * across])
-    one, other = shapely.STRtree(_lines(segments)).query(_lines(rays), predicate="intersects")
-    off = np.abs(((middles[other] - middles[one]) * across[one]).sum(axis=1))
+    rays = np.hstack([middles - 1.5 * across, middles + 1.5 * across])
+    # Those of hatched walls are short, and shifted against each other.
+    more = (0.5 * long + 0.2)[:, None] * along
+    longer = _lines(np.hstack([middles - more, middles + more]))
+    one, other = shapely.STRtree(longer).query(_lines(rays), predicate="intersects")
+    off = ((middles[other] - middles[one]) * across[one]).sum(axis=1)
     turned = np.abs(along[one, 0] * along[other, 1] - along[one, 1] * along[other, 0])
-    one, other, off = (each[(turned < 0.01) & (one != other)] for each in (one, other, off))
-    order = np.lexsort((off, one))
-    one, first = np.unique(one[order], return_index=True)
-    following, pitch = np.full(len(segments), -1), np.full(len(segments), np.nan)
-    following[one], pitch[one] = other[order][first], off[order][first]
-    even = np.abs(pitch[following[one]] - pitch[one]) < 0.05 * pitch[one] + 1e-3
-    one, other = one[even], following[one[even]]
-    pairs = np.concatenate([one, other]), np.concatenate([other, following[other]])
+    alike = np.minimum(long[one], long[other]) > 0.5 * np.maximum(long[one], long[other])
+    fits = (turned < 0.01) & (np.abs(off) > 0.02) & alike
+    one, other, off = one[fits], other[fits], off[fits]
+    # At a distance of up to 0.7 m there is another on both sides, or two in a row.
+    keys = np.sort(10.0 * one + off)
+    even = np.zeros(len(one), dtype=bool)
+    for factor in (-1.0, 2.0):
+        wanted, slack = 10.0 * one + factor * off, 0.03 * np.abs(off) + 1e-3
+        at = np.searchsorted(keys, wanted - slack)
+        even |= keys[np.minimum(at, len(keys) - 1)] <= wanted + slack if len(keys) else even
+    even &= np.abs(off) < 0.7
+    pairs = one[even], other[even]
     member = groups(*pairs, len(segments))
-    found = (np.bincount(member) >= MOST_ALIKE)[member]
+    linked = np.isin(np.arange(len(segments)), np.concatenate(pairs))
+    found = linked & (np.bincount(member) >= MOST_ALIKE)[member]
     # The side of a wall from which tiles are drawn on goes on at both of its corners.
     corners = segments[~found].reshape(-1, 2) @ [1.0, 1.0j]
     found &= ~np.isin(segments.reshape(-1, 2, 2) @ [1.0, 1.0j], corners).all(axis=1)
     return np.asarray(found & (np.bincount(member, found)[member] >= MOST_ALIKE - 1))
 
 
-def is_aside(segments: Float) -> Bool:
-    """Which segments (n, 4) are of parts beside the plan that enclose nothing: a north arrow."""
-    part = connected(segments)
-    own = members_of(part)
-    if not len(segments):
-        return part > 0
-    hulls = [shapely.multipoints(segments[each].reshape(-1, 2)).convex_hull for each in own]
-    area = shapely.area(hulls)
-    if area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
+def is_aside(segments: Float, sheet: bool) -> Bool:
+    """Which segments (n, 4) are of parts beside the plan: a legend, a scale bar, a north arrow.
+
+    Where nothing else shows that a drawing is a sheet, such a part encloses nothing.
+    """
+    part, hulls, _, whole = _parts(segments, ASIDE)
+    area = shapely.area(whole)
+    if not len(hulls) or area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
         return part < 0
-    plan = hulls[int(np.argmax(area))]
+    plan = whole[int(np.argmax(area))]
+    apart = shapely.disjoint(hulls, plan)
+    if sheet:
+        # Another building may stand there, but none is as narrow as a title bar.
+        narrow = 8.0 * shapely.area(hulls) < shapely.length(hulls) ** 2 / 4.0
+        return np.asarray(apart & (narrow | (shapely.area(hulls) < 0.3 * plan.area)))[part]
     _, node, met = np.unique(
         segments.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
     )
@@ -269,5 +346,5 @@ def is_aside(segments: Float) -> Bool:
     # Lines end, and meet: the side of a wall does not.
     loose, star = (np.bincount(owner, each) > 0 for each in (times == 1, times > 2))
     long = lengths(segments)
-    few = np.array([len(each) > 2 and np.median(long[each]) < MARGIN for each in own])
-    return np.asarray(shapely.disjoint(hulls, plan) & loose & star & few)[part]
+    few = np.array([len(each) > 2 and np.median(long[each]) < MARGIN for each in members_of(part)])
+    return np.asarray(apart & loose & star & few)[part]

@@ -161,6 +161,8 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("map drive.log --sigma 0.1 0.2", "unexpected 0.2"),
         ("export out/city", "required: --to"),
         ("sweep city --shard 3/2", "--shard: '3/2': expected I/N"),
+        ("sweep city --sigma ,", "--sigma: ',': expected a number from 0"),
+        ("sweep city --mapper rubust", "--mapper: 'rubust': expected robust, paper or FILE.py:"),
     ],
 )
 def test_wrong_usage_ends_with_two_and_one_line_that_says_what_is_wrong(words, said):
@@ -235,6 +237,9 @@ def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tm
         ("render out --at 1 --from 0", "--from: of a film"),
         ("localise paper_room --out there", "--out: of a recorded drive; give a LOG"),
         ("localise out out/run.log.gz --seeds 3", "--seeds: of simulated drives"),
+        ("run city --sigma 0.1 --set noise.sigma=1", "--sigma --set noise.sigma: given twice"),
+        ("run paper_room --sigma 0.1 0.2 --noise a:b", "--sigma: --noise takes its place"),
+        ("sweep paper_room --vary mapper.gap=1 --vary mapper.gap=2", "--vary mapper.gap: given"),
         ("sweep paper_room --merge --shard 1/2", "--shard: --merge makes no runs"),
         ("map out/run.log.gz --part 2", "run.log.gz: no bag, so that there is no part to choose"),
     ],

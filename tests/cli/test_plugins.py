@@ -232,6 +232,14 @@ def test_what_a_noise_returns_is_checked(folder):
     assert "returned None; expected a LaserScan of 61" in said
 
 
+def test_a_noise_takes_the_place_of_the_levels_of_a_world(folder):
+    named = ("--noise", "own_parts:longer", "--no-video", "--json")
+    done = program("run", "paper_room", *named, cwd=folder)
+    summary = json.loads(done.stdout)
+    assert summary["sigma_m"] is None and "noise_levels" not in summary
+    assert "paper_room: --noise takes the place of its noise levels" in done.stderr
+
+
 def test_a_file_takes_no_installed_modules_place_and_finds_those_beside_it(folder):
     parts = folder / "parts"
     parts.mkdir()

@@ -71,16 +71,18 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     assert len(line_map) == summary["map"]["segments"] == len(run.world.segments)
 
 
-ROUTE = np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)])
+def scanned(mount, dt):
+    """A drive, the poses of a laser on a mount of its robot, and what that scans."""
+    path = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=dt)
+    lasers = compose(path.poses, np.array(mount))
+    lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2, 181, range_max=20.0)
+    return path, lasers, lrf3d.simulate(ROOM, lrf3d.Trajectory(path.times, lasers), lrf, rng=1)
 
 
 @pytest.mark.parametrize("turn", ["forward", "to the left"])
 def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
-    path = lrf3d.follow_route(ROUTE, dt=0.25)
     mount = lrf3d.Pose(0.3, -0.1, 0.5 * np.pi if turn == "to the left" else 0.0)
-    lasers = compose(path.poses, np.array(mount))
-    lrf = lrf3d.LaserRangeFinder(-2.0, 2.0, 181, range_max=20.0)
-    run = lrf3d.simulate(ROOM, lrf3d.Trajectory(path.times, lasers), lrf, rng=1)
+    path, lasers, run = scanned(mount, 0.25)
     quaternion = (0.0, 0.0, np.sin(0.5 * mount.theta), np.cos(0.5 * mount.theta))
     messages = [bags.mounted((mount.x, mount.y, 0.4), quaternion)]
     for scan, pose in zip(run.scans, path.poses, strict=True):
@@ -106,10 +108,7 @@ def solved(log, tmp_path):
 
 
 def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
-    path = lrf3d.follow_route(ROUTE, dt=0.125)
-    lasers = compose(path.poses, np.array([0.3, 0.0, 0.0]))
-    lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2, 181, range_max=20.0)
-    run = lrf3d.simulate(ROOM, lrf3d.Trajectory(path.times, lasers), lrf, rng=1)
+    path, _, run = scanned((0.3, 0.0, 0.0), 0.125)
     lines = ["PARAM robot_frontlaser_offset 0.3 0 host 0"]
     for number, (scan, (x, y, theta)) in enumerate(zip(run.scans, path.poses, strict=True)):
         end = f"{scan.time} host {scan.time}"

@@ -8,7 +8,7 @@ from program import lrf3d, refused
 from lrf3d import load_run, load_world
 from lrf3d.cli import inputs
 from lrf3d.scenario import read_scenario_file, scenario_of
-from lrf3d.world import plan
+from lrf3d.world import files
 
 
 def test_a_generated_world_goes_through_every_format(tmp_path):
@@ -141,8 +141,8 @@ def test_trees_are_shown_as_they_are_converted(tmp_path):
 def test_a_drawing_is_read_once_to_be_shown(tmp_path, monkeypatch):
     path = tmp_path / "a.svg"
     path.write_text('<svg width="9m" height="9m"><path d="M0 0h450v450"/></svg>')
-    read, files = plan.read_drawing, []
-    monkeypatch.setattr(plan, "read_drawing", lambda *a, **o: files.append(a) or read(*a, **o))
+    read, seen = files._read_drawing, []
+    monkeypatch.setattr(files, "_read_drawing", lambda *a, **o: seen.append(a) or read(*a, **o))
     args = Namespace(command="world show", world=str(path))
     scenario, shown = inputs.read_shown(args)
-    assert len(files) == 1 and len(scenario.world.segments) == len(shown.segments) > 0
+    assert len(seen) == 1 and len(scenario.world.segments) == len(shown.segments) > 0

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from bags import STORE, odometry, of_scan, scan, scans, transform, wheels, write
+from bags import STORE, header, odometry, of_scan, scan, scans, transform, wheels, write
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.io import load_log
-from lrf3d.io.bag_poses import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_poses import ECHOES, ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
 
 HALF = (0, 0, 1, 0)
@@ -133,7 +134,7 @@ def test_readings_just_below_range_max_are_no_return(tmp_path):
         messages.append(("/scan", t, SCAN, message))
     bag = write(tmp_path / "bag", *messages)
     log, kept, near = load_log(bag), load_log(bag, largest_range=20), load_log(bag, largest_range=3)
-    assert np.isinf([scan.ranges[:10] for scan in log.scans]).all() and "9.99 m" in log.notes[0]
+    assert np.isinf([scan.ranges[:10] for scan in log.scans]).all() and "9.99 m" in str(log.notes)
     assert np.isfinite([scan.ranges for scan in kept.scans]).all()
     assert max(scan.ranges[scan.hits].max() for scan in near.scans) < 3.0
 
@@ -147,7 +148,7 @@ def test_a_folder_that_a_killed_recorder_left_is_read(storage, tmp_path):
 
 
 @pytest.mark.parametrize("share", [0.7, 0.9, 0.9999])
-@pytest.mark.parametrize("packed", [None, "STORAGE"])
+@pytest.mark.parametrize("packed", [None, "STORAGE", "FILE"])
 def test_what_is_whole_in_a_file_that_was_cut_short_is_read(packed, share, tmp_path):
     rng = np.random.default_rng(0)
     beams = rng.uniform(1.0, 6.0, (300, 720))
@@ -156,7 +157,7 @@ def test_what_is_whole_in_a_file_that_was_cut_short_is_read(packed, share, tmp_p
     messages = [("/scan", t, SCAN, of_scan(s.at_time(t))) for t, s in zip(times, fans, strict=True)]
     in_turn = sorted([*wheels(10), *messages], key=lambda message: message[1])
     bag = write(tmp_path / "bag", *in_turn, packed=packed)
-    [file] = bag.glob("*.mcap")
+    [file] = bag.glob("*.mcap*")
     data = file.read_bytes()
     file.write_bytes(data[: int(share * len(data))])
     for path in (file, bag):
@@ -179,7 +180,24 @@ def test_bags_of_ros_1_are_read(tmp_path):
             data = STORE.cdr_to_ros1(STORE.serialize_cdr(message, kind), kind)
             bag.write(topics[topic], Stamp.of(time).nanoseconds, data)
     log = load_log(tmp_path / "drive.bag")
-    assert log.source == "/odom" and log.poses[:, 0] == pytest.approx([0.7])
+    assert log.source == "/odom" and log.poses[:, 0] == pytest.approx([0.7]) and not log.notes
+    cut = tmp_path / "cut.bag"
+    cut.write_bytes((tmp_path / "drive.bag").read_bytes()[:9900])
+    assert "cut.bag was cut short" in load_log(cut).notes[0]
+
+
+def test_of_several_echoes_the_first_counts(tmp_path):
+    ranges = [{"echoes": np.array(echoes, np.float32)} for echoes in ([1.0, 3.0], [2.0], [])]
+    fan = {"angle_min": -1.0, "angle_max": 1.0, "angle_increment": 1.0, "range_max": 9.0}
+    fields = {"header": header(0.5, "laser"), **fan, "ranges": ranges}
+    message = "/echoes", 0.5, ECHOES, made(STORE, ECHOES, fields)
+    [found] = load_log(write(tmp_path / "bag", *wheels(3), message)).scans
+    assert found.ranges.tolist() == [1.0, 2.0, np.inf]
+
+
+def test_odometry_that_comes_seldom_is_said_to_be_interpolated(tmp_path):
+    bag = write(tmp_path / "bag", *wheels(4), *scans(*np.arange(0.1, 2.9, 0.1)))
+    assert "1 s apart: interpolated" in load_log(bag).notes[0]
 
 
 def test_robots_that_publish_on_one_topic_have_tracks_of_their_own(tmp_path):

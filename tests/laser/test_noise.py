@@ -44,26 +44,6 @@ def repeated(noise, scan, times=4000, seed=0):
     return np.array([noise(scan, rng).ranges for _ in range(times)])
 
 
-@pytest.mark.parametrize("noise", EVERY, ids=lambda noise: type(noise).__name__)
-def test_what_did_not_return_stays_so_and_the_scan_that_enters_is_left_alone(noise):
-    scan = scan_of([np.inf, -np.inf, np.inf, 3.0, np.inf])
-    before = scan.ranges.copy()
-    for seed in range(50):
-        after = noise(scan, np.random.default_rng(seed)).ranges
-        assert np.isinf(after[[0, 2, 4]]).all() and (after[[0, 2, 4]] > 0).all()
-        assert after[1] == -np.inf and not np.isnan(after).any()
-    assert np.array_equal(scan.ranges, before)
-
-
-@pytest.mark.parametrize("noise", EVERY, ids=lambda noise: type(noise).__name__)
-def test_the_same_seed_gives_the_same_scan_and_as_many_draws_whatever_is_seen(noise):
-    # A whole number seeds a generator.
-    one, other = np.random.default_rng(5), np.random.default_rng(5)
-    assert np.array_equal(noise(WALL, one).ranges, noise(WALL, 5).ranges)
-    noise(GAP, other)
-    assert one.random() == other.random()
-
-
 @pytest.mark.parametrize("noise", [ProportionalNoise(300.0), ConstantNoise(50.0)])
 def test_what_noise_carries_below_zero_is_reported_as_zero(noise):
     measured = noise(WALL, np.random.default_rng(0)).ranges

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.mapping.robust.beams import CELL
-from lrf3d.mapping.robust.corners import CORNER_REACH, CORNER_SINE, close_corners
+from lrf3d.mapping.robust.links import CORNER_REACH, CORNER_SINE, close_corners
 
 
 def cross(one, other):

@@ -22,8 +22,8 @@ from lrf3d import (
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.geometry import lengths
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.clusters import LEAST_HITS
 from lrf3d.mapping.robust.extraction import END_DEVIATIONS, LikelihoodExtractor
+from lrf3d.mapping.robust.rays import LEAST_HITS
 
 LRF = LaserRangeFinder(range_max=30.0)
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)

@@ -36,6 +36,8 @@ def test_a_place_is_seen_when_a_beam_first_passes_it_and_never_behind_a_wall():
     times = exposure.sampled(places)
     first, surely = times["seen"], times["sure"]
     assert surely[[0, 2]] == pytest.approx(1.0) and (surely[[1, 3]] < 0.02).all()
+    # A map's segment is a wall from two cells away: in larger worlds cells are larger.
+    assert exposure.cell < exposure.tolerance < 2.0 * exposure.cell
     # The second is seen past the wall's end from where the robot begins to look past it.
     assert first[0] * exposure.length < 1.0 < 1.5 < 8.0
     assert 0.05 < first[2] < 0.35

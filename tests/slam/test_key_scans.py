@@ -5,6 +5,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose, between
 from lrf3d.slam.front_end import FrontEnd
 from lrf3d.slam.key_scans import Fan, Key, Sight, evidence, views_of
+from lrf3d.slam.motion import Prediction
 from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
 
@@ -60,3 +61,20 @@ def test_a_lost_scan_adds_what_it_saw_itself_to_the_local_map():
             front.add_key(key)
     assert not placed.matched
     assert np.array_equal(key.walls, thinned(scans[2].surface))
+
+
+def test_far_points_are_those_of_an_obstacle_only_where_the_heading_is_known():
+    """Somebody stands 2 m ahead, where two key scans saw the wall behind."""
+    front, lrf, pose = FrontEnd(Pose(0, 0, 0)), LaserRangeFinder(range_max=10), (3.0, 2.0, 0.0)
+    for _ in range(2):
+        scan = Sight().seen(PlanarCaster(WORLD).cast(lrf, pose))
+        front.track(scan, np.zeros(3))
+        front.add_key(front.key(scan))
+    person = World([*WORLD.segments, [5, 1.8, 5, 2.2]])
+    points = Sight().seen(PlanarCaster(person).cast(lrf, pose)).surface
+    near = np.hypot(points["x"] - 2.0, points["y"]) < 0.3
+    assert near.sum() > 5
+    for turn, kept in ((1e-3, ~near), (0.1, near | True)):
+        uncertain = np.diag([1e-3, 1e-3, turn]) ** 2
+        expected = Prediction(np.zeros(3), uncertain, uncertain, np.ones(3))
+        assert np.array_equal(front._standing(points, front.pose, expected), points[kept])

@@ -10,7 +10,7 @@ import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.pose import between, compose
-from lrf3d.recorded import solve_log
+from lrf3d.recorded import punctual, solve_log
 from lrf3d.slam.checks import SelfCheck
 from lrf3d.slam.odometry import Repairs, WheelPath, fitted_lag, in_order, without_jumps
 
@@ -167,8 +167,24 @@ def test_the_lag_is_found_where_a_part_of_the_odometry_is_missing():
     path = WheelPath(np.column_stack([-0.2 * lines, 0.0 * lines, turns]))
     places = np.minimum(lines, 40)
     seen = np.diff(path.at(lines - 0.5)[:, 2])
-    assert fitted_lag(seen, path, lines) == pytest.approx(0.5, abs=0.05)
-    assert fitted_lag(seen, path, places) == pytest.approx(0.5, abs=0.05)
+    for scans in (lines, places):
+        assert fitted_lag(seen, path, scans) == pytest.approx(np.full(300, 0.5), abs=0.05)
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.4, 0.4), (-0.2, -0.2), (0.1, 0.5)])
+def test_scans_that_are_stamped_late_get_the_poses_of_when_they_were_taken(recorded, first, last):
+    log, true = recorded
+    poses = WheelPath(true).at(EVERY + np.linspace(first, last, COUNT) / np.diff(log.times)[0])
+    scans = [replace(s, pose=tuple(p)) for s, p in zip(log.scans, poses, strict=True)]
+    late = LaserLog("late", scans)
+    found = punctual(late)
+    [said] = found.notes
+    assert ("late" in said) == (first > 0.0) and ("at the end" in said) == (first < last)
+    assert np.abs(between(true, found.poses)).max() < 0.1 < np.abs(between(true, poses)).max()
+    solution = solve_log(late)
+    assert solution.repairs.late == pytest.approx((first, last), abs=0.05)
+    assert "scans are stamped" in solution.repairs.sentences()[0]
+    assert punctual(LaserLog("true", log.scans)).notes == ()
 
 
 def test_odometry_that_jumps_everywhere_is_refused(recorded):
@@ -183,7 +199,7 @@ def test_without_stamps_nothing_is_taken_for_a_copy(recorded):
     log, _ = recorded
     still = np.zeros((COUNT, 3))
     put = in_order(log.scans, still, np.zeros(COUNT), np.arange(COUNT))
-    assert len(put.wheels) == COUNT and put.repairs.doubled_odometry_lines == 0
+    assert len(put.path) == COUNT and put.repairs.doubled_odometry_lines == 0
 
 
 @pytest.mark.parametrize(

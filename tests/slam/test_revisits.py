@@ -7,6 +7,7 @@ from drives import drive, errors, followed, recorded
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.slam.checks import self_check
+from lrf3d.slam.closures import LEAST_DISTANCE
 from lrf3d.slam.revisits import CERTAIN, Anchor, in_known_place
 
 WORLD = lrf3d.World(
@@ -69,6 +70,16 @@ def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_ther
         surface["y"] *= 0.8
         assert in_known_place(closer, replace(key, surface=surface), last, poses) is None
     assert attached > 3
+
+
+def test_a_place_that_was_left_a_moment_ago_is_not_known():
+    scans, wheels, true = drive(WORLD, [(1, 1), (1.9, 1), (1.6, 1.01)])
+    *_, slam = followed(lrf3d.Slam(start=true[0], key_distance=0.2), scans, wheels)
+    closer = slam.closer
+    assert len(closer.keys) > 5 and closer.distance < LEAST_DISTANCE
+    for number, key in enumerate(closer.keys):
+        last = Anchor(key.scan, number, np.zeros(3), key.pose, closer.driven[number])
+        assert in_known_place(closer, key, last, slam.key_poses) is None
 
 
 def test_a_drive_that_agrees_with_itself_passes_its_check_and_has_each_wall_once(rounds):

@@ -223,7 +223,17 @@ SYMBOLS = {
         *([(0.4 * x, 0.2), (0.4 * x, 3.0)] for x in range(1, 8)),
         *([(0.2, 0.4 * y), (3.0, 0.4 * y)] for y in range(1, 8)),
     ],
-    "outside line": [[(12, 5), (12, 6)], [(11.9, 5.8), (12, 6)], [(12.1, 5.8), (12, 6)]],
+    "outside line": [[(12, 5), (12, 6)], [(11.7, 5.9), (12, 6)], [(12.4, 6.2), (12, 6)]],
+    "annotation line": [
+        # Two dimensions side by side with ticks, one with arrows, and their extension lines.
+        *([(x - 0.1, 7.9), (x + 0.1, 8.1)] for x in (0, 5, 10)),
+        *([(x, 7.3), (x, 8.2)] for x in (0, 5, 10)),
+        *[[(-0.2, 8), (5.1, 8)], [(4.9, 8), (10.2, 8)], [(-1, 0), (-1, 7)], [(-0.2, 7), (-1.2, 7)]],
+        *[[(-0.9, 0.2), (-1, 0)], [(-1, 0), (-1.1, 0.2)], [(-0.9, 6.8), (-1, 7), (-1.1, 6.8)]],
+        # An axis through the walls with its bubble.
+        [(5, -2), (5, 10)],
+        [(5 + 0.4 * np.cos(a), 10.4 + 0.4 * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 25)],
+    ],
     "door standing open": [[(5.2, 2), (6.1, 2)]],
 }
 
@@ -237,6 +247,9 @@ def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp
 
     def draw(space, lines):
         for line in lines:
+            if len(line) > 20:
+                space.add_lwpolyline(line[:-1], close=True)
+                continue
             for one, two in pairwise(line):
                 space.add_line(one, two)
 

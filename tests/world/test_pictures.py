@@ -174,3 +174,25 @@ def test_a_maze_of_centimetres_is_no_hatching(tmp_path):
     sheet.image.save(folder / "maze.png")
     small = load_world(folder / "maze.png", resolution=0.004)
     assert len(small.segments) >= 10 * 4
+
+
+def test_what_a_sheet_holds_beside_a_plan_is_no_wall(tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    plain = sheet.read(tmp_path)
+    sheet.image = ImageOps.expand(sheet.image, 150, (255, 255, 255))
+    sheet.draw = ImageDraw.Draw(sheet.image)
+
+    def line(*points, ink=(0, 0, 0)):
+        places = [(150 + x, 150 + y) for x, y in sheet.at(*points)]
+        sheet.draw.line(places, fill=ink, width=1 + (ink != (0, 0, 0)))
+
+    # A frame with a title block, an axis through a room, a legend, and a way in green.
+    line((-3, -3), (12.5, -3), (12.5, 10), (-3, 10), (-3, -3))
+    line((8, -3), (8, -2), (12.5, -2))
+    line((7.0, -1.5), (7.0, 9))
+    line((11, 1), (12, 1), (12, 3), (11, 3), (11, 1))
+    line((1, 1), (2, 2), (4, 2), ink=(0, 160, 60))
+    with pytest.warns(Lrf3dNote, match=r"coloured part.*frame part.*outside part"):
+        world = sheet.read(tmp_path)
+    assert world.segments - 150 * SIDE == pytest.approx(plain.segments, abs=1.1 * SIDE)

@@ -1,8 +1,11 @@
-"""Rays: the path of each beam of a scan through the cells.
+"""Rays: the path of each beam of a scan through the cells, and what it says of their clusters.
 
-The beams of a scan enter; the cells count those that pass, the clusters gain those that end, and
-the walls both as new evidence.
+The beams of a scan enter; the cells count those that pass. The returns in one cell whose beams had
+the same direction are a cluster: those that end enter its moments, those that continue where others
+ended contradict it, until it is forgotten. Both are new evidence of the walls.
 """
+
+from typing import Any
 
 import numpy as np
 
@@ -12,17 +15,20 @@ from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.cells import (
     FREE_DEPTH,
     HIT_DEVIATIONS,
+    HIT_DIRECTIONS,
     MOST_PASSES,
+    OPEN_WEIGHT,
     PASS_DIRECTIONS,
     SIDE,
     SIDE_BITS,
     SOLID,
     SQUARE_BITS,
     Cells,
+    block_at,
+    cell_in,
     take_block,
 )
-from lrf3d.mapping.robust.clusters import add_hit, contradict
-from lrf3d.mapping.robust.walls import Walls
+from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
 
 ROW_BITS = 32
 """A packed cell is its row, shifted by these bits, and its column, counted from −2³¹."""
@@ -33,6 +39,9 @@ reaches."""
 
 LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
 """Bits of a packed cell that change when a step leaves a block."""
+
+LEAST_HITS = 0.5
+"""[beams] A cluster with fewer hits is deleted."""
 
 
 @borrower
@@ -140,3 +149,184 @@ def add_beams(
         if reading > 0.0:
             add_hit(cells, place, beams, beam, turn, walls, unowned)
     return len(ranges)
+
+
+@borrower
+def contradict(
+    cells: Cells, block: int, way: int, cell: int, dx: float, dy: float, walls: Walls
+) -> None:
+    """Count a beam that continues through a cell where others ended."""
+    if cells.passes[block, way, cell] < SOLID + MOST_PASSES:
+        cells.passes[block, way, cell] += 1
+    else:
+        _forget(cells, block, cell)
+    place, fell = cells.heads[block, cell], False
+    # [beams] A surface is gone when this many beams of a direction in a row have continued where
+    # others ended. Less forgets panes and fences, which few beams hit.
+    gone_after = 20
+    while place > 0:
+        weight, cluster = OPEN_WEIGHT, cells.clusters[place]
+        if cluster.last_scan != cells.counters[0].scans and goes_along(cluster, dx, dy):
+            cluster.misses += 1
+            if cluster.misses >= gone_after:
+                # What beams hit there is gone: each further few halve what is left of it.
+                cluster.misses -= gone_after // 4
+                weight += 0.5 * cluster.hits
+                _halve(cluster)
+        if walls.rows[cluster.owner].version == cluster.owner_version:
+            count_evidence(walls, cluster.owner, weight)
+        fell |= cluster.hits < LEAST_HITS
+        place = cluster.next
+    if fell or cells.heads[block, cell] == 0:
+        _delete_few(cells, block, cell)
+
+
+@borrower
+def _delete_few(cells: Cells, block: int, cell: int) -> None:
+    """Delete the clusters of a cell with too few hits; without any, its marks go, passes stay."""
+    before, place = 0, cells.heads[block, cell]
+    while place > 0:
+        after = cells.clusters[place].next
+        if cells.clusters[place].hits < LEAST_HITS:
+            _give_back(cells, block, cell, before, place)
+        else:
+            before = place
+        place = after
+    if before == 0:
+        for direction in range(PASS_DIRECTIONS):
+            cells.passes[block, direction, cell] &= MOST_PASSES
+
+
+@borrower
+def forget_hits(
+    cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, walls: Walls
+) -> None:
+    """Delete the clusters of a direction around a place [m], within about a reach [m]."""
+    first_x, last_x = int(np.floor((x - reach) / CELL)), int(np.floor((x + reach) / CELL))
+    first_y, last_y = int(np.floor((y - reach) / CELL)), int(np.floor((y + reach) / CELL))
+    for cx in range(first_x, last_x + 1):
+        for cy in range(first_y, last_y + 1):
+            block, cell = block_at(cells, cx, cy), cell_in(cx, cy)
+            place = cells.heads[block, cell]
+            while place > 0:
+                cluster = cells.clusters[place]
+                if goes_along(cluster, dx, dy):
+                    if walls.rows[cluster.owner].version == cluster.owner_version:
+                        count_evidence(walls, cluster.owner, cluster.hits)
+                    cluster.hits = 0.0
+                place = cluster.next
+            _delete_few(cells, block, cell)
+
+
+@borrower
+def goes_along(cluster: Any, dx: float, dy: float) -> bool:
+    """Whether a beam has the direction of a cluster."""
+    same_way = 0.7  # [cosine] Largest angle between beams of one direction.
+    return bool(dx * cluster.toward_x + dy * cluster.toward_y > same_way)
+
+
+@borrower
+def _halve(cluster: Any) -> None:
+    """Halve the weight of a cluster; its mean stays."""
+    cluster.hits *= 0.5
+    cluster.weight *= 0.5
+    cluster.xx *= 0.5
+    cluster.xy *= 0.5
+    cluster.yy *= 0.5
+    cluster.scans *= 0.5
+    cluster.passes_between *= 0.5
+
+
+@borrower
+def _give_back(cells: Cells, block: int, cell: int, before: int, place: int) -> None:
+    """Take a cluster out of the list of its cell; another may precede it."""
+    cluster, counters = cells.clusters[place], cells.counters[0]
+    if before == 0:
+        cells.heads[block, cell] = cluster.next
+    else:
+        cells.clusters[before].next = cluster.next
+    cells.clusters[place] = cells.clusters[0]
+    cluster.next, counters.free_cluster = counters.free_cluster, place
+
+
+@borrower
+def _forget(cells: Cells, block: int, cell: int) -> None:
+    """Halve the hits and the passes of a cell that has clusters.
+
+    Their ratio stays, and new beams count twice as much as earlier ones.
+    """
+    for way in range(PASS_DIRECTIONS):
+        passed = cells.passes[block, way, cell]
+        cells.passes[block, way, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+        if passed & MOST_PASSES == 1:
+            cells.passed[block, cell] ^= np.uint16(1 << way)
+    place = cells.heads[block, cell]
+    while place > 0:
+        cluster = cells.clusters[place]
+        _halve(cluster)
+        cluster.passes_before *= 0.5
+        place = cluster.next
+
+
+@borrower
+def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
+    """Make a cluster for the returns of a direction in a cell."""
+    other, passed = cells.heads[block, cell], 0.0
+    if other == 0:
+        for passing in range(PASS_DIRECTIONS):
+            passed += cells.passes[block, passing, cell]
+            cells.passes[block, passing, cell] |= SOLID
+    counters, first = cells.counters[0], cells.clusters[other]
+    place: int = counters.free_cluster
+    if place > 0:
+        counters.free_cluster = cells.clusters[place].next
+    else:
+        place = counters.clusters
+        counters.clusters += 1
+    cluster = cells.clusters[place]
+    cluster.way, cluster.next = way, other
+    cluster.passes_before = first.passes_before if other > 0 else passed
+    cluster.first_scan = first.first_scan if other > 0 else counters.scans
+    cells.heads[block, cell] = place
+    return place
+
+
+@borrower
+def add_hit(
+    cells: Cells, place: tuple[float, float], beams: Beams, beam: int, turn: float,
+    walls: Walls, unowned: Int,
+) -> None:  # fmt: skip
+    """Add the return of a beam from a place [m], in a direction [turns], to its cluster."""
+    x, y = place
+    reading, deviation = beams.ranges[beam], beams.deviations[beam]
+    dx, dy = beams.units[beam]
+    x, y = x + reading * dx, y + reading * dy
+    way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    block, cell = take_block(cells, column, row), cell_in(column, row)
+    at, counters = cells.heads[block, cell], cells.counters[0]
+    while at > 0 and cells.clusters[at].way != way:
+        at = cells.clusters[at].next
+    if at == 0:
+        at = _new_cluster(cells, block, cell, way)
+    cluster = cells.clusters[at]
+    counters.widest = max(counters.widest, deviation)
+    # [beams] Above this number of returns in a cluster all counts of its cell are halved.
+    most_hits = 255.0
+    if cluster.hits >= most_hits:
+        _forget(cells, block, cell)
+    if cluster.last_scan != counters.scans:
+        if cluster.scans > 0.0:
+            cluster.passes_between += cluster.misses
+        cluster.last_scan = counters.scans
+        cluster.scans += 1.0
+    cluster.misses = 0
+    cluster.hits += 1.0
+    add_point(cluster, 1.0 / (deviation * deviation), x, y)
+    cluster.toward_x += (dx - cluster.toward_x) / cluster.hits
+    cluster.toward_y += (dy - cluster.toward_y) / cluster.hits
+    if walls.rows[cluster.owner].version == cluster.owner_version:
+        count_evidence(walls, cluster.owner, 1.0)
+    else:
+        unowned[walls.counters[0].unowned] = at
+        walls.counters[0].unowned += 1

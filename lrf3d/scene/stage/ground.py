@@ -17,10 +17,6 @@ STREET, PAVEMENT = 8.0, 1.7
 _FLOOR, _JOINT_WIDTH = np.array([1.0, 0.96, 0.90]), 0.015
 """Colour of floors, and the width of joints between their tiles, which are a metre wide [m]."""
 
-_HOLE, _RIM, _AROUND = 4.0, 0.1, 1.6
-"""A floor closes openings in walls of up to twice the first, goes past them by the second, and lies
-so far round the path of a robot where there are no rooms [m]."""
-
 
 class Canvas(NamedTuple):
     """Where a picture of the ground lies."""
@@ -110,11 +106,14 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
 
 def floor_of(structures: Structures) -> Any:
     """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
-    filled = filled_between(structures.segments, _HOLE)
-    rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
+    # A floor closes openings in walls of up to twice the first, goes past them by the second, and
+    # lies so far round the path of a robot where there are no rooms [m].
+    hole, rim, around = 4.0, 0.1, 1.6
+    filled = filled_between(structures.segments, hole)
+    rooms = shapely.union_all(shapely.buffer(filled, rim - hole, join_style="mitre"))
     shapely.prepare(rooms)
     path = structures.path[:: max(1, len(structures.path) // 2000)]
     outside = path[~shapely.contains_xy(rooms, *path.T)]
-    floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), _AROUND)])
+    floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), around)])
     # Where these meet rooms there are no corners.
-    return shapely.buffer(shapely.buffer(floor, _AROUND), -_AROUND)
+    return shapely.buffer(shapely.buffer(floor, around), -around)

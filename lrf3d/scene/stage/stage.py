@@ -23,9 +23,6 @@ _TOGETHER, _APART, _LEAST = 0.05, 0.004, 1e-7
 wall [m], as a ray meets the one that looks at it; and the least area of a triangle [m²]: outlines
 that touch themselves have smaller ones."""
 
-_MOST_MIRRORS = 4
-"""Most walls that show reflections: each takes the time of a picture."""
-
 
 class Stage(NamedTuple):
     """What stands in a world: what its walls make up, their faces, the ground, and its light.
@@ -55,21 +52,11 @@ def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
     if isinstance(run, Run):
         exposure = expose(run, structures, *box)
     walls, tops = (each[structures.mirrors] for each in (structures.segments, structures.heights))
-    longest = np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]
+    most_mirrors = 4  # Most walls that show reflections: each takes the time of a picture.
+    longest = np.argsort(-lengths(walls), kind="stable")[:most_mirrors]
     mirrors = np.column_stack([walls, tops])[longest]
     faces, ground = lay_faces(structures, exposure), paint_ground(structures, canvas)
     return Stage(structures, faces, ground, exposure, mirrors)
-
-
-def wall_sides(structures: Structures) -> tuple[Int, Float]:
-    """The walls (n,) whose sides can be seen: those of solids once, free ones from both sides.
-
-    Returns also the sides (n, 4) [m], which look to the right of their directions; glass has none.
-    """
-    solid = np.flatnonzero(structures.closed & ~structures.glass)
-    free, parts = _free_walls(structures)
-    sides = structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]
-    return np.concatenate([solid, free, free]), np.concatenate(sides)
 
 
 def _free_walls(structures: Structures) -> tuple[Int, Float]:
@@ -98,7 +85,11 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
 
     A wall looks at the cell before it, a roof at that wall of its house which was mapped first.
     """
-    number, segments = wall_sides(structures)
+    # Those of solids are seen from outside, free ones from both sides, and glass has no face.
+    solid = np.flatnonzero(structures.closed & ~structures.glass)
+    free, parts = _free_walls(structures)
+    number = np.concatenate([solid, free, free])
+    segments = np.concatenate([structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]])
     along = directions(segments)
     off, (*_, sun_up), (even, sunny, foot) = -along @ LEFT, SUN, WALL_LIGHT
     apart = np.where(structures.closed[number], 0.0, _APART)[:, None]

@@ -18,7 +18,7 @@ from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry import Bool, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BITS, Cells, block_at
-from lrf3d.mapping.robust.clusters import forget_hits
+from lrf3d.mapping.robust.rays import forget_hits
 from lrf3d.mapping.robust.walls import Walls
 
 PATCHES = SIDE * SIDE // 4

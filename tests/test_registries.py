@@ -1,0 +1,152 @@
+"""What each kind of noise, reader, mode of the mapper and mark keeps, over all that are entered."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_render import room_run
+
+import lrf3d
+from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World
+from lrf3d.errors import InputError, WorldError
+from lrf3d.laser import Limits
+from lrf3d.laser.imperfections import NOISES
+from lrf3d.mapping.mapper import MODES
+from lrf3d.scene.cameras import overview
+from lrf3d.scene.moments import MARKS, Scene
+from lrf3d.scene.shapes import Lines, level_lines
+from lrf3d.scene.timeline import Timeline
+from lrf3d.view.message import part_of
+from lrf3d.world import READERS
+
+LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
+WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))
+EDGE = PlanarCaster(World([[5.0, -50, 5, 0], [10, 0, 10, 50]])).cast(LRF, (0, 0, 0))
+KINDS = {"/".join(keys): make(None, *[0.05] * len(keys)) for keys, make in NOISES.items()}
+EVERY_NOISE = {**KINDS, "limits": Limits()}
+
+
+def keeps(noise):
+    """What did not return stays so, its scan is left alone, and draws do not depend on it."""
+    ranges = [np.inf, -np.inf, np.inf, 3.0, np.inf]
+    scan = LaserScan((0, 0, 0), np.linspace(-1, 1, 5), ranges, range_max=20.0)
+    for seed in range(50):
+        after = noise(scan, np.random.default_rng(seed)).ranges
+        assert np.isposinf(after[[0, 2, 4]]).all() and after[1] == -np.inf
+        assert not np.isnan(after).any()
+    assert scan.ranges.tolist() == ranges
+    one, other = np.random.default_rng(5), np.random.default_rng(5)
+    assert np.array_equal(noise(WALL, one).ranges, noise(WALL, 5).ranges)
+    noise(EDGE, other)
+    assert one.random() == other.random()
+
+
+@pytest.mark.parametrize("name", EVERY_NOISE)
+def test_every_noise_keeps_what_did_not_return_and_draws_as_much_whatever_is_seen(name):
+    keeps(EVERY_NOISE[name])
+
+
+@dataclass(frozen=True)
+class Bias:
+    offset: float
+
+    def __call__(self, scan, rng):
+        return replace(scan, ranges=np.maximum(scan.ranges + self.offset, 0.0))
+
+
+def test_a_noise_that_makes_ranges_of_what_was_too_near_is_found_out():
+    with pytest.raises(AssertionError):
+        keeps(Bias(0.1))
+
+
+def test_a_noise_that_is_entered_has_a_key_in_world_files(monkeypatch, tmp_path):
+    monkeypatch.setitem(NOISES, ("bias",), lambda lrf, offset: Bias(offset))
+    file = tmp_path / "w.toml"
+    file.write_text("[[object]]\npoints = [[5, -9], [5, 9]]\n[noise]\nsigma = 0\nbias = 0.25\n")
+    scenario = lrf3d.load_scenario(file)
+    assert scenario.noise(WALL, 0).ranges[50] == WALL.ranges[50] + 0.25
+    assert lrf3d.load_scenario(file, ["noise.bias=0.5"]).noise(WALL, 0).ranges[50] == 4.5
+    with pytest.raises(InputError, match="did you mean 'bias'"):
+        lrf3d.load_scenario(file, ["noise.bais=0.5"])
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\xff" * 500, b"a word " * 99, b"{" * 99])
+@pytest.mark.parametrize("ending", READERS)
+def test_every_reader_refuses_what_is_no_file_of_its_own_in_one_line_that_names_it(ending, content):
+    path = Path(f"w{ending}")
+    path.write_bytes(content)
+    options = {"resolution": 0.05} if ending in (".png", ".pgm", ".jpg", ".jpeg", ".bmp") else {}
+    with pytest.raises(WorldError) as refused:
+        lrf3d.load_world(path, **options)
+    assert str(refused.value).startswith(str(path)) and "\n" not in str(refused.value)
+
+
+def test_a_format_that_is_entered_is_read_listed_and_must_give_a_world(monkeypatch):
+    def read_rows(path):
+        return World(np.loadtxt(path, ndmin=2))
+
+    monkeypatch.setitem(READERS, ".rows", (read_rows, 100))
+    Path("a.rows").write_text("0 0 4 0\n4 0 4 3\n")
+    assert lrf3d.load_scenario("a.rows").world.segments.tolist() == [[0, 0, 4, 0], [4, 0, 4, 3]]
+    assert lrf3d.load_world("a.rows", scale=2.0).segments.tolist() == [[0, 0, 8, 0], [8, 0, 8, 6]]
+    for content, said in (("0 0 4\n", "columns|expected"), ("0 0 4 0\n" * 99, "more than")):
+        Path("b.rows").write_text(content)
+        with pytest.raises(InputError, match=f"^b.rows.*({said})"):
+            lrf3d.load_world("b.rows")
+    with pytest.raises(WorldError, match=r"\.rows"):
+        lrf3d.load_world("c.unknown")
+    monkeypatch.setitem(READERS, ".rows", (np.loadtxt, 100))
+    with pytest.raises(InputError, match="expected a World"):
+        lrf3d.load_world("a.rows")
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_mode_of_the_mapper_shows_what_was_seen_and_nothing_else(mode):
+    mapper = LineMapper(mode)
+    assert len(mapper.map) == 0
+    nothing = replace(WALL, ranges=np.full(101, np.inf), walls=np.full(101, -1))
+    mapper.update(nothing)
+    assert len(mapper.map) == 0
+    mapper.update(WALL)
+    before = mapper.map
+    assert before is mapper.map and len(before) == 1
+    assert np.abs(before.segments[0, [0, 2]] - 4.0).max() < 0.05
+    held = before.segments.copy()
+    mapper.update(EDGE)
+    assert np.array_equal(before.segments, held) and not before.segments.flags.writeable
+    after = mapper.map
+    assert after is not before and np.isfinite(after.segments).all()
+    assert len(after.segments) == len(after.objects) == len(after.points)
+    assert len(mapper.local_map(EDGE)) == 2
+
+
+def test_every_mark_is_drawn_as_it_is_and_the_same_while_nothing_changes(monkeypatch):
+    def cross(scene, moment):
+        x, y, _ = moment.pose - [*scene.origin, 0.0]
+        ends = np.array([[x - 1, y], [x + 1, y]])
+        return level_lines(0.5, ends[:1], ends[1:], np.ones((1, 3)), np.ones((1, 2)), 2.0)
+
+    monkeypatch.setitem(MARKS, "cross", cross)
+    timeline = Timeline(room_run(), playback=1.0)
+    scene = Scene(timeline, goal=(2.0, 2.0, 0.5))
+    moment = timeline.moment(0.6 * timeline.end)
+    view = overview(timeline, scene.structures).look(moment.time, 1.5)
+    with pytest.raises(InputError, match=r"mark 'cross'.*define it in a module"):
+        lrf3d.render_video(scene.run, "run.gif", size=(64, 64), renderer="embree")
+    marks, again = (dict(scene.seen(moment, view, (90, 60)).marks) for _ in range(2))
+    assert {"cross", "goal", "shadow", "trail", "points"} <= set(marks)
+    for name, mark in marks.items():
+        style, columns = part_of(mark)
+        assert isinstance(style["kind"], str) and len({len(each) for each in columns.values()}) == 1
+        for key, column in columns.items():
+            assert column.dtype == np.float32 and column.flags.c_contiguous, (name, key)
+            assert np.isfinite(column).all(), (name, key)
+        shown = [mark.colours, *([mark.opacities] if isinstance(mark, Lines) else [])]
+        assert all(((each >= 0.0) & (each[..., 3:] <= 1.0).all()).all() for each in shown), name
+    assert all(again[name] is marks[name] for name in ("goal", "beams", "points", "bands"))
