@@ -115,7 +115,9 @@ class Document:
         if colours is not None:
             rows = np.ones((len(columns["POSITION"]), 4))
             rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
-            rows[:, :3] = linear(np.clip(rows[:, :3], 0.0, 1.0))
+            # Screen colours are kept as the linear ones that glTF counts with.
+            low = np.clip(rows[:, :3], 0.0, 1.0)
+            rows[:, :3] = np.where(low <= 0.04045, low / 12.92, ((low + 0.055) / 1.055) ** 2.4)
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
             columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
@@ -193,13 +195,6 @@ class Document:
             data += fill * (-len(data) % _ALIGNMENT)
             chunks += struct.pack("<I4s", len(data), kind) + data
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def linear(colours: Float) -> NDArray[np.float32]:
-    """Screen colours in 0…1 as the linear ones that glTF counts with."""
-    low = colours / 12.92
-    high = ((colours + 0.055) / 1.055) ** 2.4
-    return np.asarray(np.where(colours <= 0.04045, low, high), np.float32)
 
 
 def turned(angles: Float) -> Float:

@@ -22,7 +22,7 @@ from lrf3d.scene.cameras import behind
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Lines, Points, Seen
+from lrf3d.scene.shapes import Lines, Points, Seen, level_lines
 from lrf3d.scene.stage.structures import panes_of
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
@@ -199,8 +199,6 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
 
 def _ring(document: Document, outline: Float, opacity: float, material: int) -> dict[str, Any]:
     """A closed outline (c, 2) on the ground, in the estimate's colour."""
-    level = np.full((len(outline), 1), look.TRAIL_HEIGHT + 2.0 * _LIFT)
-    corners = np.hstack([outline, level])
-    ends = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-    colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (*ends.shape[:2], 1))
-    return document.part(material, ends, colours, mode=LINES)
+    ends, colours = np.roll(outline, -1, axis=0), np.tile(look.ESTIMATE_COLOUR, (len(outline), 1))
+    opacities, height = np.full((len(outline), 2), opacity), look.TRAIL_HEIGHT + 2.0 * _LIFT
+    return _lines(document, level_lines(height, outline, ends, colours, opacities, 0.0), material)

@@ -15,7 +15,7 @@ from PIL import Image
 
 from lrf3d.geometry import Bool, Float, Single, quad_indices
 from lrf3d.gltf.document import Document
-from lrf3d.render.glsl import GREY, exposed, ground_of
+from lrf3d.render.glsl import GREY, exposed, mesh
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.stage.stage import Stage
@@ -81,11 +81,9 @@ def _add_ground(document: Document, stage: Stage) -> None:
     )
     # Round the squares eight more reach to the horizon. None lies on another: far away viewers
     # cannot tell which is nearer.
-    level = ground_of(ground, horizon)
-    ends = level.min(axis=0), *squares[[0, -1], [0, 2]], level.max(axis=0)
-    grid = np.stack(np.meshgrid(*np.transpose(ends)), axis=-1)
-    nine = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
-    around = np.delete(nine.reshape(9, 4, 2), 4, axis=0)
+    low, high = squares[[0, -1], [0, 2]]
+    nine = mesh(*np.array([low - horizon, low, high, high + horizon]).T).reshape(9, 6, 2)
+    around = np.delete(nine[:, [0, 1, 2, 5]], 4, axis=0)
     group = document.node("lit ground", document.root)
 
     def part(material: int, quads: Float) -> dict[str, Any]:

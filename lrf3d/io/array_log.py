@@ -25,7 +25,7 @@ from lrf3d.pose import heading_of
 
 RECORDS = re.compile(
     rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
-    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,]*+,)+?[^\w,\[]*+\["
+    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,]*+,)+?[^\w,\[(]*+[\[(]"
 ).match
 """Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
 a header may have thousands of columns."""
@@ -140,13 +140,22 @@ def _stacked(parts: list[Float]) -> Float:
 
 
 def _cells(names: list[str], line: str) -> dict[str, Any]:
-    """The cells of a line of a CSV, some of which are lists; what is left out is NaN."""
+    """The cells of a line of a CSV, some of which are lists; what is left out is NaN.
+
+    Names with dots are those of messages in messages.
+    """
     line = LISTS.sub(lambda match: match[1].replace(",", " ") + " ", line)
     cells = [cell.strip("\"'") for cell in line.split(",")]
     if len(cells) != len(names):
         raise ValueError(f"{len(cells)} cells for {len(names)} names")
-    values = [cell.split() if " " in cell else cell or np.nan for cell in cells]
-    return dict(zip(names, values, strict=True))
+    found: dict[str, Any] = {}
+    for name, cell in zip(names, cells, strict=True):
+        *above, last = name.strip(". \"'").split(".")
+        place = found
+        for each in above:
+            place = place.setdefault(each, {})
+        place[last] = cell.split() if " " in cell.strip() else cell.strip() or np.nan
+    return found
 
 
 def _yaml(text: str) -> Any:

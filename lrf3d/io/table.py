@@ -48,6 +48,9 @@ MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": 
 OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
 """Fields of ROS messages that are settings, or hold something else than their words say."""
 
+RATES = {"acceleration", "accel", "acc", "velocity", "vel", "twist", "gyro", "covariance"}
+"""Words of columns that are no poses, though they have an x and a y."""
+
 FAR, ROOM = 100.0, 1500.0
 """In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
 the second."""
@@ -63,9 +66,13 @@ FANS = {
 def meaning(name: str) -> tuple[str, str]:
     """What a column of this name holds, and its unit, as far as the name says so."""
     name = name.lower()
+    if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
+        return f"q{quaternion[1]}", ""
     if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:
         return MESSAGE_FIELDS.get(last, ""), "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
+    if RATES.intersection(words):
+        return "", ""
     units = [word for word in words if any(word in known for known in ROLES.values())]
     words = [word for word in words if word not in units or len(words) == 1]
     for word in reversed(words):
@@ -176,7 +183,9 @@ class Table:
             raise InputError(f"{path}: no ranges in it: {what}; name the columns by --format")
         half, most = np.quantile(known, [0.5, 0.9])
         unit = "m" if (known % 1.0).any() and half <= FAR else "mm"
-        if unit == "mm" and "ranges" not in self.units and most < ROOM:
+        # RPLIDARs, which have qualities, write millimetres.
+        known_unit = "ranges" in self.units or "quality" in self.values
+        if unit == "mm" and not known_unit and most < ROOM:
             raise InputError(
                 f"{path}: ranges of {half:g} by the median and up to {known.max():g}: name"
                 " their unit, --format 'ranges:mm', 'ranges:cm' or 'ranges:m'"

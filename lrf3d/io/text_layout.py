@@ -36,6 +36,9 @@ BRACKETS = re.compile(r"""["'(){}\[\]]""")
 NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
 """Matches a line of tuples; the first group is the first of them."""
 
+CLOCK = re.compile(r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d[T/ ]+)?(\d\d):(\d\d):(\d\d(?:\.\d*)?)")
+"""Times of day, with a date before them or without."""
+
 BOOLEANS = {"True": "1", "False": "0"}
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
@@ -325,8 +328,14 @@ def rises(sample: list[list[str]], place: int) -> bool:
 
 
 def plain(data: bytes) -> str:
-    """The text of a line."""
-    return data.decode("utf-8-sig", "replace").strip()
+    """The text of a line, in which times of day are in seconds."""
+    text = data.decode("utf-8-sig", "replace").strip()
+    return CLOCK.sub(lambda time: f"{_seconds(time):.6f}", text) if ":" in text else text
+
+
+def _seconds(time: re.Match[str]) -> float:
+    hours, minutes, seconds = map(float, time.groups())
+    return 3600.0 * hours + 60.0 * minutes + seconds
 
 
 def named(words: list[str]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +18,6 @@ from lrf3d.scene.stage.stage import Stage
 from lrf3d.scene.story import make_camera
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import check_view
-
-if TYPE_CHECKING:
-    from lrf3d.render.plain import PlainRenderer
-    from lrf3d.render.renderer import Renderer
 
 _INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
 """Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
@@ -107,10 +103,19 @@ class Film:
             import_libraries()
         self.timeline = Timeline(run, playback=chosen.playback)
         self.scene = Scene(self.timeline, chosen.goal, stage)
-        self.renderer = _renderer(chosen, self.scene.stage)
+        # Only what the renderer needs is imported.
+        self.renderer: Any
+        if chosen.renderer == "gl":
+            from lrf3d.render.renderer import Renderer
+
+            self.renderer = Renderer(self.scene.stage, chosen.size, chosen.samples)
+        else:
+            from lrf3d.render.plain import PlainRenderer
+
+            self.renderer = PlainRenderer(self.scene.stage, chosen.size)
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.structures)
         self._size, self._layers = chosen.size, chosen.layers
-        self._facts = panel.Facts(run, self.timeline.playback, chosen.panel)
+        self._full = chosen.panel == "full"
         self._window = self.scene.plan_window()
         wide = _INSET * min(chosen.size) / self._window.aspect**0.5
         wide = round(min(wide, _WIDEST * chosen.size[0]))
@@ -137,20 +142,10 @@ class Film:
         if inset:
             lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            lay_label(self._picture, panel.panel(self._facts, moment, view))
+            run, playback = self.timeline.run, self.timeline.playback
+            lay_label(self._picture, panel.panel(run, moment, view, playback, full=self._full))
         return self._picture
 
     def close(self) -> None:
         """Free what the driver holds."""
         self.renderer.close()
-
-
-def _renderer(options: FilmOptions, stage: Stage) -> "Renderer | PlainRenderer":
-    """The renderer that draws; only what it needs is imported."""
-    if options.renderer == "embree":
-        from lrf3d.render.plain import PlainRenderer
-
-        return PlainRenderer(stage, options.size)
-    from lrf3d.render.renderer import Renderer
-
-    return Renderer(stage, options.size, options.samples)

@@ -55,18 +55,19 @@ def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
     return {name: each for name, each in mark._asdict().items() if isinstance(each, np.ndarray)}
 
 
-def ground_of(ground: GroundPicture, reach: float = LAND_REACH) -> Single:
-    """Corners (6, 2) of the ground, so far past its picture [m]."""
-    return _rectangle(ground.corner - reach, ground.corner + ground.size + reach)
+def ground_of(ground: GroundPicture) -> Single:
+    """Corners (n, 2) of the triangles of the ground, and of the land to the horizon [m].
+
+    Larger triangles would have coarse depths, in which what lies on them sinks.
+    """
+    cells, low, high = 24, ground.corner, ground.corner + ground.size
+    inside = np.linspace(low, high, cells + 1)
+    return mesh(*np.concatenate([[low - LAND_REACH], inside, [high + LAND_REACH]]).T)
 
 
-def mesh(columns: int, rows: int) -> Single:
-    """Corners (6 · columns · rows, 2) of the triangles of a mesh over −1…1."""
-    first = np.indices((columns, rows)).reshape(2, -1).T
-    places = (first[:, None] + _rectangle([0.0, 0.0], [1.0, 1.0])) / [columns, rows]
-    return np.asarray((2.0 * places - 1.0).reshape(-1, 2), np.float32)
-
-
-def _rectangle(low: Any, high: Any) -> Single:
-    (x, y), (u, v) = low, high
-    return np.array([[x, y], [u, y], [u, v], [x, y], [u, v], [x, v]], np.float32)
+def mesh(x: Float, y: Float) -> Single:
+    """Corners (6 c r, 2) of the triangles of a mesh between places x (c + 1,) and y (r + 1,)."""
+    places = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
+    near, far = places[:-1], places[1:]
+    a, b, c, d = near[:, :-1], near[:, 1:], far[:, 1:], far[:, :-1]
+    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 2)

@@ -12,14 +12,7 @@ from PIL import Image
 
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import LEFT, Float, Single
-from lrf3d.render.fill import (
-    LaserLight,
-    Surfaces,
-    fill_discs,
-    fill_triangles,
-    number_nearest,
-    shade,
-)
+from lrf3d.render import fill
 from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.scene import look
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
@@ -49,7 +42,7 @@ class PlainRenderer:
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         setting, ground = stage.structures.setting, stage.ground
-        self._surfaces = Surfaces(
+        self._surfaces = fill.Surfaces(
             self._corners,
             *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
@@ -57,7 +50,7 @@ class PlainRenderer:
         )
         times, self._mirrors = stage.exposure.texels, stage.mirrors
         area, clock = np.array(stage.exposure.area), np.zeros(2)
-        self._laser = LaserLight(times, np.zeros_like(times), area, clock)
+        self._laser = fill.LaserLight(times, np.zeros_like(times), area, clock)
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -117,11 +110,11 @@ class PlainRenderer:
         if starts is None:
             met = np.full(self._size[::-1], -1, np.int32)
             matrix, depths = lens.matrix[[0, 1, 3]], np.zeros(met.shape, np.float32)
-            number_nearest(self._surfaces.corners, matrix, met, depths)
+            fill.number_nearest(self._surfaces.corners, matrix, met, depths)
             hits = met.ravel()
         else:
             hits = self._rays.first(starts, ways)
-        found, depth, lit = shade(ways, hits, fixed, self._surfaces, self._laser)
+        found, depth, lit = fill.shade(ways, hits, fixed, self._surfaces, self._laser)
         if seen.glass or seen.robot:
             self._look_through(seen, lens, ways, hits, (found, depth, lit))
         shape = self._size[::-1] if len(ways) == self._picture[..., 0].size else (len(ways), 1)
@@ -145,7 +138,7 @@ class PlainRenderer:
             rest, colours, solid = rest[passes], colours[passes], solid[passes, None]
             starts = single(lens.eye + (1.0 / near[passes] + _LIFTED)[:, None] * ways[rest])
             hits = self._rays.first(starts, ways[rest])
-            behind, near, lit = shade(ways[rest], hits, fixed, self._surfaces, self._laser)
+            behind, near, lit = fill.shade(ways[rest], hits, fixed, self._surfaces, self._laser)
             # What was met shines through as much as it is solid, what lies behind as the rest.
             ghost = colours + seen.glass * (np.array(look.HAZE, np.float32) - colours)
             shown = solid * ghost + (1.0 - solid) * behind
@@ -214,7 +207,7 @@ class PlainRenderer:
         shown = _before_eye(np.dstack([corners, colours]), lens).reshape(-1, 7)
         clip, near = _projected(shown[:, :3], lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, shown[:, 3:]]).reshape(-1, 3, 7)
-        fill_triangles(rows, solid, canvas.colours, canvas.near)
+        fill.fill_triangles(rows, solid, canvas.colours, canvas.near)
 
     def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
         clip, near = _projected(points.places, lens, lens.nearer, canvas)
@@ -224,7 +217,7 @@ class PlainRenderer:
         # What lies on a thin wall is seen from the side that it faces, or from far above.
         faces = ((lens.eye - points.places)[:, :2] * points.sides).sum(axis=1) >= 0.0
         shown = (clip[:, 2] > _NEAR) & (faces | (lens.nearer > 1e3))
-        fill_discs(rows[shown], canvas.colours, canvas.near)
+        fill.fill_discs(rows[shown], canvas.colours, canvas.near)
 
     def _draw_lines(self, canvas: _Canvas, lens: Lens, lines: Lines) -> None:
         ends = np.stack([lines.starts, lines.ends]).astype(float)
@@ -246,7 +239,7 @@ class PlainRenderer:
                 corners.append(np.column_stack(row))
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
-        fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
+        fill.fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
 
 
 def _before_eye(triangles: Float, lens: Lens) -> Float:

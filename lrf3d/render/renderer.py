@@ -49,7 +49,7 @@ class Renderer:
         ground = stage.ground
         self._ground = self._filled("ground", ground_of(ground))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
-        self._sky = self._filled("sky", mesh(10, 10))
+        self._sky = self._filled("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2))
         self._pavement = Texture(0, ground.picture)
         exposure, self._mirrors = stage.exposure, stage.mirrors
         self._times, self._tints = (
@@ -88,7 +88,11 @@ class Renderer:
             self._draw_mark(name, mark, seen.lens.focus)
         if seen.plan is not None:
             self._draw_plan(seen.plan)
-        return self._finish()
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
+        place = ctypes.c_void_p(self._picture.ctypes.data)
+        GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
+        return self._picture
 
     def close(self) -> None:
         """Free what the driver holds; the context stays."""
@@ -263,13 +267,6 @@ class Renderer:
         GL.glDepthFunc(GL.GL_ALWAYS)
         self._paint("resolve", self._resolving, colours=0, depths=1)
         GL.glDepthFunc(GL.GL_LEQUAL)
-
-    def _finish(self) -> Pixels:
-        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
-        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
-        place = ctypes.c_void_p(self._picture.ctypes.data)
-        GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
-        return self._picture
 
 
 class _Parts:

@@ -16,15 +16,7 @@ _STRENGTH, _WIDTH, _DRAWN = 0.40, 1.1, 30
 """Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
 more would run into one plane."""
 
-RANGE_COLOURS = np.array(
-    [
-        [1.00, 0.95, 0.80],
-        [1.00, 0.85, 0.63],
-        [1.00, 0.74, 0.42],
-        [1.00, 0.62, 0.28],
-        [0.95, 0.50, 0.22],
-    ]
-)
+RANGE_COLOURS = np.array([[1.0, 0.95, 0.80], [1.0, 0.74, 0.42], [0.95, 0.50, 0.22]])
 """Colours of hit points from near to far."""
 
 FARTHEST, _INTENSITIES = 30.0, (1e-4, 1.0)
@@ -105,17 +97,9 @@ def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
     bright = LAMP * (1.0 if np.ptp(angles) > 6.1 else np.clip(edge, 0.0, 1.0)) + 0.0 * far
     dim = bright * (1.0 - far / reach) ** 2
     # Each triangle stands at the robot's end of a beam, on the far ends of that and the one before.
-    rows = np.stack(
-        [
-            np.column_stack([places, np.tile([TRAIL_HEIGHT, *EMBER], (len(places), 1)), light])
-            for places, light in (
-                (starts[1:], bright[1:]),
-                (ends[:-1], dim[:-1]),
-                (ends[1:], dim[1:]),
-            )
-        ],
-        axis=1,
-    )
+    amber = np.tile([TRAIL_HEIGHT, *EMBER], (len(far) - 1, 1))
+    corners = (starts[1:], bright[1:]), (ends[:-1], dim[:-1]), (ends[1:], dim[1:])
+    rows = np.stack([np.column_stack([places, amber, light]) for places, light in corners], axis=1)
     return Soft(single(rows[..., :3]), single(rows[..., 3:]))
 
 

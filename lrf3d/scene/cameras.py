@@ -42,9 +42,8 @@ _FIELD, _TOP_FIELD = float(np.radians(34.0)), float(np.radians(3.0))
 """Angles of view of an overview and from straight above [rad], where rays are nearly parallel, so
 that no wall leans over the map."""
 
-_SIDES, _ALL_SIDES = np.radians([-112.0, -22.0, -67.0]), np.radians(np.arange(-100.0, 0.0, 5.0))
-"""Where an overview may stand [rad]: from each, two sides of houses are seen on which the sun
-shines; and in a story, where the whole is seen for seconds, so it is to be large."""
+_SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
+"""Where an overview may stand [rad]: the sun shines on the sides of houses that are seen."""
 
 _DRIFT, _LONGEST = np.radians(1.2), 20.0
 """Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
@@ -56,16 +55,12 @@ def chase(timeline: Timeline, structures: Structures) -> Tracked:
 
     Among houses the eye comes nearer where a wall hides the robot; in rooms walls are cut.
     """
-    path, mirrors = SmoothPath.of(timeline), has_mirrors(structures)
+    # Where there are mirrors walls are not cut, before a low eye.
+    path, mirrors = SmoothPath.of(timeline), structures.indoor and bool(structures.mirrors.any())
     track = behind(path, _CHASE_MIRRORS if mirrors else structures.setting.chase)
     standing = replace(structures, indoor=False) if mirrors else structures
     track = track.past_walls(standing, path.places)
     return Tracked(lambda aspect: track, {"cuts": not mirrors, "shot": "chase"})
-
-
-def has_mirrors(structures: Structures) -> bool:
-    """Whether mirrors stand in these rooms, whose walls are then not cut before a low eye."""
-    return structures.indoor and bool(structures.mirrors.any())
 
 
 def behind(path: SmoothPath, rig: Rig) -> Track:
@@ -142,8 +137,7 @@ def overview(
     def track(aspect: float) -> Track:
         shape = structures.setting.steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
-        sides = (_SIDES if at is None else _ALL_SIDES)[:, None]
-        tracks = [_fit(corners, times[:1], side, *shape) for side in sides]
+        tracks = [_fit(corners, times[:1], side, *shape) for side in _SIDES]
         side = min(tracks, key=lambda track: float(track.aways.min())).turns
         return _fit(corners, times, side + _DRIFT * passed, *shape)
 

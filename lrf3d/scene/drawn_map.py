@@ -32,12 +32,11 @@ class DrawnMap:
         if number < 0:
             return cls(np.zeros((0, 4)), np.zeros((0, 3)))
         segments = run.maps[number].segments - np.tile(structures.origin, 2)
-        colours = _colours(run, run.lasting_objects[number])
-        return cls(segments, colours)
+        return cls(segments, _colours(run, run.lasting_objects[number]))
 
-    def lines(self, height: float, width: float, opacity: float = 1.0) -> Lines:
-        """Its segments as lines at a height [m], of a width [pixels] and an opacity."""
-        opacities = np.full((len(self.segments), 2), opacity)
+    def lines(self, height: float, width: float) -> Lines:
+        """Its segments as lines at a height [m], of a width [pixels]."""
+        opacities = np.ones((len(self.segments), 2))
         starts, ends = np.hsplit(self.segments, 2)
         return level_lines(height, starts, ends, self.colours, opacities, width)
 

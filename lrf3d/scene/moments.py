@@ -13,16 +13,8 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.scene import look
+from lrf3d.scene import bodies, look
 from lrf3d.scene.beams import draw_beams
-from lrf3d.scene.bodies import (
-    Obstacles,
-    flat_dart,
-    goal_disc,
-    robot_body,
-    robot_shadow,
-    world_from_robot,
-)
 from lrf3d.scene.camera import AIM, Look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
@@ -98,10 +90,12 @@ class Scene:
         self.exposure = self.stage.exposure
         self.live = LiveExposure(self.exposure, structures) if live else None
         self.origin = structures.origin
-        self.obstacles = Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
-        self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
+        self.obstacles = bodies.Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
+        self.robot = Body(bodies.robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
-        self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
+        self._goal = (
+            None if goal is None else bodies.goal_disc(np.subtract(goal, [*self.origin, 0]))
+        )
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._mirrors = structures.segments[structures.mirrors]
         self._reach = min(run.lrf.range_max, structures.setting.beams)
@@ -110,7 +104,7 @@ class Scene:
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
-        self._hits = lru_cache(2 * _OLD_SCANS)(self._drawn_hits)
+        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
         self._estimate = DrawnEstimate.from_timeline(timeline)
 
@@ -120,7 +114,7 @@ class Scene:
         """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
         pose = moment.pose - [*self.origin, 0.0]
         lens = self._lens(view, size)
-        robot = self.robot._replace(pose=world_from_robot(pose))
+        robot = self.robot._replace(pose=bodies.world_from_robot(pose))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
@@ -160,7 +154,7 @@ class Scene:
         if (self.structures.glass | self.structures.mirrors).any():
             cut = look.SECTION if view.cuts and self.structures.indoor else np.inf
             yield from zip(("outlines",) * 2, ("panes", "edges"), self._panes(cut), strict=True)
-        yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
+        yield "shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
@@ -224,10 +218,6 @@ class Scene:
         lines, points, light = map(together, zip(*drawn, strict=True))
         return lines, points, light
 
-    def _drawn_hits(self, number: int) -> Points:
-        _, hits, _ = self._drawn_beams(number)
-        return hits
-
     def _recent_hits(self, moment: Moment) -> Points:
         times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
         first = int(np.searchsorted(times, moment.time - lasting))
@@ -256,7 +246,7 @@ class Scene:
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
         others = self.obstacles.plans(time, _MARKER * pixel)
-        dart = flat_dart(pose, _MARKER * pixel, height)
+        dart = bodies.flat_dart(pose, _MARKER * pixel, height)
         marks: Soft = together([dart, *filter(None, [others])])
         return marks._replace(on_top=True)
 
@@ -275,7 +265,7 @@ class Scene:
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         dart = _DART_SHARE * window.width
         marks.append(("obstacles", self.obstacles.plans(moment.time, dart)))
-        marks.append(("robot", flat_dart(pose, dart, 0.0)))
+        marks.append(("robot", bodies.flat_dart(pose, dart, 0.0)))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":

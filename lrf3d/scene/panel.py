@@ -4,7 +4,6 @@ A run and a moment of it enter, lines of text leave.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -29,17 +28,9 @@ _REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 4.0, 3, 0.1, 0.5
 loss; a wall is found if the map lies within a distance [m] of it along a share of its length."""
 
 
-class Facts(NamedTuple):
-    """What is the same in a whole film."""
-
-    run: Run
-    playback: float
-    panel: str
-
-
-def _caption(facts: Facts, moment: Moment, shot: str) -> str:
+def _caption(run: Run, moment: Moment, shot: str) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
-    run, line_map = facts.run, facts.run.map_after(moment.mapped)
+    line_map = run.map_after(moment.mapped)
     if moment.mapped < 0:
         return "The robot knows nothing yet"
     if shot in ("chase", "close") and (words := _reflected(run, moment)):
@@ -78,19 +69,19 @@ def _reflected(run: Run, moment: Moment) -> str:
     return said if dropped >= _DROPPED else ""
 
 
-def panel(facts: Facts, moment: Moment, view: Look) -> Label:
+def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
     card_from, minutes = 0.9, 600.0  # A share of the glass, and when seconds are too many [s].
     if view.shot == "end" and view.glass >= card_from:
-        return card(facts)
-    run, line_map, shot = facts.run, facts.run.map_after(moment.mapped), view.shot
+        return _card(run)
+    line_map = run.map_after(moment.mapped)
     walls = counted(len(line_map), "wall") if run.maps else ""
-    head = _caption(facts, moment, shot), _INK
-    if facts.panel == "short":
+    head = _caption(run, moment, view.shot), _INK
+    if not full:
         seconds = moment.time - run.trajectory.times.min()
         passed = f"{seconds:.0f} s" if seconds < minutes else f"{seconds / 60.0:.0f} min"
-        if facts.playback > 1.0:
-            passed += f" at {facts.playback:.2g} × speed"
+        if playback > 1.0:
+            passed += f" at {playback:.2g} × speed"
         if walls and walls not in head[0]:
             passed += f"  ·  {walls}"
         return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
@@ -100,7 +91,7 @@ def panel(facts: Facts, moment: Moment, view: Look) -> Label:
     beams = f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit   {nearest}"
     lines = [
         head,
-        (f"t {moment.time:.1f} s   v {moment.speed:.2f} m/s   {facts.playback:g} x", _PALE),
+        (f"t {moment.time:.1f} s   v {moment.speed:.2f} m/s   {playback:g} x", _PALE),
         (f"x {x:.2f} m   y {y:.2f} m   θ {np.degrees(theta):.1f}°", _PALE),
         (beams if moment.scanning else "beams off", _PALE),
         *_trails(run, moment.scan),
@@ -110,9 +101,8 @@ def panel(facts: Facts, moment: Moment, view: Look) -> Label:
 
 
 @lru_cache(maxsize=1)
-def card(facts: Facts) -> Label:
+def _card(run: Run) -> Label:
     """What was found in the end: of the walls of the world, if they are known."""
-    run = facts.run
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):

@@ -191,10 +191,5 @@ def level_lines(
 ) -> Lines:
     """Lines from (n, 2) to (n, 2) at a height [m]."""
     level = np.full((len(starts), 1), height)
-    return Lines(
-        single(np.hstack([starts, level])),
-        single(np.hstack([ends, level])),
-        single(colours),
-        single(opacities),
-        width,
-    )
+    begin, end = (single(np.hstack([places, level])) for places in (starts, ends))
+    return Lines(begin, end, single(colours), single(opacities), width)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.scene.camera import STEP, Camera, Look, SmoothPath, Track
-from lrf3d.scene.cameras import CARD, PHASE, First, Fixed, chase, has_mirrors, orbit, overview, top
+from lrf3d.scene.cameras import CARD, PHASE, First, Fixed, chase, orbit, overview, top
 from lrf3d.scene.look import Rig
 from lrf3d.scene.stage.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
@@ -47,10 +47,10 @@ class Story:
         self._timeline, self._structures = timeline, structures
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
-        self._mirrors = has_mirrors(structures)
         end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=end)
-        self._chase = chase(timeline, structures).track(1.0)
+        followed = chase(timeline, structures)
+        self._chase, self._cuts_near = followed.track(1.0), followed.shown["cuts"]
         turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
         self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]
         self._length = (timeline.end - timeline.start) / timeline.playback
@@ -74,7 +74,7 @@ class Story:
             # Glass from the first picture on: what is lit is then seen from both sides.
             glass = max(float(_eased((passed - self._length) / (CLOSING - HELD))), 1e-3)
             return track.look(time, cuts=True, glass=glass, shot=shot)
-        cuts = shot != "chase" or not self._mirrors
+        cuts = shot != "chase" or self._cuts_near
         return track.look(time, cuts=cuts, opens=shot in ("rise", "high"), shot=shot)
 
     def _made(self, number: int, aspect: float) -> Track:

@@ -53,7 +53,10 @@ class Sender:
                 # An array that is the same object as before has not changed.
                 if array is before:
                     continue
-                rows = _bytes(array, colours=key == "colours")
+                rows = array.reshape(-1, array.shape[-1])
+                # Colours and opacities are sent as four bytes.
+                whole = np.ascontiguousarray(rows).view(np.uint8)
+                rows = as_bytes(rows) if key == "colours" else whole
                 # A picture of times is a part of the whole one, another one each time.
                 known = None if name == "times" else known
                 self._columns[name, key] = array, rows
@@ -89,7 +92,7 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     parts = {
         "walls": _part("walls", *walls),
         "ground": _part("ground", ground_of(ground)),
-        "sky": _part("sky", mesh(10, 10)),
+        "sky": _part("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2)),
     }
     if times:
         parts["times"] = times_part(seen)
@@ -118,12 +121,6 @@ def times_part(times: NDArray[np.float32], place: Sequence[int] = (0, 0)) -> Par
 
 def _part(kind: str, *columns: NDArray[Any]) -> Part:
     return {"kind": kind}, {str(place): each for place, each in enumerate(columns)}
-
-
-def _bytes(array: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:
-    """Rows (n, bytes) of an array as the page takes it: colours and opacities in four bytes."""
-    rows = array.reshape(-1, array.shape[-1])
-    return as_bytes(rows) if colours else np.ascontiguousarray(rows).view(np.uint8)
 
 
 def as_bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:

@@ -17,7 +17,7 @@ from lrf3d.scene.camera import Camera, Look, SmoothPath, Track, Tracked
 from lrf3d.scene.cameras import First, behind, chase, overview, top
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.panel import Facts, panel
+from lrf3d.scene.panel import panel
 from lrf3d.scene.shapes import Lens
 from lrf3d.scene.stage.stage import Stage
 from lrf3d.scene.story import Story, margins
@@ -88,7 +88,6 @@ class Shown:
         self._sender = sender or Sender()
         self._last: Wanted | None = None
         self._window = scene.plan_window()
-        self._facts = Facts(scene.run, timeline.playback, "short")
 
     @classmethod
     def played(cls, run: Run, playback: float, sender: Sender | None = None) -> "Shown":
@@ -190,9 +189,8 @@ class Shown:
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
         bumped = self.drive is not None and self.drive.robot.bumped
-        said = "" if self.drive else panel(self._facts, moment, view).text[0]
         words = {
-            "said": said,
+            "said": "" if self.drive else panel(run, moment, view, timeline.playback).text[0],
             "t": f"{moment.time:.1f}",
             "v": f"{moment.speed:z.2f}",
             "w": f"{math.degrees(turned / (2.0 * _TURN_STEP)):z.0f}",

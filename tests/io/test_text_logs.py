@@ -2,6 +2,8 @@
 
 import gzip
 import json
+import re
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -54,6 +56,10 @@ KINDS = {
     "millimetres, degrees": lambda t, p, r: text(
         [1e6 * t, 1e3 * p[:, :2], np.degrees(p[:, 2:]), 1e3 * r],
         ";", named("r[{}] (mm)", ";", "stamp_us", "x [mm]", "y [mm]", "theta (deg)"),
+    ),
+    "times of day": lambda t, p, r: re.sub(
+        r"(?m)^\S+", lambda m: f"{datetime.fromtimestamp(float(m[0]), UTC):%Y/%m/%d %H:%M:%S.%f}",
+        text([t, p, r]),
     ),
     "nanoseconds": lambda t, p, r: text([1e9 * (t - t[0]), p, 1e3 * r], " ", None, "{:.3f}"),
     "one column of ranges": lambda t, p, r: "time,ranges,x,y,theta\n" + "\n".join(
@@ -224,8 +230,21 @@ MESSAGES = {
         "ranges": [None, *map(float, r.split())][1:],
     }),
     "lists.csv": lambda r, p, t: f"{t},[{', '.join(r.split())}],,{','.join(p.split())}",
+    "bag.csv": lambda r, p, t: ",".join([
+        "2023/01/02/03:04:05.6", f"{int(t)},{int(1e9 * (t % 1))},9", *p.split()[:2], "0,0",
+        str(np.sin(0.5 * float(p.split()[2]))), str(np.cos(0.5 * float(p.split()[2]))),
+        f'"({", ".join(r.split())})"',
+    ]),
 }  # fmt: skip
 """A scan, its pose and its time, as programs write them."""
+
+HEADS = {
+    "lists.csv": ["time,ranges,other,x,y,theta"],
+    "bag.csv": [
+        "time,.header.stamp.secs,.header.stamp.nsecs,.twist.x,.pose.position.x,.pose.position.y,"
+        + ",".join(f".pose.orientation.{axis}" for axis in "xyzw") + ",.ranges"
+    ],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", MESSAGES)
@@ -235,8 +254,7 @@ def test_messages_and_records_of_other_programs_are_read(name, drive, tmp_path):
         MESSAGES[name](" ".join(map(str, row)), " ".join(map(str, pose)), time)
         for time, pose, row in zip(*(each.tolist() for each in drive), strict=True)
     ]
-    head = ["time,ranges,other,x,y,theta"] * name.endswith("csv")
-    path.write_text("\n".join(head + lines) + "\n")
+    path.write_text("\n".join(HEADS.get(name, []) + lines) + "\n")
     log = load_log(path)
     assert len(log) == 40 and log.bad_count == 0 and log.placed and len(map_log(log).map) == 4
     assert np.diff(log.times) == pytest.approx(0.1, abs=1e-3)
@@ -272,6 +290,7 @@ SWEEPS = {
     "labels": lambda a, d: f"theta: {a:06.2f} Dist: {d:08.2f} Q: {47 * (d > 0)}",
     "booleans": lambda a, d: f"{a < 1}\t{15 * (d > 0)}\t{a:.3f}\t{d:.1f}",
     "plain": lambda a, d: f"{a:.2f} {d:.0f} {15 * (d > 0)}",
+    "named": lambda a, d: f"{15 * (d > 0)},{a:.3f},{d:.1f},0.5,0.6,1.0",
     "tuples": lambda a, d: f"({15 * (d > 0)}, {a:.3f}, {d:.1f})",
 }
 
@@ -279,7 +298,7 @@ SWEEPS = {
 @pytest.mark.parametrize("kind", SWEEPS)
 def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, tmp_path):
     _, _, ranges = drive
-    lines = []
+    lines = ["Quality, Angle, Distance, Acceleration X, Acceleration Y, Yaw"] * (kind == "named")
     for row in ranges:
         sweep = [SWEEPS[kind](a, 1e3 * row[180 - a] if a <= 180 else 0.0) for a in range(360)]
         lines += [f"[{', '.join(sweep)}]"] if kind == "tuples" else sweep

@@ -8,6 +8,7 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.pose import between
+from lrf3d.recorded import followed as recorded_drive
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.odometry import WheelPath
@@ -213,6 +214,13 @@ def test_angles_that_jitter_by_rounding_are_those_of_one_laser(short):
     jittered = [replace(s, angles=s.angles + 1e-6 * rng.normal(size=len(s.angles))) for s in scans]
     found = solved(jittered, wheels).poses
     assert found == pytest.approx(solved(scans, wheels).poses, abs=1e-3)
+
+
+def test_a_fan_that_ends_just_beyond_a_turn_is_one(short):
+    """Drivers of lasers that turn round have their step in float32."""
+    scans, wheels = short
+    turned = [replace(s, angles=s.angles - s.angles[-1] + 6.2833) for s in scans]
+    assert len(recorded_drive(recorded(turned, wheels))[0]) == len(scans)
 
 
 REFUSED = {

@@ -93,25 +93,15 @@ class Exposure:
         columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
         return np.asarray(self.times[rows, columns])
 
-    def fan(
-        self,
-        scan: LaserScan,
-        mirrors: Float,
-        picture: Image.Image,
-        value: int,
-        far: float = FARTHEST,
-    ) -> None:
-        """Paint a value into a picture where the beams of a scan in the film's frame pass.
-
-        Those without a return go so far [m].
-        """
+    def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
+        """Paint a value into a picture where the beams of a scan in the film's frame pass."""
         draw, ways = ImageDraw.Draw(picture), beam_directions(scan.pose.theta, scan.angles)
         place = np.array([scan.pose.x, scan.pose.y])
 
         def fill(corners: Float) -> None:
             draw.polygon(((corners - self.corner) / self.cell - 0.5).ravel().tolist(), fill=value)
 
-        far = min(scan.range_max, far)
+        far = min(scan.range_max, FARTHEST)
         reach = np.where(np.isfinite(scan.ranges), scan.ranges, far) + 0.5 * self.cell
         reach[scan.ranges == -np.inf] = 0.0
         if len(mirrors):
@@ -163,14 +153,15 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     exposure = replace(bare, start=start, length=length)
     size, cells = bare.times.shape[::-1], bare.times
     first, mirrors = Image.new("I", size), structures.segments[structures.mirrors]
-    # Recorded beams without a return may have met what is black or clear: they light nothing.
-    unmet = FARTHEST if run.knows_truth else 0.0
     # From the last scan to the first: what was seen first lies on top.
     step = 1 + (len(poses) - 1) // _MOST_SCANS
     for number in range(0, len(poses), step)[::-1]:
         for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
             placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
-            exposure.fan(placed, mirrors, first, number + 1, unmet)
+            if not run.knows_truth:
+                # Recorded beams without a return may have met what is black or clear.
+                placed = replace(placed, ranges=np.where(placed.hits, placed.ranges, -np.inf))
+            exposure.fan(placed, mirrors, first, number + 1)
     seen: Bool = np.asarray(first) > 0
     near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     scans = np.maximum(np.asarray(first)[tuple(near)] - 1, 0)

@@ -59,17 +59,6 @@ def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
     return Stage(structures, faces, ground, exposure, mirrors)
 
 
-def wall_sides(structures: Structures) -> tuple[Int, Float]:
-    """The walls (n,) whose sides can be seen: those of solids once, free ones from both sides.
-
-    Returns also the sides (n, 4) [m], which look to the right of their directions; glass has none.
-    """
-    solid = np.flatnonzero(structures.closed & ~structures.glass)
-    free, parts = _free_walls(structures)
-    sides = structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]
-    return np.concatenate([solid, free, free]), np.concatenate(sides)
-
-
 def _free_walls(structures: Structures) -> tuple[Int, Float]:
     """The free walls (n,), and the parts (n, 4) of them that lie on no higher or earlier wall.
 
@@ -96,7 +85,11 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
 
     A wall looks at the cell before it, a roof at that wall of its house which was mapped first.
     """
-    number, segments = wall_sides(structures)
+    # Those of solids are seen from outside, free ones from both sides, and glass has no face.
+    solid = np.flatnonzero(structures.closed & ~structures.glass)
+    free, parts = _free_walls(structures)
+    number = np.concatenate([solid, free, free])
+    segments = np.concatenate([structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]])
     along = directions(segments)
     off, (*_, sun_up), (even, sunny, foot) = -along @ LEFT, SUN, WALL_LIGHT
     apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
