@@ -6,6 +6,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.files import as_path, replacing
+from lrf3d.geometry import whole_number
 from lrf3d.run import Run
 
 EXPORTERS = {
@@ -40,6 +41,7 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
         3
     """
     expect(run, Run, "run")
+    every = whole_number(every, "every")
     if not isinstance(to, str) or to not in EXPORTERS:
         raise InputError(f"--to {shown(to)}: expected one of {', '.join(EXPORTERS)}")
     path = as_path(path)

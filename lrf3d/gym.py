@@ -15,7 +15,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.casting.crowd import moves_of
 from lrf3d.collision import Body, CollisionChecker, robots_among
 from lrf3d.errors import InputError, missing_extra, shown
-from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
+from lrf3d.geometry import Float, Int, is_finite, numbers, whole_number, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.planning.free_space import free_places
@@ -85,8 +85,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         together: bool = False,
         render_mode: str | None = None,
     ) -> None:
-        if num_envs < 1 or max_steps < 1:
-            raise InputError(f"num_envs {num_envs}, max_steps {max_steps}: expected at least 1")
+        num_envs = whole_number(num_envs, "num_envs")
+        max_steps = whole_number(max_steps, "max_steps")
         if render_mode is not None:
             raise InputError(
                 f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"

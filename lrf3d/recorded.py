@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning, expect
-from lrf3d.geometry import Float, usual_step
+from lrf3d.geometry import Float, as_rows, usual_step
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
@@ -196,10 +196,11 @@ def solve_log(
         raise InputError(f"{log.name}: {error}") from None
     scans, places = recording.scans, recording.places
     for name, pairs in (("close", close), ("apart", apart)):
-        for one, other in pairs:
+        none = isinstance(pairs, tuple | list) and not pairs
+        for one, other in [] if none else as_rows(pairs, f"slam: {name}", 2).tolist():
             if not 0 <= one < other < len(scans):
                 raise InputError(
-                    f"{log.name}: {name} {one}:{other}: expected scans from 0 to"
+                    f"{log.name}: {name} {one:g}:{other:g}: expected scans from 0 to"
                     f" {len(scans) - 1}, the earlier one first"
                 )
     increments: Sequence[Float | None] = [None] * len(scans)

@@ -18,6 +18,7 @@ class Odd:
 WRONG = [None, True, 7, np.nan, b"x", [], [1], {"a": 1}, np.zeros((2, 3)), np.array("a"), Odd()]
 
 FLAT = Path(__file__).parents[1] / "examples" / "flat.png"
+DRIVE = FLAT.with_name("drive.log.gz")
 ROOM = lrf3d.World([[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]])
 
 
@@ -40,6 +41,7 @@ DOORS = {
     "largest_range": lambda run, wrong: lrf3d.load_log("a.log", largest_range=wrong),
     "export_run": lambda run, wrong: lrf3d.export_run(wrong, "carmen", "a.log"),
     "export_run to": lambda run, wrong: lrf3d.export_run(run, wrong, "a.log"),
+    "export_run every": lambda run, wrong: lrf3d.export_run(run, "carmen", "a.log", every=wrong),
     "record": lambda run, wrong: lrf3d.record(wrong, "a.npz"),
     "plan_route": lambda run, wrong: lrf3d.plan_route(wrong),
     "render_video": lambda run, wrong: lrf3d.render_video(wrong, "a.gif"),
@@ -77,6 +79,8 @@ DOORS = {
     "LineMap": lambda run, wrong: lrf3d.LineMap(wrong, [0], [9]),
     "slam_log": lambda run, wrong: lrf3d.slam_log(wrong),
     "serve": lambda run, wrong: ros.serve(wrong),
+    "slam_log close": lambda run, wrong: lrf3d.slam_log(DRIVE, close=[wrong]),
+    "sweep's workers": lambda run, wrong: lrf3d.sweep("paper_room", seeds=1, workers=wrong),
     "sweep": lambda run, wrong: lrf3d.sweep("paper_room", axes=wrong, seeds=0),
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),
     "a mapper": lambda run, wrong: lrf3d.sweep("paper_room", mappers=[wrong]),
@@ -94,6 +98,8 @@ DOORS = {
 }
 
 FITS = {
+    "export_run every": (int,),
+    "sweep's workers": (int, type(None)),
     "at": (list,),
     "LaserScan": (int,),
     **dict.fromkeys(("caster", "noises", "largest_range", "on_collision"), (type(None),)),

@@ -128,6 +128,8 @@ def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
     said = solve_log(log, apart=[(first, second)], close=[(first, second)])
     assert [first, second] in said.run.estimate.closures.tolist()
     assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
+    with pytest.raises(InputError, match="close 5:6: these scans show nothing"):
+        solve_log(log, close=[(5, 6)])
     with pytest.raises(InputError, match="close 5:2000: expected scans from 0 to"):
         solve_log(log, close=[(5, 2000)])
 

@@ -256,8 +256,7 @@ def start(args: Namespace) -> int | None:
     with ExitStack() as stack:
         report = Report(args.command, args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
-        parts = ["slam"] if slam else []
-        compiling = start_compiling(*parts) if args.command in compiled else None
+        compiling = start_compiling(bool(slam)) if args.command in compiled else None
         if compiling is not None:
             stack.callback(compiling.kill)
         refuse_twice(args)

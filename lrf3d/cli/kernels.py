@@ -20,11 +20,8 @@ FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
 """The file of the kernel that takes longest: where there is one, kernels have been compiled."""
 
 
-def start_compiling(*parts: str) -> "Popen[bytes] | None":
-    """Start to compile in the background, if nothing has been compiled for this installation.
-
-    The kernels of SLAM are compiled if ``slam`` is among the parts.
-    """
+def start_compiling(slam: bool = False) -> "Popen[bytes] | None":
+    """Start to compile, also for SLAM, if nothing has been compiled for this installation."""
     package, home = Path(__file__).parents[1], Path(os.path.expanduser("~"))
     writable, cache = [package, home], home / ".cache/numba"
     if given := os.environ.get("NUMBA_CACHE_DIR"):
@@ -39,8 +36,8 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return Popen(
-        [sys.executable, "-m", "lrf3d.cli.kernels", *parts], env=environment, stdin=DEVNULL,
-        stdout=PIPE, stderr=DEVNULL, start_new_session=True,
+        [sys.executable, "-m", "lrf3d.cli.kernels", *["slam"] * slam], env=environment,
+        stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True,
     )  # fmt: skip
 
 

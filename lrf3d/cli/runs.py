@@ -77,26 +77,21 @@ def write_film(
         look["size"] = _SMALL
     film_rate, gif_rate = 25.0, 10.0  # Frames a second. A GIF of 15 s then has less than 10 MB.
     rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
-    began, frames, noted = perf_counter(), 0, False
-    first = 0.0
+    began, stamps = perf_counter(), list[float]()
     with report.progress("film") as progress:
 
         def note(number: int, total: int) -> None:
-            nonlocal frames, noted, first
-            frames, first = frames + 1, first or perf_counter()
+            stamps.append(perf_counter())
             progress(number, total)
-            # After this time [s] the frames and the time of a film are printed, if it takes longer
-            # [s].
-            noted_after, long = 3.0, 20.0
-            # A terminal has a bar that shows it.
-            if not noted and (passed := perf_counter() - first) > noted_after:
-                noted, time = True, passed * total / max(frames - 1, 1)
-                if time > long and not sys.stderr.isatty():
-                    report.note(f"film: {total:,} frames, which take about {time:.0f} s")
+            before, passed = stamps[-2:][0] - stamps[0], stamps[-1] - stamps[0]
+            time = passed * total / max(len(stamps) - 1, 1)
+            # After 3 s it is known whether the film takes over 20 s; a terminal has a bar for it.
+            if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
+                report.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
         render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
     figures = {"size": list(look["size"]), "renderer": look["renderer"]}
-    return {"frames": frames, **figures, "seconds": perf_counter() - began}
+    return {"frames": len(stamps), **figures, "seconds": perf_counter() - began}
 
 
 def _look(args: Namespace) -> dict[str, Any]:

@@ -98,7 +98,10 @@ def load_log(
         from lrf3d.io.run_file import load_run
 
         if poses not in ("auto", "truth"):
-            raise InputError(f"{path}: no poses from {poses} in it; a run has only true poses")
+            raise InputError(
+                f"{path}: no poses from {poses} in it; a run has only true poses (--poses truth);"
+                " for SLAM write its log: lrf3d export RUN --to carmen"
+            )
         run = load_run(path)
         # Another name than the run's, so that its map does not replace that of the run.
         name = own_name(path.resolve().parent if path.name == "run.npz" else path)

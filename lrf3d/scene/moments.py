@@ -90,7 +90,6 @@ class Scene:
         )
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._mirrors = structures.segments[structures.mirrors]
-        self._reach = min(run.lrf.range_max, structures.setting.beams)
         self._outlines = outlines_of(structures)
         self._panes = lru_cache(2)(partial(panes_of, structures))
         self._map = lru_cache(1)(self._drawn_map)
@@ -200,12 +199,12 @@ class Scene:
         """Beams, hits and lamps of all lasers at a scan, from where the robot is now, if given."""
         run, origin = self.run, np.array([*self.origin, 0.0])
         robot = np.array(pose) if pose else run.trajectory.poses[number]
-        drawn = []
+        drawn, reach = [], min(run.lrf.range_max, self.structures.setting.beams)
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
             apex = (lrf.placed(robot) - origin)[:2]
             scan = replace(scan, pose=np.array(scan.pose) - origin)
-            how: Any = {"height": lrf.height, "reach": self._reach, "by": run.film.points_by}
+            how: Any = {"height": lrf.height, "reach": reach, "by": run.film.points_by}
             lines, *others = draw_beams(scan, self._walls, self._mirrors, apex, **how)
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
@@ -243,9 +242,9 @@ class Scene:
         robot_size, least_robot, marker = 0.75, 26.0, 10.0
         if robot_size > least_robot * pixel:
             return None
-        others = self.obstacles.plans(time, marker * pixel)
-        dart = bodies.flat_dart(pose, marker * pixel, height)
-        marks: Soft = together([dart, *filter(None, [others])])
+        dart = marker * pixel
+        own, others = bodies.flat_dart(pose, dart, height), self.obstacles.plans(time, dart)
+        marks: Soft = together([own, *others])
         return marks._replace(on_top=True)
 
     def plan(self, moment: Moment, box: tuple[int, int, int, int], window: "Window") -> Plan:
@@ -262,8 +261,8 @@ class Scene:
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         dart = _DART_SHARE * window.width
-        marks.append(("obstacles", self.obstacles.plans(moment.time, dart)))
-        marks.append(("robot", bodies.flat_dart(pose, dart, 0.0)))
+        robot = bodies.flat_dart(pose, dart, 0.0)
+        marks.append(("robot", together([*self.obstacles.plans(moment.time, dart), robot])))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":

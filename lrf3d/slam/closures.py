@@ -238,15 +238,19 @@ class LoopCloser:
         The poses are as seen from the old one, and by the front end: over a stretch so short these
         are better than those of the graph.
         """
+        around = self._around(old, new)
+        poses = np.array([key.pose for key in around])
+        return Submap(around, between(self.keys[old].pose, poses))
+
+    def _around(self, old: int, new: int) -> list[Key]:
+        """The key scans around an old one, some way before a new one."""
         submap = 5  # Key scans before and after an old one in the map that a loop is closed with.
-        around = [
+        return [
             self.keys[k]
             for k in range(max(old - submap, 0), min(old + submap + 1, new))
             if self._stretches[k] == self._stretches[old]
             and self.driven[k] < self.driven[new] - LEAST_DISTANCE
         ]
-        poses = np.array([key.pose for key in around])
-        return Submap(around, between(self.keys[old].pose, poses))
 
     def _near(self, key: int, scan: int) -> bool:
         """Whether a key scan lies near a scan, by its number, along the path."""
@@ -267,7 +271,7 @@ class LoopCloser:
         """The closure of two key scans of which somebody knows that they show the same place."""
         self._poses = poses
         guess = between(poses[old], poses[new]) * [0.0, 0.0, 1.0]
-        places = self._places(old, new, KNOWN, guess)
+        places = self._places(old, new, KNOWN, guess) if self._around(old, new) else ()
         if not places:
             return None
         closure = _closure(old, new, max(places, key=lambda place: place.evidence).match)

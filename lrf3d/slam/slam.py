@@ -218,7 +218,10 @@ class Slam:
             closure = closer.known(closer.number_at(min(pair)), new, self.key_poses)
             if closure is None:
                 names = ":".join(map(str, pair))
-                raise InputError(f"close {names}: these scans show nothing in common")
+                raise InputError(
+                    f"close {names}: these scans show nothing in common, or what lies between them"
+                    " is no loop but a few metres"
+                )
             self.edges = np.concatenate([self.edges, closure_edges([closure], robust=False)])
             self.key_poses = optimised(self.key_poses, self.edges)
 

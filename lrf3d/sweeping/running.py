@@ -21,7 +21,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, Lrf3dError, expect, missing_extra, shown
 from lrf3d.files import as_path, locked, make_folder, opened_own, read_text, writing
-from lrf3d.geometry import is_finite
+from lrf3d.geometry import is_finite, whole_number
 from lrf3d.interrupts import Progress, check, noting, silent, stoppable
 from lrf3d.scenario import read_scenario_file
 from lrf3d.scoring import buildings_seen, score_run, visible_walls
@@ -94,6 +94,7 @@ def sweep(
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
     plan = make_plan(files, axes, mappers, seeds)
+    workers = core_count() if workers is None else whole_number(workers, "sweep: workers")
     with ExitStack() as stack:
         if folder is None:
             folder = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
