@@ -158,7 +158,7 @@ class Obstacles:
         shadows = [_shadow(each.outline, pose) for each, pose in placed]
         return together(shadows) if shadows else None
 
-    def plans(self, time: float, dart: float) -> Soft | None:
+    def plans(self, time: float, dart: float) -> list[Soft]:
         """The bodies from straight above, where robots are darts of a size [m]."""
         plans, placed = list[Soft](), zip(self._obstacles, self._poses(time), strict=True)
         for (each, pose), top, colour in zip(placed, self._tops, self._colours, strict=True):
@@ -168,7 +168,7 @@ class Obstacles:
             size = max(1.0, _LEAST * dart / each.reach)
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
-        return together(plans) if plans else None
+        return plans
 
 
 def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:

@@ -37,14 +37,6 @@ returns a mark in the film's frame for a scene and a moment, or None."""
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_CLEAR, _PAST_GROUND = 2.6, 3.0
-"""Least distance at which half of what is seen is haze, in distances to what is looked at, as the
-whole is seen through clear air; and the far plane of a high eye, in its heights."""
-
-_ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
-"""Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
-is the third [pixels at 720 lines]."""
-
 _WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
 """How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
 hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
@@ -98,7 +90,6 @@ class Scene:
         )
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._mirrors = structures.segments[structures.mirrors]
-        self._reach = min(run.lrf.range_max, structures.setting.beams)
         self._outlines = outlines_of(structures)
         self._panes = lru_cache(2)(partial(panes_of, structures))
         self._map = lru_cache(1)(self._drawn_map)
@@ -135,9 +126,12 @@ class Scene:
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         (wide, tall), (*_, eye_height) = size, view.eye.tolist()
-        haze = max(self.structures.setting.haze, _CLEAR * view.away)
+        # Least distance at which half of what is seen is haze, in distances to what is looked at,
+        # as the whole is seen through clear air; and the far plane of a high eye, in its heights.
+        clear, past_ground = 2.6, 3.0
+        haze = max(self.structures.setting.haze, clear * view.away)
         return Lens(
-            matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, _PAST_GROUND * eye_height)),
+            matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, past_ground * eye_height)),
             eye=view.eye,
             focus=float(0.5 * tall / np.tan(0.5 * view.field)),
             thick=0.0 if view.shows_map else 1.0 / haze,
@@ -205,12 +199,12 @@ class Scene:
         """Beams, hits and lamps of all lasers at a scan, from where the robot is now, if given."""
         run, origin = self.run, np.array([*self.origin, 0.0])
         robot = np.array(pose) if pose else run.trajectory.poses[number]
-        drawn = []
+        drawn, reach = [], min(run.lrf.range_max, self.structures.setting.beams)
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
             apex = (lrf.placed(robot) - origin)[:2]
             scan = replace(scan, pose=np.array(scan.pose) - origin)
-            how: Any = {"height": lrf.height, "reach": self._reach, "by": run.film.points_by}
+            how: Any = {"height": lrf.height, "reach": reach, "by": run.film.points_by}
             lines, *others = draw_beams(scan, self._walls, self._mirrors, apex, **how)
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
@@ -243,11 +237,14 @@ class Scene:
         height = self.run.lrf.height
         away = float(np.linalg.norm([*pose[:2], height] - lens.eye))
         pixel = min(size) / 720.0 * away / lens.focus
-        if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
+        # Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it,
+        # whose unit is the third [pixels at 720 lines].
+        robot_size, least_robot, marker = 0.75, 26.0, 10.0
+        if robot_size > least_robot * pixel:
             return None
-        others = self.obstacles.plans(time, _MARKER * pixel)
-        dart = bodies.flat_dart(pose, _MARKER * pixel, height)
-        marks: Soft = together([dart, *filter(None, [others])])
+        dart = marker * pixel
+        own, others = bodies.flat_dart(pose, dart, height), self.obstacles.plans(time, dart)
+        marks: Soft = together([own, *others])
         return marks._replace(on_top=True)
 
     def plan(self, moment: Moment, box: tuple[int, int, int, int], window: "Window") -> Plan:
@@ -264,8 +261,8 @@ class Scene:
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         dart = _DART_SHARE * window.width
-        marks.append(("obstacles", self.obstacles.plans(moment.time, dart)))
-        marks.append(("robot", bodies.flat_dart(pose, dart, 0.0)))
+        robot = bodies.flat_dart(pose, dart, 0.0)
+        marks.append(("robot", together([*self.obstacles.plans(moment.time, dart), robot])))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":

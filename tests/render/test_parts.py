@@ -98,19 +98,13 @@ def test_beams_are_whole_lines_also_from_just_above_them():
 
 
 @needs_gl
-def test_a_fixed_camera_looks_from_where_it_stands_at_its_target():
-    green = ((0.6, 0.6, 0.6), (0.1, 0.8, 0.1))
-    run = room_run(colours=green)
-    cameras = (
-        FixedCamera("door", (1.0, 1.0, 1.6), (5.0, 3.0, 0.3), 40.0),
-        FixedCamera("ceiling", (5.5, 3.0, 9.0), (5.5, 3.0, 0.0)),
-    )
-    run = replace(run, world=replace(run.world, cameras=cameras))
-    for camera in cameras:
-        film = Film(run, size=SIZE, view=camera.name, samples=0, layers=())
-        red, green_, blue = film.draw(2.5)[SIZE[1] // 2, SIZE[0] // 2, :3].astype(int)
-        film.close()
-        assert camera.name == "ceiling" or (green_ > 1.4 * red and green_ > 2 * blue)
+def test_a_fixed_camera_looks_from_where_it_stands_also_straight_down():
+    above = FixedCamera("ceiling", (5.5, 3.0, 9.0), (5.5, 3.0, 0.0))
+    door = FixedCamera("door", (1.0, 1.0, 1.6), (5.0, 3.0, 0.3), 40.0)
+    run = room_run()
+    run = replace(run, world=replace(run.world, cameras=(door, above)))
+    pictures = [frame(run, 2.5, size=SIZE, view=camera.name) for camera in (door, above)]
+    assert min(picture.std() for picture in pictures) > 10.0
     with pytest.raises(InputError, match=r"view: there is no 'dor'; did you mean 'door'\?"):
         frame(run, 0.5, size=SIZE, view="dor")
 

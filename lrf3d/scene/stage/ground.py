@@ -72,8 +72,7 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
     # Brightness, 0…255, of pavements, tiles of a floor, and the joints between them.
     paved, tile, joint = 134, 178, 160
     if indoor:
-        rooms = floor_of(structures)
-        tiles = canvas.mask(rooms)
+        tiles = canvas.mask(_floor(structures))
         cover.paste(tile, mask=tiles)
         (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
         half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
@@ -104,7 +103,7 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
     return GroundPicture(picture, canvas.corner, canvas.extent, land / 255.0 * paint)
 
 
-def floor_of(structures: Structures) -> Any:
+def _floor(structures: Structures) -> Any:
     """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
     # A floor closes openings in walls of up to twice the first, goes past them by the second, and
     # lies so far round the path of a robot where there are no rooms [m].

@@ -132,7 +132,12 @@ class Structures:
         world, origin = sight.world, sight.origin
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
-        areas = _areas(segments, world.objects, world.object_count)
+        areas = np.full(world.object_count, None, dtype=object)
+        groups, built = enclosed_areas(segments, world.objects, world.object_count)
+        # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
+        whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
+        solid = whole & (shapely.area(built) > 1e-4)
+        areas[solid] = built[solid]
         areas[_rooms(areas, segments, world.objects, path)] = None
         left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
         closed, turned, facing = left != right, right & ~left, segments.copy()
@@ -246,17 +251,6 @@ def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[A
     # Ends a millimetre apart are one corner: files round their coordinates.
     groups = shapely.union(groups, shapely.MultiLineString(), grid_size=1e-3)
     return groups, shapely.build_area(groups)
-
-
-def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
-    """The polygon (count,) that each object's walls close round, or None where they do not."""
-    areas = np.full(count, None, dtype=object)
-    groups, built = enclosed_areas(segments, objects, count)
-    # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
-    whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
-    solid = whole & (shapely.area(built) > 1e-4)
-    areas[solid] = built[solid]
-    return areas
 
 
 def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
