@@ -316,7 +316,12 @@ def is_pattern(segments: Float) -> Bool:
     pairs = one[even], other[even]
     member = groups(*pairs, len(segments))
     linked = np.isin(np.arange(len(segments)), np.concatenate(pairs))
-    found = linked & (np.bincount(member) >= MOST_ALIKE)[member]
+    # The lines of a window are alike, too, but within a wall.
+    place = ((middles - middles.mean(axis=0)) * across).sum(axis=1)
+    low, high = np.full((2, len(segments)), [[np.inf], [-np.inf]])
+    np.minimum.at(low, member, place)
+    np.maximum.at(high, member, place)
+    found = linked & ((np.bincount(member) >= MOST_ALIKE)[member]) & (high - low > 0.5)[member]
     # The side of a wall from which tiles are drawn on goes on at both of its corners.
     corners = segments[~found].reshape(-1, 2) @ [1.0, 1.0j]
     found &= ~np.isin(segments.reshape(-1, 2, 2) @ [1.0, 1.0j], corners).all(axis=1)

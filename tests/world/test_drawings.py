@@ -240,10 +240,11 @@ SYMBOLS = {
 
 @pytest.mark.parametrize("name", SYMBOLS)
 def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp_path):
-    # Two rooms with walls of .2 m and a door of .9 m, and tables.
+    # Two rooms with walls of .2 m and a door of .9 m, tables, and a window of six lines.
     door = [(4.8, 0.2), (4.8, 2), (5.2, 2), (5.2, 0.2), (9.8, 0.2), (9.8, 6.8), (5.2, 6.8)]
     door += [(5.2, 2.9), (4.8, 2.9), (4.8, 6.8), (0.2, 6.8), (0.2, 0.2), (4.8, 0.2)]
-    plain = [ring(0, 0, 10, 7), door, ring(7, 3, 8, 4), ring(2, 5, 3, 6)]
+    window = [[(1, 6.8 + 0.03 * number), (2, 6.8 + 0.03 * number)] for number in range(1, 7)]
+    plain = [ring(0, 0, 10, 7), door, ring(7, 3, 8, 4), ring(2, 5, 3, 6), *window]
 
     def draw(space, lines):
         for line in lines:
