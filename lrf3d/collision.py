@@ -41,7 +41,8 @@ class Body(Value):
     outline: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        number(self.radius, "radius", "metres")
+        largest = 50.0  # Reach of the largest body [m]: beyond it numbers are millimetres.
+        number(self.radius, "radius", "metres", most=largest)
         if self.outline is None:
             return
         from shapely import Point, Polygon
@@ -51,6 +52,10 @@ class Body(Value):
         if not shape.is_valid or not shape.contains(Point(0.0, 0.0)):
             what = "contain the robot's centre (0, 0)" if shape.is_valid else "be free of crossings"
             raise InputError(f"outline: expected to {what}")
+        if (reach := float(np.hypot(*corners.T).max())) > largest:
+            raise InputError(
+                f"outline: {reach:g} m from the centre; expected at most {largest:g} m"
+            )
         if not shape.exterior.is_ccw:
             object.__setattr__(self, "outline", corners[::-1])
         self._hold("outline")

@@ -25,9 +25,6 @@ DOTS_PER_INCH = 150
 MARGIN = 0.04
 """Free border inside axes, as a part of their size."""
 
-_LETTER, _ENTRY = 0.115, 2.75
-"""Widths of a letter of the headline and of an entry of the legend [inches]."""
-
 
 def sheet(width: float, height: float, title: str = "", words: str = "") -> Figure:
     """A white figure [inches] with a headline and a line below it; its layout is constrained."""
@@ -35,7 +32,8 @@ def sheet(width: float, height: float, title: str = "", words: str = "") -> Figu
     layout = ConstrainedLayoutEngine(h_pad=pad, w_pad=pad)
     figure = Figure((width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
-    lines = [fill(plain(line), int(width / _LETTER)) for line in (title, words) if line]
+    letter = 0.115  # Width of a letter of the headline [inches].
+    lines = [fill(plain(line), int(width / letter)) for line in (title, words) if line]
     if lines:
         figure.suptitle("\n".join(lines), color=INK, fontsize=11)
     return figure
@@ -47,7 +45,8 @@ def add_legend(figure: Figure, axes: Sequence[Axes]) -> None:
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
-    columns = max(1, min(len(named), int(figure.get_figwidth() / _ENTRY)))
+    entry = 2.75  # Width of an entry of the legend [inches].
+    columns = max(1, min(len(named), int(figure.get_figwidth() / entry)))
     figure.legend(
         list(named.values()), list(named), loc="outside lower center", ncols=columns,
         frameon=False, fontsize=9, labelcolor=INK,

@@ -182,7 +182,7 @@ class PlanarCaster:
         if ranges.shape[1] > FEW:
             cast_scans(tree[:], laser, poses, ranges, walls)
         else:
-            cast_one_by_one(tree, laser, poses, ranges, walls, lambda part: NO_GUESSES)
+            cast_one_by_one(tree, laser, poses, ranges, walls, lambda rays: NO_GUESSES)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)
@@ -220,12 +220,13 @@ class PlanarCaster:
 
 def cast_one_by_one(
     tree: Tree, laser: Plain, poses: Float, ranges: Float, walls: Int,
-    guesses: Callable[[Float], NDArray[np.int32]],
+    guesses: Callable[[Records], NDArray[np.int32]],
 ) -> None:  # fmt: skip
     """Cast scans beam by beam, some of them at a time, with the walls that beams probably meet."""
     many = max(1, AT_ONCE // ranges.shape[1])
     for part in (slice(k, k + many) for k in range(0, len(poses), many)):
         rays = np.empty(ranges[part].shape, RAY)
         rays_from(laser, poses[part], np.zeros(len(rays)), rays)
-        flat = rays.ravel(), guesses(poses[part]), ranges[part].ravel(), walls[part].ravel()
-        cast_rays(tree[:], laser[-2:], *flat)
+        flat = rays.ravel()
+        found = guesses(flat), ranges[part].ravel(), walls[part].ravel()
+        cast_rays(tree[:], laser[-2:], flat, *found)

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster, cast_one_by_one
 from lrf3d.casting.kernels.echoes import Lit
-from lrf3d.casting.kernels.scans import rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
+from lrf3d.geometry import Bool, Float, Int, Records, is_finite, numbers
 from lrf3d.laser import LaserRangeFinder, layer_directions
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose
@@ -155,10 +154,13 @@ class EmbreeCaster(PlanarCaster):
             super()._fill(height, laser, poses, ranges, walls)
             return
         level = self._level(height)
-        scene, middle = self._scene(level), self._middle(level).tolist()
+        scene, (x, y) = self._scene(level), self._middle(level).tolist()
 
-        def guesses(part: Float) -> NDArray[np.int32]:
-            return scene.first(*rays_of(laser, part, *middle)) // 2
+        def guesses(rays: Records) -> NDArray[np.int32]:
+            ends = np.zeros((2, len(rays), 3), np.float32)
+            ends[0, :, 0], ends[0, :, 1] = rays["x"] - x, rays["y"] - y
+            ends[1, :, 0], ends[1, :, 1] = rays["dx"], rays["dy"]
+            return scene.first(*ends) // 2
 
         cast_one_by_one(tree, laser, poses, ranges, walls, guesses)
 

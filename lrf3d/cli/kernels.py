@@ -19,9 +19,6 @@ from lrf3d.interrupts import Progress, check
 FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
 """The file of the kernel that takes longest: where there is one, kernels have been compiled."""
 
-_WAIT = 0.1
-"""How often it is checked whether the command is to be stopped [s]."""
-
 
 def start_compiling(slam: bool = False) -> "Popen[bytes] | None":
     """Start to compile, also for SLAM, if nothing has been compiled for this installation."""
@@ -52,7 +49,7 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
     number, rest = process.stdout.fileno(), b""
     while True:
         check()
-        if wait([number], _WAIT):
+        if wait([number], 0.1):
             if not (printed := os.read(number, 4096)):
                 return
             *lines, rest = (rest + printed).split(b"\n")
@@ -83,7 +80,7 @@ def main(*parts: str) -> None:
 def _end_with_parent(parent: int) -> None:
     """End this process when the program that waits for it has ended, however it did."""
     while os.getppid() == parent:
-        sleep(_WAIT)
+        sleep(0.1)
     os._exit(1)
 
 

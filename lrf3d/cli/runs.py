@@ -24,7 +24,7 @@ def render(run: Run, args: Namespace, report: Report) -> None:
     """Draw the film of a run, or a picture of one moment."""
     picture = args.at is not None
     if picture:
-        refuse(args, "--from --to --fps --workers", "of a film, and --at draws a picture")
+        refuse(args, "--from --to", "of a film, and --at draws a picture")
     if args.out is not None and picture != (args.out.suffix.lower() == ".png"):
         raise InputError(
             f"--out {args.out}: expected a name that ends in .png, as --at draws a picture"

@@ -29,10 +29,13 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, report: Report) ->
     rows = [] if route is None else [("route", counted(len(route), "way-point"))]
     rows += [] if poses is None else [("poses", str(len(poses)))]
     if plan is not None:
+        from lrf3d.planning.rooms import rooms_of
+
+        plan = plan._replace(rooms=rooms_of(scenario.world))
         rows += _plan_rows(plan)
         figures["layers"] = [layer._asdict() for layer in plan.layers]
         figures["doors_m"] = [door.width for door in plan.doors]
-        figures["rooms_m2"] = [area for area, _ in plan.rooms()]
+        figures["rooms_m2"] = [area for area, _ in plan.rooms]
         figures["left_out"] = plan.left_out
     if args.out is not None:
         from lrf3d.render.figures import draw_world
@@ -53,7 +56,7 @@ def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
         for door in plan.doors
         for x, y in [door.opening.mean(axis=0)]
     ]
-    rooms = [f"{area:.1f}" for area, _ in plan.rooms()]
+    rooms = [f"{area:.1f}" for area, _ in plan.rooms]
     return [
         *layers,
         ("doors", ", ".join([str(len(doors)), *doors[:20]])),

@@ -19,8 +19,8 @@ from lrf3d.scene.look import object_tints
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
 
-MAP, WORLD, BASE, LASER = "map", "odom", "base_link", "laser"
-"""The frames: of the map and of the world, which are the same; of the robot, and of its laser."""
+MAP, WORLD, BASE = "map", "odom", "base_link"
+"""The frames of the map and of the world, which are the same, and of the robot."""
 
 Fields = dict[str, Any]
 

@@ -26,7 +26,7 @@ from lrf3d.io.text_layout import PRESETS, Form, Layout
 MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
 """The format of a LEGO robot's second file: the motors, named as the scans but for that word."""
 
-PARTNERS = "motors odometry odom poses pose trajectory groundtruth gt".split()
+PARTNERS = "motors robot odometry odom poses pose trajectory groundtruth gt".split()
 """Words in the names of files of poses, in place of one of the next in that of the scans."""
 
 SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)

@@ -10,6 +10,7 @@ The lines are the log's ODOM lines, counted from 0; the pose [m, rad] is that at
 the one at line a. ``certain`` is 0 where the lines may be others nearby, and 1 if not given.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -49,20 +50,31 @@ def save_tum(times: Float, poses: Float, path: str | Path) -> None:
 def load_tum(path: str | Path) -> Trajectory:
     """Read the trajectory in a TUM file; its stamps must rise.
 
+    Quaternions may have any length but 0.
+
     Raises:
-        InputError: A line is not eight finite numbers with a unit quaternion, or stamps do not
-            rise; the message names the line.
+        InputError: A line is not eight finite numbers, stamps do not rise, or the poses are not
+            those of a robot that stands upright; the message names the line.
     """
     rows, expected = list[list[float]](), "t x y z and a quaternion qx qy qz qw"
     for place, row in _rows(path, expected, (8,)):
-        if not 0.5 < np.linalg.norm(row[4:]) < 2.0:
-            raise InputError(f"{place}: expected {expected}")
+        if not (size := float(np.linalg.norm(row[4:]))) > 0.0:
+            raise InputError(f"{place}: a quaternion of length 0, expected {expected}")
         if rows and row[0] <= rows[-1][0]:
             raise InputError(f"{place}: the stamp {row[0]:.6f} s is not after the last")
-        rows.append(row)
+        rows.append([*row[:4], *(value / size for value in row[4:])])
     if not rows:
         raise InputError(f"{path}: no pose in it, expected lines t x y z qx qy qz qw")
     table = np.array(rows)
+    if (latest := float(table[-1, 0])) > 1e12:
+        unit = "nano" if latest > 1e17 else "micro" if latest > 1e14 else "milli"
+        raise InputError(f"{path}: stamps up to {latest:g}; expected seconds, not {unit}seconds")
+    upright = 1.0 - 2.0 * (table[:, 4] ** 2 + table[:, 5] ** 2)
+    if np.median(upright) < 0.5:
+        raise InputError(
+            f"{path}: poses that lie on their side; expected z upwards, as of a robot's base and"
+            " not of a camera, and quaternions as qx qy qz qw"
+        )
     theta = np.unwrap(heading_of(*table[:, 4:].T))
     return Trajectory(table[:, 0], np.column_stack([table[:, 1:3], theta]))
 
@@ -71,12 +83,27 @@ def _rows(
     path: str | Path, expected: str, lengths: tuple[int, ...]
 ) -> Iterator[tuple[str, list[float]]]:
     """The place and the finite numbers of each line of a text, but for comments."""
+    first = True
     for number, line in enumerate(read_text(path).split("\n"), 1):
-        if words := line.partition("#")[0].replace(",", " ").split():
-            try:
-                row = [float(word) for word in words]
-            except ValueError:
-                row = []
-            if len(row) not in lengths or not np.isfinite(row).all():
-                raise InputError(f"{path}:{number}: expected {expected}")
-            yield f"{path}:{number}", row
+        if not (words := re.split("[#%]", line)[0].replace(",", " ").replace(";", " ").split()):
+            continue
+        row = [_number(word) for word in words]
+        if first and not np.isfinite(row).any():
+            # A line with the names of the columns.
+            first = False
+            continue
+        if len(row) not in lengths or not np.isfinite(row).all():
+            found = "; found " + (f"{len(row)} numbers" if np.isfinite(row).all() else line[:40])
+            if len(row) == 12:
+                found += " without a stamp, as KITTI's: evo_traj kitti converts them"
+            raise InputError(f"{path}:{number}: expected {expected}{found}")
+        first = False
+        yield f"{path}:{number}", row
+
+
+def _number(word: str) -> float:
+    """The number that a word is, or NaN."""
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")

@@ -133,7 +133,7 @@ def clusters(scan: LaserScan, gap: float) -> Iterator[Int]:
         yield order
         return
     else:
-        # Begin behind a break, so that no cluster runs over the end of the list.
+        # Begin after a gap, so that no cluster wraps around the end of the list.
         begin = int(np.argmin(linked)) + 1
         order, linked = np.roll(order, -begin), np.roll(linked, -begin)
     first = 0

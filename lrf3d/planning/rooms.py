@@ -35,23 +35,40 @@ def true_rooms(ground: Ground, inside: Bool, closed: bool = False) -> Int:
     return np.flatnonzero(found & (highest >= 0.5 * np.median(heights)))
 
 
+def rooms_of(world: World) -> list[tuple[float, Float]]:
+    """The areas [m²] of the rooms of a world, the largest first, and places (2,) [m] in them.
+
+    Furniture does not divide a room here, though it does for a robot.
+    """
+    walls = world.heights >= 0.5 * world.heights.max(initial=0.0)
+    ground = Ground(World(world.segments[walls], heights=world.heights[walls], free=world.free))
+    inside = ground.on_side("inside", None)
+    rooms = np.where(inside, ground.rooms, 0)
+    found = [_measured(ground, rooms == room) for room in true_rooms(ground, inside)]
+    return sorted(found, key=lambda each: -each[0])
+
+
+def _measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
+    """The area [m²] of some cells, and the place (2,) [m] among them with the most room."""
+    place = ground.places[cells][np.argmax(ground.gaps[cells])] + ground.world.origin
+    return float(cells.sum()) * ground.size**2, place
+
+
 def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
     """Lines that name the rooms without an entered cell (columns, rows), by the reason."""
-    ground, origin = space.ground, space.ground.world.origin
+    ground = space.ground
     inside = ground.on_side("inside", None)
     rooms = np.where(inside, ground.rooms, 0)
     missed = np.setdiff1d(true_rooms(ground, inside), rooms[entered & ground.wide])
     if not len(missed):
         return []
-    areas = np.bincount(rooms.ravel()) * ground.size**2
     via = _widest_ways(ground, rooms, space.allowed)
     large = true_rooms(ground, inside, closed=True)
     missed = missed[(via[missed] != SHUT) | np.isin(missed, large)]
     doors, far, shut = list[tuple[float, Float]](), [], []
     for room in missed.tolist():
-        cells = rooms == room
-        x, y = ground.places[cells][np.argmax(ground.gaps[cells])] + origin
-        named = float(areas[room]), f"m² at ({x:.1f}, {y:.1f})"
+        area, (x, y) = _measured(ground, rooms == room)
+        named = area, f"m² at ({x:.1f}, {y:.1f})"
         if via[room] == REACHED:
             far.append(named)
         elif via[room] == SHUT:

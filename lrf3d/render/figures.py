@@ -92,7 +92,7 @@ def _draw_plan(plan: Plan, ax: Axes) -> None:
         label = "doors that stand open" if number == 0 else "_"
         ax.plot(*door.opening.T, color=plot.PATH, linewidth=1.6, label=label, zorder=3)
         ax.annotate(f"{door.width:.2f}", door.opening.mean(axis=0), color=plot.PATH, fontsize=6)
-    for area, place in plan.rooms()[:200]:
+    for area, place in plan.rooms[:200]:
         ax.annotate(f"{area:.1f} m²", (place[0], place[1]), ha="center", color=INK, fontsize=8)
     left, right = ax.get_xlim()
     low, high = ax.get_ylim()

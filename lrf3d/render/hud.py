@@ -22,10 +22,6 @@ that would cover more of the height of a picture, is left out."""
 _DARKEST, _SHADED = 0.74, 1.6
 """How much the picture is darkened in the corner under text, and how far, in the text's size."""
 
-_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (200, 210, 228), 20
-"""Colours of the frame of the inset and of its scale, and the height of the letters of that [pixels
-of 720 lines]."""
-
 
 def scale_of(size: tuple[int, int]) -> float:
     """How many times its size at 720 lines text is in a picture of a size [pixels]."""
@@ -90,15 +86,18 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -
     scale = scale_of(picture.shape[1::-1])
     rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
     part = picture[top : top + high, left : left + wide, :3]
-    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
+    # Colours of the frame of the inset and of its scale, and the height of the letters of that
+    # [pixels of 720 lines].
+    rim_colour, bar_colour, scale_letter = (38, 50, 72), (200, 210, 228), 20
+    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = rim_colour
     # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
-    letters, words = max(round(_SCALE_LETTER * scale), 9), f"{window.bar:g} m"
+    letters, words = max(round(scale_letter * scale), 9), f"{window.bar:g} m"
     foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
     foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
     middle, end = len(foot) // 2, foot.shape[1] - pad
     begin = end - round(window.bar / window.width * wide)
-    foot[middle - rim : middle + rim, begin:end] = _BAR
+    foot[middle - rim : middle + rim, begin:end] = bar_colour
     text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
     place = text.width - pad, middle
-    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
+    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=bar_colour, anchor="rm")
     foot[:, :begin] = np.asarray(text)

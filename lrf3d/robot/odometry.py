@@ -50,9 +50,14 @@ class WheelOdometry:
 
     def __post_init__(self) -> None:
         values = [getattr(self, each.name) for each in fields(self)]
-        if not is_finite(*values) or min(values[:2]) <= -1.0 or min(values[3:]) < 0.0:
+        if is_finite(*values[:2]) and max(map(abs, values[:2])) >= 1.0:
             raise InputError(
-                f"wheel odometry {shown(values)}: expected finite numbers, deviations of at least 0"
+                f"scale {values[0]:g}, track {values[1]:g}: expected shares between"
+                " −1 and 1, such as 0.02 for 2 %"
+            )
+        if not is_finite(*values) or min(values[3:]) < 0.0:
+            raise InputError(
+                f"errors {shown(values)}: expected finite numbers, deviations of at least 0"
             )
 
     def __call__(self, increment: Float, rng: np.random.Generator) -> Float:
@@ -99,9 +104,9 @@ class Imu:
 
     def __post_init__(self) -> None:
         most_rate = 10_000.0  # Highest rate of an IMU [Hz].
-        number(self.rate, "imu: rate", "measurements a second", positive=True, most=most_rate)
+        number(self.rate, "rate", "measurements a second", positive=True, most=most_rate)
         for each in fields(self)[1:]:
-            number(getattr(self, each.name), f"imu: {each.name}")
+            number(getattr(self, each.name), each.name)
 
 
 class Odometer:

@@ -12,10 +12,6 @@ from lrf3d.scene.look import EMBER, LAMP, TRAIL_HEIGHT
 from lrf3d.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.world import World
 
-_STRENGTH, _WIDTH, _DRAWN = 0.40, 1.1, 30
-"""Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
-more would run into one plane."""
-
 RANGE_COLOURS = np.array([[1.0, 0.95, 0.80], [1.0, 0.74, 0.42], [0.95, 0.50, 0.22]])
 """Colours of hit points from near to far."""
 
@@ -70,16 +66,19 @@ def draw_beams(
     places = single(np.insert(final[:, 2:], 2, height, axis=1))
     points = Points(places, colours, single(sides), _POINT_SIZE, _POINT_PIXELS)
     legs[: len(ends), :2] = apex
-    step = max(1, round(len(ends) / _DRAWN))
+    # Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
+    # more would run into one plane.
+    strength, line_width, most_drawn = 0.40, 1.1, 30
+    step = max(1, round(len(ends) / most_drawn))
     chosen = np.isin(beams, np.arange((len(ends) - 1) % step // 2, len(ends), step))
     chosen &= (gone < reach) | (gone == 0.0)
     starts, stops = np.hsplit(legs[chosen], 2)
     gone, length = gone[chosen, None], lengths(legs[chosen])[:, None]
     drawn = np.minimum(length, reach - gone)
     stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
-    opacities = _STRENGTH * (1.0 - np.hstack([gone, gone + drawn]) / reach)
+    opacities = strength * (1.0 - np.hstack([gone, gone + drawn]) / reach)
     amber = np.full((len(gone), 3), EMBER)
-    lines = level_lines(height, starts, stops, amber, opacities, _WIDTH)
+    lines = level_lines(height, starts, stops, amber, opacities, line_width)
     return lines, points, _lamp(legs[: len(ends)], scan.angles, _LAMP_SHARE * reach)
 
 

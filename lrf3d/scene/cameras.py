@@ -25,18 +25,10 @@ _FIRST_FIELD, _FIRST_UP, _FIRST_OVER = float(np.radians(62.0)), 0.09, 0.36
 """Angle of view from the top of the robot [rad], how much it looks up, as a slope, and how far over
 the laser the eye is [m], above the bands of the map."""
 
-_CALM, _NARROWEST = 12.5, 0.15
-"""Distance [m] from which on the field of a fixed camera that turns narrows, and its least
-share of the full one: the robot stays in sight when it is far off."""
-
 _FREE_ABOVE, _FREE_BELOW, CARD, _FILL, _LONG = 0.05, 0.06, 0.10, 0.94, 1.2
 """Shares of the picture's height that are free above the whole, and below for text, more for a
 card; the share of what is left that the world fills; and how many times as long as wide a world is
 that is turned to fit better."""
-
-_LARGEST, _AROUND, _TALLEST = 600.0, 60.0, 14.0
-"""Worlds longer than this [m] are shown only as far as they were driven and seen, with this margin
-around the path [m]; and the height up to which buildings are in the picture [m]."""
 
 _FIELD, _TOP_FIELD = float(np.radians(34.0)), float(np.radians(3.0))
 """Angles of view of an overview and from straight above [rad], where rays are nearly parallel, so
@@ -114,7 +106,10 @@ class Fixed:
             return self._look
         place = interpolated(np.array([time]), self._path.times, self._path.places)
         eye, target = self._look.eye, np.append(place, AIM)
-        narrow = np.clip(_CALM / np.linalg.norm(target - eye), _NARROWEST, 1.0)
+        # Distance [m] from which on the field of a fixed camera that turns narrows, and its least
+        # share of the full one: the robot stays in sight when it is far off.
+        calm, narrowest = 12.5, 0.15
+        narrow = np.clip(calm / np.linalg.norm(target - eye), narrowest, 1.0)
         return replace(self._look, target=target, field=self._look.field * float(narrow))
 
 
@@ -164,15 +159,18 @@ def corners_of(timeline: Timeline, structures: Structures) -> Float:
     """Corners (n, 3) of all that is to be in a picture of the whole [m]."""
     path = timeline.run.trajectory.poses[:, :2] - timeline.origin
     ends = structures.places
-    if len(ends) and float(np.ptp(ends, axis=0).max()) > _LARGEST:
-        low, high = path.min(axis=0) - _AROUND, path.max(axis=0) + _AROUND
+    # Worlds longer than this [m] are shown only as far as they were driven and seen, with this
+    # margin around the path [m]; and the height up to which buildings are in the picture [m].
+    largest_world, drive_around, tallest_wall = 600.0, 60.0, 14.0
+    if len(ends) and float(np.ptp(ends, axis=0).max()) > largest_world:
+        low, high = path.min(axis=0) - drive_around, path.max(axis=0) + drive_around
         ends = ends[((ends >= low) & (ends <= high)).all(axis=1)]
     # Streets reach past the houses.
     past = 0.5 if structures.indoor else 0.5 * STREET
     square = past * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
     level = (np.concatenate([ends, path])[:, None] + square).reshape(-1, 2)
     level = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(level)))
-    tallest = SECTION if structures.indoor else _TALLEST
+    tallest = SECTION if structures.indoor else tallest_wall
     top = min(float(structures.heights.max(initial=0.0)), tallest)
     return np.concatenate(
         [np.column_stack([level, np.full(len(level), height)]) for height in (0.0, top)]

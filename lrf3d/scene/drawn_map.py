@@ -12,10 +12,6 @@ from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
 from lrf3d.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.scene.stage.structures import Structures
 
-_GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP, _MOST_PIECES = 1.8, 0.55, 0.4, 500
-"""Height of walls of the map that the world lacks [m], opacity at their foot, length of pieces [m],
-and the most of a segment: some are as long as the world."""
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrawnMap:
@@ -60,8 +56,11 @@ class DrawnMap:
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
-        pieces = np.ceil(lengths(self.segments) / _GHOST_STEP)
-        count = np.clip(pieces, 1, _MOST_PIECES).astype(int)
+        # Height of walls of the map that the world lacks [m], opacity at their foot, length of
+        # pieces [m], and the most of a segment: some are as long as the world.
+        ghost_height, ghost_strength, ghost_step, most_pieces = 1.8, 0.55, 0.4, 500
+        pieces = np.ceil(lengths(self.segments) / ghost_step)
+        count = np.clip(pieces, 1, most_pieces).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         start, end = np.hsplit(self.segments[owner], 2)
@@ -73,9 +72,9 @@ class DrawnMap:
         near, _ = structures.tree.query(shapely.points(middle), **on_walls)
         loose = np.setdiff1d(np.arange(len(owner)), near)
         a, b = (np.insert(place[loose], 2, 0.0, axis=1) for place in (low, high))
-        up = np.array([0.0, 0.0, _GHOST_HEIGHT])
+        up = np.array([0.0, 0.0, ghost_height])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
-        strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
+        strength = ghost_strength * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
         tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
 

@@ -37,14 +37,6 @@ returns a mark in the film's frame for a scene and a moment, or None."""
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_CLEAR, _PAST_GROUND = 2.6, 3.0
-"""Least distance at which half of what is seen is haze, in distances to what is looked at, as the
-whole is seen through clear air; and the far plane of a high eye, in its heights."""
-
-_ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
-"""Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
-is the third [pixels at 720 lines]."""
-
 _WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
 """How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
 hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
@@ -134,9 +126,12 @@ class Scene:
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         (wide, tall), (*_, eye_height) = size, view.eye.tolist()
-        haze = max(self.structures.setting.haze, _CLEAR * view.away)
+        # Least distance at which half of what is seen is haze, in distances to what is looked at,
+        # as the whole is seen through clear air; and the far plane of a high eye, in its heights.
+        clear, past_ground = 2.6, 3.0
+        haze = max(self.structures.setting.haze, clear * view.away)
         return Lens(
-            matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, _PAST_GROUND * eye_height)),
+            matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, past_ground * eye_height)),
             eye=view.eye,
             focus=float(0.5 * tall / np.tan(0.5 * view.field)),
             thick=0.0 if view.shows_map else 1.0 / haze,
@@ -242,9 +237,12 @@ class Scene:
         height = self.run.lrf.height
         away = float(np.linalg.norm([*pose[:2], height] - lens.eye))
         pixel = min(size) / 720.0 * away / lens.focus
-        if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
+        # Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it,
+        # whose unit is the third [pixels at 720 lines].
+        robot_size, least_robot, marker = 0.75, 26.0, 10.0
+        if robot_size > least_robot * pixel:
             return None
-        dart = _MARKER * pixel
+        dart = marker * pixel
         own, others = bodies.flat_dart(pose, dart, height), self.obstacles.plans(time, dart)
         marks: Soft = together([own, *others])
         return marks._replace(on_top=True)

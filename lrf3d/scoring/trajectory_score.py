@@ -143,18 +143,22 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
     begin, end = truth.times[0], truth.times[-1]
     spans = f"stamps from {first:.6g} to {last:.6g} s, the run's from {begin:.6g} to {end:.6g} s"
     if last < begin - MATCHED or first > end + MATCHED:
-        raise InputError(f"trajectory: {spans}: they do not overlap")
+        raise InputError(f"trajectory: {spans}: they do not overlap{_other_clock(truth, estimate)}")
     ours, theirs = _matched(truth.times, estimate.times)
     least_matched = 3  # Poses that an alignment needs.
     interpolated = len(ours) < least_matched
     if interpolated:
         theirs = np.flatnonzero((estimate.times >= begin) & (estimate.times <= end))
         if len(theirs) < least_matched:
-            raise InputError(f"trajectory: {len(theirs)} poses match; {spans}; expected three")
+            hint = _other_clock(truth, estimate)
+            raise InputError(f"trajectory: {len(theirs)} of its poses match, {spans}{hint}")
         true = truth.at(estimate.times[theirs])
     else:
         true = truth.poses[ours]
     found = estimate.poses[theirs]
+    sizes = [float(np.hypot(*np.ptp(each[:, :2], axis=0))) for each in (found, true)]
+    if 900.0 * sizes[1] < sizes[0] < 1100.0 * sizes[1]:
+        raise InputError("trajectory: 1000 times as large as the run's; expected metres")
     alignment = rigid_alignment(found[:, :2], true[:, :2])
     aligned = compose(np.array(alignment), found)
     steps = between(between(true[:-1], true[1:]), between(found[:-1], found[1:]))
@@ -167,6 +171,16 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
         (len(theirs), len(estimate)),
         interpolated,
     )
+
+
+def _other_clock(truth: Trajectory, estimate: Trajectory) -> str:
+    """How the stamps of an estimate may be brought to the clock of the true trajectory."""
+    theirs, ours = float(np.ptp(estimate.times)), float(np.ptp(truth.times))
+    for unit, factor in (("nano", 1e9), ("micro", 1e6), ("milli", 1e3)):
+        if 0.3 * factor < theirs / ours < 3.0 * factor:
+            return f"; expected seconds, they look like {unit}seconds"
+    late = float(estimate.times[0] - truth.times[0])
+    return f"; shifted by {-late:.6f} s they would" if 0.3 < theirs / ours < 3.0 else ""
 
 
 def rigid_alignment(points: Float, onto: Float) -> Pose:

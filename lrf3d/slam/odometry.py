@@ -206,21 +206,15 @@ class WheelPath:
     """
 
     def __init__(self, poses: Float, interval: float = 0.0) -> None:
-        self._interval, self._whole = interval, poses.copy()
+        self.interval, self._whole = interval, poses.copy()
         self._whole[:, 2] = np.unwrap(poses[:, 2])
 
     def __len__(self) -> int:
         return len(self._whole)
 
-    @property
-    def lags(self) -> Float:
-        """The least and the largest lag [lines] of scans."""
-        bounds = LATEST / (self._interval or np.inf)
-        return np.array([min(LAGS[0], bounds[0]), max(LAGS[1], bounds[1])])
-
     def late(self, lags: Float) -> tuple[float, float]:
         """Lags [lines] at the beginning and at the end in seconds."""
-        first, last = (self._interval * lags[[0, -1]]).tolist()
+        first, last = (self.interval * lags[[0, -1]]).tolist()
         return first, last
 
     @property
@@ -303,7 +297,8 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
     def at(lag: float) -> Float:
         return left(np.array([0.0, 0.0, lag]))
 
-    least, most = path.lags.tolist()
+    bounds = LATEST / (path.interval or np.inf)
+    least, most = min(LAGS[0], bounds[0]), max(LAGS[1], bounds[1])
     moved = np.abs(at(most) - at(least))
     if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
         return lags()

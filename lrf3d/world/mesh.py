@@ -1,6 +1,6 @@
 """Worlds from meshes that trimesh reads, cut at the height of the beams.
 
-The cut of the mesh with the plane z = :data:`CUT` becomes walls; collinear ones are merged. Each
+The cut of the mesh with the plane z = ``cut`` becomes walls; collinear ones are merged. Each
 has the height of its triangles. In glTF y is up, as its specification says, in the other formats z
 is. Lengths are metres. Each named part of a scene is an object; in a file without parts, walls that
 touch are one object.
@@ -26,24 +26,21 @@ from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repe
 if TYPE_CHECKING:
     import trimesh
 
-CUT = 0.5
-"""Height [m] at which a mesh is cut: the default height of the laser."""
-
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From z up to y up, as in glTF."""
 
 
-def read_mesh(path: Path) -> World:
-    """Read the cut of a mesh at the height of the beams as walls."""
+def read_mesh(path: Path, cut: float = 0.5) -> World:
+    """Read the cut of a mesh at a height [m], by default that of the laser, as walls."""
     parts = _parts(path)
     if not parts:
         raise WorldError("holds no triangle, so there is no wall")
     triangles = np.concatenate([own for _, own in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
-    segments, face = level_cut(triangles, CUT)
+    segments, face = level_cut(triangles, cut)
     if not len(segments):
         reach = f"{triangles[..., 2].min():g} to {triangles[..., 2].max():g} m"
-        raise WorldError(f"nothing stands at a height of {CUT:g} m; the mesh reaches from {reach}")
+        raise WorldError(f"nothing stands at a height of {cut:g} m; the mesh reaches from {reach}")
     # Collinear to the resolution of float32.
     tolerance = 1e-6 * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
     # Walls of one line and unequal heights stay apart.

@@ -25,7 +25,7 @@ from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
-from lrf3d.world.symbols import LEAST_ROOM, Door, Strokes, find_doors, find_leaves, symbols
+from lrf3d.world.symbols import Door, Strokes, find_doors, find_leaves, symbols
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
@@ -84,12 +84,13 @@ NOT_DOORS = ("indoor", "outdoor", "ovid")
 def role_of(*names: str) -> str:
     """The role that the first recognised name gives: a key of WORDS, or ``other``.
 
-    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("Layer1")
+    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("axes_1")
     ('wall', 'door', 'furniture', 'other')
     """
     for name in names:
         plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
-        words = set(re.findall(r"[^\W\d_]+", plain)) - set(NOT_DOORS)
+        # Matplotlib draws all that it draws in "axes_1".
+        words = set(re.findall(r"[^\W\d_]+", re.sub(r"^axes_\d+$", "", plain))) - set(NOT_DOORS)
         for role, known in _KNOWN.items():
             if any(_means(word, part) for word in words for part in known):
                 return "annotation" if role == "sheet" else role
@@ -124,27 +125,10 @@ class Plan(NamedTuple):
     """In words: ``12 texts, layers DOORS, TEXT``."""
     said: str = ""
     """What else a reader assumed."""
+    rooms: Sequence[tuple[float, Float]] = ()
+    """Areas [m²] and places (2,) [m] of rooms, as a route through them is planned."""
     gap: float = TOUCHING
     """Largest gap [m] between walls that touch."""
-
-    def rooms(self) -> list[tuple[float, Float]]:
-        """Areas [m²] of the rooms between walls and closed doors, and points (2,) in them."""
-        walls = self.segments[self.heights > FURNITURE_HEIGHT].reshape(-1, 2, 2)
-        # Openings are measured along the arc of a leaf, and end near their walls.
-        ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
-        ends = ends + 0.06 * (ends - ends[:, ::-1])
-        lines = shapely.linestrings(np.concatenate([walls, ends]))
-        crack = 0.02  # Half of a gap [m] between walls through which two rooms do not become one.
-        thick = shapely.union_all(shapely.buffer(lines, crack, cap_style="square"))
-        holes = [hole for part in shapely.get_parts(thick) for hole in part.interiors]
-        if not holes:
-            return []
-        faces = shapely.buffer(shapely.polygons(holes), crack, join_style="mitre")
-        area, edge = shapely.area(faces), shapely.length(faces)
-        rooms = faces[(area > LEAST_ROOM) & (2.0 * area > THICKEST * edge)]
-        rooms = rooms[np.argsort(-shapely.area(rooms))]
-        places = shapely.get_coordinates(shapely.point_on_surface(rooms))
-        return list(zip(shapely.area(rooms).tolist(), places, strict=True))
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""

@@ -141,7 +141,6 @@ def tables(convert: Converter, *, alone: bool = False) -> Converter:
 
 
 _LENGTH = partial(number, positive=True, most=LARGEST_COORDINATE)
-_NOT_NEGATIVE = partial(number, most=LARGEST_COORDINATE)
 
 
 def _each(convert: Converter, *keys: str) -> dict[str, Converter]:

@@ -22,9 +22,8 @@ width: it has a thickness."""
 MOST_DOORS = 5000
 """Most arcs that are looked at."""
 
-LEAST_PLAN, LEAST_ROOM = 20.0, 1.5
-"""Least area [m²] of a plan in a frame, as in a hall there may be tables; and of a room: of a
-closet, or a place for a lavatory."""
+LEAST_PLAN = 20.0
+"""Least area [m²] of a plan in a frame, as in a hall there may be tables."""
 
 ASIDE, THICKEST_WALL = 1.0, 0.3
 """Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces."""

@@ -10,6 +10,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.collision import find_collision
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.planning import rooms
 from lrf3d.planning.free_space import Ground, find_free_space
 from lrf3d.planning.planner import find_route, plan_route
 from lrf3d.robot import follow_route
@@ -372,3 +373,13 @@ def test_a_drive_that_more_care_does_not_help_is_tried_twice(monkeypatch):
     monkeypatch.setattr("lrf3d.planning.planner.CollisionChecker.hit", hit)
     assert find_route(room(9.0, 7.0)).speed == 1.0
     assert len(tried) == 2
+
+
+def test_the_rooms_of_a_plan_are_those_by_doors_without_furniture():
+    walls = house(0.9, 0.9)
+    table = np.array([[0.5, 1.5, 2.5, 1.5], [2.5, 1.5, 2.5, 2.5], [2.5, 2.5, 0.5, 2.5]])
+    world = World(
+        np.vstack([walls.segments, table]), heights=[*np.full(len(walls.segments), 2.5), *[0.8] * 3]
+    )
+    plain, furnished = (sorted(area for area, _ in rooms.rooms_of(each)) for each in (walls, world))
+    assert len(plain) > 1 and plain == furnished

@@ -7,7 +7,7 @@ import shapely
 import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
-from lrf3d.scene.beams import RANGE_COLOURS, draw_beams, folded, turning_walls
+from lrf3d.scene.beams import RANGE_COLOURS, _lamp, draw_beams, folded, turning_walls
 from lrf3d.scene.look import MATERIAL_COLOURS, object_colours
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
@@ -73,3 +73,15 @@ def test_mirrors_glass_and_retro_reflectors_have_their_colours():
     assert colours[:3] == pytest.approx(np.array([MATERIAL_COLOURS[kind] for kind in kinds]))
     own = lrf3d.World(WALLS, range(5), materials=["mirror"] * 5, colours=[[0.1, 0.2, 0.3]] * 5)
     assert object_colours(own, indoor=True)[0] == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_the_lamp_fades_to_nothing_at_its_reach_and_at_the_sides():
+    angles = np.linspace(-1.0, 1.0, 9)
+    legs = np.hstack([np.zeros((9, 2)), 20.0 * beam_directions(0.0, angles)])
+    lamp = _lamp(legs, angles, 5.0)
+    away, light = np.hypot(*lamp.corners[..., :2].T).T, lamp.colours[..., 3]
+    assert away[:, 0] == pytest.approx(0.0) and away[:, 1:] == pytest.approx(5.0)
+    assert light[:, 1:] == pytest.approx(0.0) and light[:, 0].max() > 0.1
+    assert light[-1, 0] == pytest.approx(0.0)
+    near = _lamp(np.hstack([legs[:, :2], legs[:, 2:] / 8.0]), angles, 5.0).colours[..., 3]
+    assert near[3, 1] == pytest.approx(0.25 * near[3, 0])

@@ -48,6 +48,8 @@ def test_a_story_begins_at_the_robot_and_ends_with_the_whole_where_glass_is_what
     story = Story(timeline, structures)
     first = story.look(timeline.start - 2.0 * OPENING, 1.5)
     assert first.shot == "wave" and first.glass == 0.0
+    # What hides the robot is opened from the start of the run on.
+    assert not first.opens and story.look(timeline.start + 0.1, 1.5).opens
     robot = timeline.poses(np.array([timeline.start]))[0, :2] - timeline.origin
     assert np.abs(seen(first, np.array([[*robot, 0.35]]), 1.5)).max() < 0.3 and first.away < 3.0
     held = [story.look(timeline.end + 2.0 * (CLOSING - before), 1.5) for before in (HELD, 0.1)]

@@ -52,8 +52,15 @@ def test_another_frame_changes_nothing(x, y, theta):
 
 
 def test_times_that_do_not_meet_are_reported_with_both_spans():
-    with pytest.raises(InputError, match="do not overlap"):
-        pose_errors(TRUTH, lrf3d.Trajectory(TRUTH.times + 1e6, TRUTH.poses))
+    for times, said in (
+        (TRUTH.times + 1e6, "do not overlap; shifted by -1000000.000000 s"),
+        (1e3 * TRUTH.times, "look like milliseconds"),
+        (1e9 * TRUTH.times, "look like nanoseconds"),
+    ):
+        with pytest.raises(InputError, match=said):
+            pose_errors(TRUTH, lrf3d.Trajectory(times, TRUTH.poses))
+    with pytest.raises(InputError, match="1000 times as large"):
+        pose_errors(TRUTH, lrf3d.Trajectory(TRUTH.times, 1e3 * TRUTH.poses))
     between = lrf3d.Trajectory(TRUTH.times[:-1] + 0.1, TRUTH.at(TRUTH.times[:-1] + 0.1))
     errors = pose_errors(TRUTH, between)
     assert errors.interpolated and errors.absolute.max() < 1e-9
@@ -78,13 +85,23 @@ def test_a_tum_file_is_read_back_or_its_line_named(tmp_path):
     save_tum(TRUTH.times, TRUTH.poses, path)
     assert np.allclose(load_tum(path).poses, TRUTH.poses, atol=1e-6)
     for text, expected in (
-        ("0 0 0 0 0 0 0\n", ":1: expected t x y z"),
+        ("0 0 0 0 0 0 0\n", ":1: expected t x y z .* found 7 numbers"),
+        ("0 0 0 0 0 0 0 0\n", ":1: a quaternion of length 0"),
+        ("0 " * 12, "as KITTI's"),
+        ("1.7e18 0 0 0 0 0 0 1\n", "not nanoseconds"),
+        ("0 1 2 0 1 0 0 0\n", "lie on their side"),
         ("0 0 0 0 0 0 0 1\n0 1 0 0 0 0 0 1\n", ":2: the stamp"),
         ("# none\n", "no pose"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=expected):
             load_tum(path)
+
+
+def test_comments_names_of_columns_and_quaternions_of_any_length_are_read(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("% theirs\nt,x,y,z,qx,qy,qz,qw\n0,1,2,0,0,0,3,3\n1;1;2;0;0;0;0;9 # end\n")
+    assert load_tum(path).poses == pytest.approx(np.array([[1, 2, np.pi / 2], [1, 2, 0]]))
 
 
 def test_a_run_is_scored_with_somebodys_trajectory_and_map(tmp_path):

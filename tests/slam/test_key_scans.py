@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
@@ -9,11 +10,13 @@ from lrf3d.slam.motion import Prediction
 from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
 
+AHEAD = np.linspace(-0.5, 0.5, 11)
 
-def seen_by(ranges, points):
+
+def seen_by(ranges, points, angles=AHEAD):
     """How a key scan of 11 beams saw points and normals (n, 4)."""
     nothing = np.empty(0, SURFACE)
-    fan = Fan(0.0, 0.0, np.linspace(-0.5, 0.5, 11), ranges)
+    fan = Fan(0.0, 0.0, angles, ranges)
     key = Key(0, np.zeros(3), nothing, nothing, nothing, (fan,), 0.01)
     rows = np.ascontiguousarray(points, dtype=float).view(SURFACE)[:, 0]
     return views_of(rows, np.zeros((1, 3)), [key]).tolist()
@@ -78,3 +81,19 @@ def test_far_points_are_those_of_an_obstacle_only_where_the_heading_is_known():
         uncertain = np.diag([1e-3, 1e-3, turn]) ** 2
         expected = Prediction(np.zeros(3), uncertain, uncertain, np.ones(3))
         assert np.array_equal(front._standing(points, front.pose, expected), points[kept])
+
+
+def test_a_beam_past_the_back_sees_what_is_on_the_other_side_of_half_a_turn():
+    # The laser looks back: its beams go from 115° over 180° to 230°.
+    angle = -2.8
+    place = 2.0 * np.array([[np.cos(angle), np.sin(angle), 0.0, 0.0]])
+    assert seen_by(np.full(11, 4.0), place, np.linspace(2.0, 4.0, 11)) == [[2]]
+
+
+def test_a_wall_is_flat_up_to_its_end_where_another_stands_behind_it():
+    edge = World([[3, -4, 3, 0], [4, 0, 4, 5]])
+    scan = PlanarCaster(edge).cast(LaserRangeFinder(beams=361, range_max=10), (0, 0, 0))
+    surface = Sight().seen(scan).surface
+    wall = surface[np.abs(surface["x"] - 3.0) < 1e-6]
+    assert wall["y"].max() > -0.05
+    assert np.abs(wall["nx"]) == pytest.approx(1.0)

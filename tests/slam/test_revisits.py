@@ -8,6 +8,7 @@ import lrf3d
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.slam.checks import self_check
 from lrf3d.slam.closures import LEAST_DISTANCE
+from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.revisits import CERTAIN, Anchor, in_known_place
 
 WORLD = lrf3d.World(
@@ -59,9 +60,12 @@ def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_ther
     attached = 0
     for number, key in enumerate(closer.keys[:10]):
         last = Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance)
-        if in_known_place(closer, key, last, poses) is None:
+        found = in_known_place(closer, key, last, poses)
+        if found is None:
             continue
         attached += 1
+        # The walls of a room fix it in both directions.
+        assert found.drifted == KEY_DISTANCE
         # It has driven too far to be certain of the place.
         far = replace(last, drifted=CERTAIN)
         assert in_known_place(closer, key, far, poses) is None

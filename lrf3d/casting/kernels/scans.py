@@ -11,7 +11,7 @@ from lrf3d.casting.kernels.predicates import LANES, Beam, length, lengths, wall_
 from lrf3d.casting.kernels.tree import ROOM, Plain, Tree
 from lrf3d.compiling import compiled, inner
 from lrf3d.errors import expect
-from lrf3d.geometry import Float, Int, Records, Single
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
@@ -51,23 +51,6 @@ def cast_scans(
         fan = aim(laser, poses[k], dx, dy)
         trace(tree, fan, laser.range_max, hit)
         measure(tree, fan, laser, ranges[k], hit)
-
-
-@compiled
-def rays_of(plain: Plain, poses: Float, x: float, y: float) -> tuple[Single, Single]:
-    """Origins and directions (k beams, 3) of the scans at poses (k, 3), seen from (x, y)."""
-    cosines, sines = Laser(*plain).fan
-    count = len(poses) * len(cosines)
-    starts, ways, row = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32), 0
-    for k in range(len(poses)):
-        at_x, at_y, theta = poses[k]
-        cos, sin = math.cos(theta), math.sin(theta)
-        for i in range(len(cosines)):
-            way = turn(cosines[i], sines[i], cos, sin)
-            for axis, place in enumerate((at_x - x, at_y - y)):
-                starts[row, axis], ways[row, axis] = place, way[axis]
-            row += 1
-    return starts, ways
 
 
 @compiled

@@ -191,7 +191,7 @@ class NoiseEstimate:
         # [share] Growth of the data after which noise is fitted again. It changes speed, and the
         # error of the noise by a few per cent.
         noise_steps = 1.2
-        # The more is known, the less another scan changes it.
+        # One more scan changes a noise that rests on many by little.
         if self.known is None or self._total > noise_steps * self._fitted:
             self.known = self._fit(assumed)
             self._fitted = self._total
@@ -210,8 +210,8 @@ class NoiseEstimate:
         # [ranges] Weight of the initial noise: a third of a scan. It matters for the first scans
         # only.
         noise_prior = 50.0
-        # What was assumed counts the less the more is known, and nothing at ranges that were not
-        # seen where others were.
+        # The initial noise loses weight as data come in; it has none at unseen ranges once others
+        # are known.
         prior = noise_prior**2 / (noise_prior + number.sum())
         weights = number + prior
         variances = np.exp((number * found + prior * before) / weights)

@@ -159,9 +159,9 @@ def extract_walls(
         begin += 1
     closed = begin == count
     if closed and count and segment_cluster(beams, spans) > 1:
-        # One object all round: begin at a corner, so that no wall is cut in two.
+        # The scan closes on itself: begin at a corner, so that no wall is cut in two.
         begin = spans[1].first - 1
-    # Begin behind a break, so that no cluster runs over the end of the list.
+    # Begin after a gap, so that no cluster wraps around the end of the list.
     beams = _rolled(begin + 1, beams)
     first = 0
     while first < count:

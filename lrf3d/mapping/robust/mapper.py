@@ -51,23 +51,25 @@ class RobustMapper:
         self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
         self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
         self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
-        # Walls that are new in their places, and may fit others now.
+        # Walls that were added or moved, which may now merge with others.
         self._waiting = np.empty(0, np.int64)
-        # The pose of the first scan: the map turns and moves with the world.
+        # Frame of the map, the pose of the first scan: the map moves with the world.
         self._frame: Pose | None = None
         self._map: LineMap | None = None
 
     def update(self, scan: LaserScan) -> None:
-        """Unite the map with a scan."""
+        """Update the map with a scan."""
         self._map = None
         if self._frame is None:
             self._frame = scan.pose
         place, heading = pose_in(self._frame, scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
+        # Images in mirrors are no walls; the whole scan is kept, as they show where mirrors are.
         lit, scan = scan, self._optics.without_images(scan, place, heading)
         found = self._extract.walls(scan, heading, noise)
+        # An uncertain pose makes all walls of a scan uncertain.
         widen(found.fits, scan)
-        # Some walls will come; none may move to larger arrays before they are refit.
+        # Reserve rows for new walls: their arrays must not move before the refit.
         self._walls = self._walls.with_room(len(found.ends))
         unowned = self._judge_beams(Beams.of(scan, heading, noise), place)
         segments, pose = self._walls.ends[self._rows()], (*place, heading)
@@ -156,7 +158,7 @@ def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float
     for k in range(walls.counters[0].unowned):
         cluster = cells.clusters[unowned[k]]
         if cluster.hits == 0.0:
-            # It was an image in a mirror.
+            # Its returns were images in a mirror, and are deleted.
             continue
         x, y = cluster.x, cluster.y
         put_line(point, x, y, x, y)

@@ -145,8 +145,8 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
     """The wall to merge a row with: the best fit, or the nearest continuation; −1 if none."""
     # [m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess.
     longest_gap = 3.0
-    # A continuation must be straight, and no farther off than two views of one wall: without an
-    # overlap nothing shows where the two lead.
+    # Without an overlap nothing shows where two walls lead, so a continuation must be straight and
+    # no farther off than two views of one wall.
     straight = Rule(longest_gap, rule.bend, rule.bend, rule.distance)
     best, least, second, narrowest = -1, 1.0, -1, longest_gap
     line = np.empty(4)
@@ -197,7 +197,7 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
     # [cosine] Largest angle between two segments of one wall: far more than noise, the offsets of
     # the ends decide.
     same_direction = 0.5
-    # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
+    # Walls run with the laser on their left: opposite directions are the two faces of a wall.
     if x * u + y * v <= same_direction * size * length:
         return np.inf
     if size > length:

@@ -126,8 +126,8 @@ def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
     # above it they are of two walls. At 4 walls of rooms are a fifth closer to the truth, and a map
     # of an office explains 0.1 % less of its returns.
     spread_factor = 16.0
-    # Returns spread wider than by noise are of two walls in one cell, or of poses that err:
-    # the mean of any number of them is no better than they are spread.
+    # Returns that spread wider than noise belong to two walls in one cell, or have wrong poses:
+    # their mean is no more accurate than their spread.
     excess = across / weights - spread_factor * hits / (factor * weights)
     if excess > 0.0:
         factor /= 1.0 + factor * weights * excess
@@ -154,7 +154,7 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
         along = (piece + 0.5) * length / pieces
         x, y = x1 + along * ux, y1 + along * uy
         column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-        # Most pieces are in the block of the one before, which is not looked up again.
+        # Most pieces lie in the block of the previous one: look it up only when it changes.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
             block = block_at(cells, column, row)
@@ -227,7 +227,7 @@ def _claim_one(
     continuation_penalty = 2.0
     if continues:
         away += continuation_penalty * off
-    # A wall seen from its back does not end a beam.
+    # A beam that comes from behind a wall is no hit of it.
     if incidence < 0.0:
         away += off
     if rows[cluster.owner].version == cluster.owner_version:

@@ -169,7 +169,7 @@ def contradict(
         if cluster.last_scan != cells.counters[0].scans and goes_along(cluster, dx, dy):
             cluster.misses += 1
             if cluster.misses >= gone_after:
-                # What beams hit there is gone: each further few halve what is left of it.
+                # The surface is gone: every few further beams halve the hits that remain.
                 cluster.misses -= gone_after // 4
                 weight += 0.5 * cluster.hits
                 _halve(cluster)

@@ -81,7 +81,7 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
                 fit, run = fits[found], (begin, start, last, stop)
                 place_part(lines.ends[wall], pieces, total[0], run, parts[found], fit)
                 hits = _weigh(pieces[start:last], length_of(parts[found]), least, fit)
-                # What only continues a wall is a part of it when it is enough by itself.
+                # A part that only extends a wall needs enough hits of its own.
                 if fit.shown or (hits >= 1.0 and last > spare and start < len(pieces) - spare):
                     found += 1
                     for piece in range(start, last):
@@ -133,8 +133,8 @@ def violation_weight(count: Any) -> float:
     # and the last hit. Without it slow obstacles leave half as many false walls more; one in ten
     # short walls of furniture has less.
     turns_share = 0.1
-    # What moves, or stood for a while, is hit in a few scans one after the other, be they ever so
-    # many beams; what beams hit and miss in turns is there.
+    # A moving object is hit in a few consecutive scans, even if by many beams; a surface that beams
+    # hit and miss in turns is permanent.
     if scans == 0.0 or count.passes_between >= max(taken_turns * scans, turns_share * violations):
         return VIOLATION_WEIGHT
     # What went through before it came says nothing of what has stood there ever since.
@@ -225,10 +225,10 @@ def split_pieces(pieces: Records, breaks: Int) -> int:
     map_deviation = 0.025
     for i in range(count):
         total[i + 1] = total[i]
-        # No piece of a map is known better than this, however many beams hit it.
+        # Poses limit the accuracy of a piece, however many beams hit it.
         _add(total[i + 1], pieces[i], 1.0 / (1.0 + pieces[i].weight * map_deviation**2))
     if _misfit(total[0], total[count]) <= WALL_COST:
-        # No division gains what a further segment costs.
+        # No split pays for a further segment.
         breaks[0] = count
         return 1
     best = np.full(count + 1, np.inf)
@@ -280,7 +280,7 @@ def place_part(
     # [m] Extension of a wall beyond its last hit where no beam passed: half of the spacing of
     # beams. More explains more returns at corners, and hides more behind the ends.
     end_spare = 0.04
-    # Where a wall ends and does not bend, it ends with its hits.
+    # An end that is no bend lies at the outermost hit.
     if start == begin:
         seen = begin > 0 and pieces[begin - 1].violations > 0.0
         place = _end_of_hits(pieces[begin], -1.0)

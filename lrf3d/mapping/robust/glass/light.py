@@ -110,7 +110,7 @@ class LitScans:
         # [share, log] Distance in the scan, and difference by the laser equation, from which on two
         # returns of a wall are compared.
         farther_apart, least_change = 0.05, 0.2
-        # Neighbours differ by too little.
+        # Adjacent returns differ too little to be compared.
         apart = int(farther_apart * len(rays)) + 1
         expected, found = np.log(cosine / rays["range"][lit] ** 2), np.log(reflectance)
         change = np.abs(expected[apart:] - expected[:-apart])

@@ -56,8 +56,8 @@ class Optics:
     def __init__(self) -> None:
         self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
         most_lines = 256  # [lines] Number of lines that are kept.
-        # Of each line: its unit normal, distance and middle, see `count_rays`; its votes; and which
-        # of its pieces are glass, or a mirror.
+        # Each line has a unit normal, distance and middle (see `count_rays`), votes, and the class
+        # of its pieces: glass or mirror.
         self._lines, self._votes = np.zeros((most_lines, 4)), np.zeros(most_lines, VOTES)
         self._pieces = np.zeros((most_lines, PIECES), np.bool_)
         self.surfaces = np.zeros((0, 5))

@@ -244,7 +244,7 @@ def mirror_pieces(pieces: Records) -> Bool:
     if alike.sum() < least_lit:
         return np.zeros(PIECES, np.bool_)
     image_factor = 3.0  # [factor] Least ratio of images to other returns at a piece of a mirror.
-    # What a mirror shows that was not seen otherwise is no image of anything.
+    # Reflections of things that were seen nowhere else do not show a mirror.
     good = np.where(known > 0.0, alike > alike_share * known, images > image_factor * wrong)
     good &= (images >= SEEN) & (images > image_factor * opaque)
     # [pieces] Longest gap of a mirror, where it shows what was not seen otherwise: narrower than a
