@@ -55,12 +55,13 @@ def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
     return {name: each for name, each in mark._asdict().items() if isinstance(each, np.ndarray)}
 
 
-def ground_of(ground: GroundPicture) -> Single:
+def ground_of(ground: GroundPicture, cells: int) -> Single:
     """Corners (n, 2) of the triangles of the ground, and of the land to the horizon [m].
 
-    Larger triangles would have coarse depths, in which what lies on them sinks.
+    Browsers give large triangles coarse depths, in which what lies on them sinks: so the picture
+    has that many cells to a side. In films more of them only take time.
     """
-    cells, low, high = 24, ground.corner, ground.corner + ground.size
+    low, high = ground.corner, ground.corner + ground.size
     inside = np.linspace(low, high, cells + 1)
     return mesh(*np.concatenate([[low - LAND_REACH], inside, [high + LAND_REACH]]).T)
 

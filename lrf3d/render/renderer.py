@@ -47,7 +47,7 @@ class Renderer:
         self._chosen = np.zeros(0, np.int64)
         self._walls = self._filled("walls", *stage.faces[:3])
         ground = stage.ground
-        self._ground = self._filled("ground", ground_of(ground))
+        self._ground = self._filled("ground", ground_of(ground, 1))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
         self._sky = self._filled("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2))
         self._pavement = Texture(0, ground.picture)

@@ -91,7 +91,7 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     walls = (each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])
     parts = {
         "walls": _part("walls", *walls),
-        "ground": _part("ground", ground_of(ground)),
+        "ground": _part("ground", ground_of(ground, 6)),
         "sky": _part("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2)),
     }
     if times:

@@ -110,7 +110,7 @@ def test_what_stands_is_sent_with_the_shaders_of_the_film():
     assert all("void main" in each for pair in marks["programs"].values() for each in pair)
     # In the coarse depths of large triangles, what lies on the ground would sink.
     ground = marks["marks"]["ground"]["columns"][0].reshape(-1, 3, 2)
-    assert np.median(np.ptp(ground, axis=1)) < 0.05 * stage.ground.size.max()
+    assert np.median(np.ptp(ground, axis=1)) < 0.2 * stage.ground.size.max()
 
 
 def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
