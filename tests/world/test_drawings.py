@@ -255,6 +255,7 @@ def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp
                 space.add_line(one, two)
 
     walls = dxf(tmp_path, lambda space: draw(space, plain)).segments
+    assert len(walls) == sum(len(line) - 1 for line in plain)
     with pytest.warns(Lrf3dNote, match=name):
         world = dxf(tmp_path, lambda space: draw(space, [*plain, *SYMBOLS[name]]))
     assert np.array_equal(world.segments, walls)
