@@ -1,6 +1,7 @@
 """Drives whose odometry or scans fail for a while."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -123,6 +124,21 @@ def test_the_laser_alone_is_enough_and_says_where_it_is_least_sure(monkeypatch):
     monkeypatch.setattr("lrf3d.solved_log.MOST_UNSURE", 0.0)
     [said] = solution.warnings
     assert "by the laser alone the position at scan" in said
+
+
+@pytest.mark.parametrize(("reach", "known"), [(3.0, False), (9.0, True)])
+def test_a_drive_out_of_sight_of_walls_by_rough_wheels_is_called_uncertain(reach, known):
+    """No loop is closed, so that nothing contradicts a map that is bent at its start."""
+    corners = [(0, 0), (20, 0), (20, 16), (0, 16), (0, 0)]
+    walls = [[*one, *other] for one, other in pairwise(corners)]
+    hall = lrf3d.World([*walls, [9, 8, 9.3, 8], [11, 8, 11.3, 8.2]])
+    lrf = lrf3d.LaserRangeFinder(-2.1, 2.1, beams=341, range_max=reach)
+    route = [(2, 2), (6, 2), (10, 8), (14, 6), (18, 8), (18, 14), (12, 14), (8, 9), (3, 9), (3, 14)]
+    scans, wheels, true = drive(hall, route, seed=2, heading=0.03, lrf=lrf)
+    solution = solved(scans, wheels)
+    assert solution.check.passed
+    assert (errors(true, solution.poses).max() < 0.1) == known
+    assert ["the map may be bent" in said for said in solution.warnings] == [True] * (not known)
 
 
 def test_distances_that_the_laser_alone_does_not_see_are_named():
