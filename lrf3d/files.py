@@ -16,7 +16,7 @@ from tempfile import mkdtemp
 from typing import BinaryIO
 
 from lrf3d.errors import InputError, OutputError, shown
-from lrf3d.interrupts import unfinished as unfinished_folders
+from lrf3d.interrupts import unfinished as unfinished_paths
 
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
@@ -174,14 +174,14 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
         # Between its making and its locking another process may take a folder for one that is left.
         while folder is None or not folder.exists():
             folder = Path(mkdtemp(unfinished, private, place))
-            unfinished_folders.add(str(folder))
+            unfinished_paths.add(str(folder))
             with suppress(FileNotFoundError):
                 held.enter_context(_hold(folder, wait=True))
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-        unfinished_folders.discard(str(folder))
+        unfinished_paths.discard(str(folder))
         held.close()
 
 
@@ -256,10 +256,12 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
         raise InputError(
             f"{shown}: another process writes here; wait for it, or choose another place with --out"
         ) from None
+    unfinished_paths.add(str(path))
     try:
         yield
     finally:
         # Removed while it is held: whoever waits for a removed file looks again.
         with suppress(OSError):
             path.unlink()
+        unfinished_paths.discard(str(path))
         lock.release()

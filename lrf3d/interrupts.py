@@ -30,7 +30,7 @@ _kept: list[Callable[[], str]] = []
 """What is kept if the program ends now, innermost last."""
 
 unfinished: set[str] = set()
-"""Folders that are removed however the program ends."""
+"""Folders and files that are removed however the program ends."""
 
 _end = threading.Lock()
 """Held by whoever ends the program: the main thread or the one that waits for signals."""
@@ -113,8 +113,10 @@ def _end_now(name: str, number: int) -> None:
         return
     import shutil
 
-    for folder in list(unfinished):
-        shutil.rmtree(folder, ignore_errors=True)
+    for path in list(unfinished):
+        shutil.rmtree(path, ignore_errors=True)
+        with suppress(OSError):
+            os.unlink(path)
     text = ""
     with suppress(Exception):
         text = next(filter(None, (words() for words in reversed(_kept))), "")

@@ -120,7 +120,7 @@ def test_what_hears_no_signal_is_ended_by_a_second_one_or_after_a_while(number, 
     _, err = process.communicate(timeout=60)
     kept = "0 of 3 scans kept; go on with --resume"
     assert (process.returncode, err) == (128 + number, f"lrf3d: stopped; {kept}\n")
-    assert not [*tmp_path.rglob("*unfinished*")]
+    assert not [*tmp_path.rglob("*unfinished*"), *tmp_path.rglob("*.lock")]
 
 
 def test_an_interrupt_before_anything_is_loaded_is_one_line():

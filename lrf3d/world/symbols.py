@@ -182,7 +182,9 @@ def symbols(strokes: Strokes, sheet: bool = False) -> Iterator[tuple[str, Bool]]
     sheet |= bool(noted.any())
     yield "frame line", (framed := among(lambda each: is_frame(each, sheet), stands))
     sheet |= bool(framed.any())
-    yield "outside line", among(lambda each: is_aside(each, sheet), stands & ~framed)
+    stands &= ~framed
+    named = ~strokes.free[stands]
+    yield "outside line", among(lambda each: is_aside(each, sheet, named), stands)
 
 
 def is_lettering(segments: Float) -> Bool:
@@ -328,7 +330,7 @@ def is_pattern(segments: Float) -> Bool:
     return np.asarray(found & (np.bincount(member, found)[member] >= MOST_ALIKE - 1))
 
 
-def is_aside(segments: Float, sheet: bool) -> Bool:
+def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
     """Which segments (n, 4) are of parts beside the plan: a legend, a scale bar, a north arrow.
 
     Where nothing else shows that a drawing is a sheet, such a part encloses nothing.
@@ -337,7 +339,9 @@ def is_aside(segments: Float, sheet: bool) -> Bool:
     area = shapely.area(whole)
     if not len(hulls) or area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
         return part < 0
-    plan = whole[int(np.argmax(area))]
+    # Walls that are called so are of the plan.
+    known = hulls[np.unique(part[named])]
+    plan = shapely.convex_hull(shapely.union_all([whole[int(np.argmax(area))], *known]))
     apart = shapely.disjoint(hulls, plan)
     if sheet:
         # Another building may stand there, but none is as narrow as a title bar.

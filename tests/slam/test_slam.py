@@ -1,3 +1,5 @@
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -97,6 +99,22 @@ def test_the_covariance_is_that_of_the_errors():
                 squares.append(error @ np.linalg.solve(slam.covariance(), error) / 3.0)
     assert len(squares) > 15
     assert 0.2 < np.mean(squares) < 3.0
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda slam: pickle.loads(pickle.dumps(slam))])
+def test_a_copy_goes_on_by_itself(copied):
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)])
+    steps, half = [np.zeros(3), *lrf3d.odometry_increments(wheels)], len(scans) // 2
+    slam = lrf3d.Slam(SCANNER)
+    for scan, step in zip(scans[:half], steps[:half], strict=True):
+        slam.update(scan, step)
+    other = copied(slam)
+    for each in (other, slam):
+        assert len(each.tracked) == half
+        for scan, step in zip(scans[half:], steps[half:], strict=True):
+            each.update(scan, step)
+    assert np.array_equal(other.trajectory(), slam.trajectory())
+    assert np.array_equal(other.map.segments, slam.map.segments)
 
 
 def test_all_scans_are_refined_or_none():
