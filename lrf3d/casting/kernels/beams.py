@@ -79,7 +79,8 @@ class Block(NamedTuple):
     """Room for BLOCK rays, of which the lengths are computed in vectors."""
 
     rows: Int  # The wall that each meets, −1 for none, or UNDECIDED.
-    numbers: Float  # (8, BLOCK) coordinates of the beam and of that wall.
+    beams: Float  # (4, BLOCK) columns of the beams.
+    walls: Float  # (4, BLOCK) columns of those walls.
     lengths: Float  # t, not a number where float64 falls short.
     sifted: Float  # (SIFTED,) room for the walls of a leaf.
 
@@ -102,7 +103,8 @@ def cast_rays(
     # Walls a little beyond the range may be met.
     reach, names = range_max * ROOM * ROOM, tree.rows
     rows, lengths = np.empty(BLOCK, np.int64), np.empty(BLOCK)
-    block = Block(rows, np.zeros((8, BLOCK)), lengths, np.empty(SIFTED))
+    beams, walls = np.zeros((4, BLOCK)), np.zeros((4, BLOCK))
+    block = Block(rows, beams, walls, lengths, np.empty(SIFTED))
     for start in range(0, len(rays), BLOCK):
         count = min(BLOCK, len(rays) - start)
         part = slice(start, start + count)
@@ -124,7 +126,7 @@ def _follow(
     tree: Tree, rays: Records, guesses: NDArray[np.int32], reach: float, block: Block, stack: Stack
 ) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
-    rows, numbers, before, row = block.rows, block.numbers, -1, -1
+    rows, beams, walls, before, row = block.rows, block.beams, block.walls, -1, -1
     for i in range(len(rays)):
         ray = rays[i]
         beam = Beam(ray.x, ray.y, ray.dx, ray.dy)
@@ -132,12 +134,11 @@ def _follow(
         guess, before = (guesses[i] if len(guesses) > 0 else row if row == before else -1), row
         row = rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
         if row >= 0:
-            numbers[0, i], numbers[1, i], numbers[2, i], numbers[3, i] = beam
-            numbers[4, i], numbers[5, i], numbers[6, i], numbers[7, i] = wall_at(tree.walls, row)
+            beams[0, i], beams[1, i], beams[2, i], beams[3, i] = beam
+            walls[0, i], walls[1, i], walls[2, i], walls[3, i] = wall_at(tree.walls, row)
     for k in range(whole(len(rays))):
-        beam = Beam(numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k])
-        wall = Wall(numbers[4, k], numbers[5, k], numbers[6, k], numbers[7, k])
-        t, good = plain_length(beam, wall)
+        ox, oy, dx, dy = column_at(beams, k)
+        t, good = plain_length(Beam(ox, oy, dx, dy), column_at(walls, k))
         block.lengths[k] = t[0] if good else np.nan
 
 
