@@ -134,6 +134,14 @@ def test_a_world_file_has_several_lasers_each_with_its_noise(tmp_path):
         lrf3d.load_scenario(tmp_path / "two.toml")
 
 
+@pytest.mark.parametrize("heading", ["0.785", "-1.5708"])
+def test_a_heading_that_looks_like_radians_is_named(tmp_path, heading):
+    (tmp_path / "two.toml").write_text(WORLD.replace("0.2, 0, 90", f"0.2, 0, {heading}"))
+    with pytest.warns(lrf3d.errors.Lrf3dWarning, match=f"heading {heading} is read as degrees"):
+        scenario = lrf3d.load_scenario(tmp_path / "two.toml")
+    assert scenario.lasers[0].mount.theta == np.radians(float(heading))
+
+
 @pytest.mark.parametrize(
     ("mount", "expected"),
     [((np.nan, 0, 0), "finite"), ((1e9, 0, 0), "100 m"), ((1, 2), "three numbers")],

@@ -6,6 +6,7 @@ errors begin. Settings on the command line, such as ``laser.range_max=20``, use 
 
 import re
 import tomllib
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -16,7 +17,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from lrf3d.errors import InputError, WorldError, check_names, shown
+from lrf3d.errors import InputError, Lrf3dWarning, WorldError, check_names, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, number, whole_number
 from lrf3d.lazy import ABOVE
 from lrf3d.pose import Pose
@@ -99,7 +100,19 @@ def rows(*names: str, least: int = 1) -> Converter:
 
 def poses(convert: Converter) -> Converter:
     """The rows x, y [m], heading [°] of a converter, with the heading in radians."""
-    return lambda found, key: convert(found, key) * [1.0, 1.0, np.radians(1.0)]
+
+    def turned(found: Any, key: str) -> Any:
+        converted, eighth = convert(found, key), 0.25 * np.pi
+        headings = converted[..., 2].ravel()
+        eighths = np.round(headings / eighth)
+        # Nobody turns a laser by 0.785 degrees: the digits of an eighth of a turn are radians.
+        radians = (np.abs(headings - eighths * eighth) < 1e-3) & (eighths != 0)
+        for heading in headings[radians & (np.abs(headings) < 7.0)][:1]:
+            found = f"{key}: the heading {heading:g} is read as degrees"
+            warnings.warn(f"{found}; for radians write {np.degrees(heading):.4g}", Lrf3dWarning, 2)
+        return converted * [1.0, 1.0, np.radians(1.0)]
+
+    return turned
 
 
 def table(
