@@ -30,7 +30,7 @@ THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
 and outlines of furniture are drawn thinner."""
 
-MOST_PIXELS = 1 << 24
+MOST_PIXELS = 12_500_000
 """Number of pixels above which a picture is made smaller."""
 
 
@@ -47,10 +47,16 @@ def read_picture(
         raise WorldError(f"{what} {how}: {keys}")
     side = number(resolution, "resolution", positive=True, most=1e4)
     pixels = pixels_of(path)
-    # What is transparent is paper.
-    alpha = pixels[..., -1:] / np.float32(255.0)
-    colours = np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
+    # Large pictures would need gigabytes as a whole.
+    rows = np.array_split(pixels, max(1, len(pixels) // 256))
+    colours = np.concatenate([_on_paper(each) for each in rows])
     return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
+
+
+def _on_paper(pixels: Any) -> Any:
+    """The colours of pixels (rows, columns, 2 or 4), where what is transparent is paper."""
+    alpha = pixels[..., -1:] / np.float32(255.0)
+    return np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
 
 
 def plan_of_picture(colours: Any, resolution: float, threshold: float | None) -> Plan:
