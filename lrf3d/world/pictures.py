@@ -54,7 +54,7 @@ def read_picture(
 
 
 def _on_paper(pixels: Any) -> Any:
-    """The colours of pixels (rows, columns, 2 or 4), where what is transparent is paper."""
+    """The colours of pixels (rows, columns, 2 or 4), composited on white paper."""
     alpha = pixels[..., -1:] / np.float32(255.0)
     return np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
 
@@ -173,7 +173,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
     building = _building(solid, pixels)
-    # In a plan of thin lines, what is thick is lettering, or some columns.
+    # In a plan of thin lines, thick parts are lettering, or some columns.
     share = _extent(solid & building) / max(_extent(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
         strokes = dark & ~grown(solid, 1.5)
@@ -216,7 +216,7 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     owner = np.repeat(
         np.append(np.flatnonzero(large), np.flatnonzero(~large)), [len(each) for each in lines]
     )
-    # What is thick does not stand on paper alone.
+    # On a sheet, thick walls stand beside thin lines.
     thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
     sheet = _extent(thick) > 0.3 * _extent(drawn)
     found = is_frame(np.concatenate(lines) / pixels, sheet)

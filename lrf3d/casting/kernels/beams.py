@@ -76,7 +76,7 @@ class Nearest(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Room for BLOCK rays, of which the lengths are computed in vectors."""
+    """Buffers for BLOCK rays, whose lengths are computed in vectors."""
 
     rows: Int  # The wall that each meets, −1 for none, or UNDECIDED.
     beams: Float  # (4, BLOCK) columns of the beams.
