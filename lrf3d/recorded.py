@@ -252,7 +252,8 @@ def solve_log(
         poses = both.poses
     lines = line_poses(path, places, lags, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
-    repairs = replace(recording.repairs, late=path.late(lags))
+    jumps = recording.repairs.odometry_jumps + sum(scan.jumped for scan in slam.tracked)
+    repairs = replace(recording.repairs, late=path.late(lags), odometry_jumps=jumps)
     check_ = slam.self_check() if both is None else both.check
     lag = float(lags.mean())
     return SolvedLog(log, slam, scans, poses, lines, lag, repairs, check_, passes, both)

@@ -15,9 +15,9 @@ import numpy as np
 from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.pose import Pose, between, compose, turned
 from lrf3d.slam.key_scans import BEHIND, Key, MixedPixels, views_of
-from lrf3d.slam.motion import FORGETTING, Coasting, Prediction, Wheels, size_of
+from lrf3d.slam.motion import DOUBTFUL, FORGETTING, Coasting, Prediction, Wheels, size_of
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
-from lrf3d.slam.search import Submap, clearest
+from lrf3d.slam.search import CLEARLY, Submap, clearest
 from lrf3d.slam.surface import SURFACE, moved, thinned
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -52,8 +52,8 @@ class Tracked:
     """One scan as the front end placed it, in its drifting frame.
 
     The information (3, 3) of matching is along the axes of the pose (3,); the covariance (3, 3) is
-    that of the odometry since the scan before. The deviation is the RMS distance [m] of the points
-    from the walls.
+    that of the odometry since the scan before, which the scan may contradict: it jumped. The
+    deviation is the RMS distance [m] of the points from the walls.
     """
 
     pose: Float
@@ -61,6 +61,7 @@ class Tracked:
     matched: bool
     deviation: float
     covariance: Float
+    jumped: bool
 
     @property
     def weak(self) -> bool:
@@ -102,30 +103,37 @@ class FrontEnd:
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._map = Submap([], np.empty((0, 3)))
         self._lost = False
+        # Largest speeds [m/s], [rad/s] lately, at first those of a fast robot.
+        self._speeds = np.array([3.0, 3.0])
         # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
 
-    def track(self, scan: Key, increment: Float | None) -> Tracked:
-        """Place the next scan, by the odometry's increment (3,) if there is one."""
-        coasting = self._coasting.predict()
-        expected = coasting if increment is None else self.wheels.predict(increment)
-        guess, covariance = compose(self.pose, expected.step), expected.covariance
-        still = replace(
-            scan,
-            surface=self._standing(scan.surface, guess, expected),
-            hits=self._standing(scan.hits, guess, expected),
-        )
+    def track(self, scan: Key, increment: Float | None, since: float = 1.0) -> Tracked:
+        """Place the next scan, by the odometry's increment (3,) since some time [s], if any."""
         # Share of the usual number of hits below which a scan is broken: it fits in many places, so
         # it is not searched, and is no key scan.
         broken = 0.25
         self._broken = len(scan.hits) < broken * self._hits
         kept = FORGETTING if self._hits else 0.0
         self._hits = kept * self._hits + (1.0 - kept) * len(scan.hits)
-        match, accepted = self._match(still, expected)
+        expected = coasting = self._coasting.predict()
+        if increment is not None:
+            expected = self.wheels.predict(increment)
+        match, accepted, still = self._placed(scan, expected)
+        far, jumped = self._is_far(expected.step, since), False
+        if increment is not None and (far or not accepted):
+            # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
+            # wall the robot goes on as before.
+            coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
+            other, fits, seen = self._placed(scan, coasting)
+            worth = self._map.place(still, match).evidence if accepted else -np.inf
+            best = self._map.place(seen, other).evidence + CLEARLY if fits else -np.inf
+            jumped = best >= worth and (far or other.explained > LEAST_SHARE)
+            if jumped:
+                expected, match, accepted, still, increment = coasting, other, fits, seen, None
+        guess = compose(self.pose, expected.step)
         self.surface = still.surface
-        if not accepted and (turned_to := self._in_any_turn(scan, expected)):
-            match, accepted, self.surface = turned_to, True, scan.surface
         if self._lost or not accepted:
             # Around a lost scan, points of different scans do not fit together.
             self._recent.clear()
@@ -133,6 +141,7 @@ class FrontEnd:
         x, y, heading = match.pose if accepted else guess
         pose = np.array([x, y, wrap_angle(heading)])
         found, information = between(self.pose, pose), np.zeros((3, 3))
+        covariance = expected.covariance
         if accepted:
             information = turned(match.information, -float(wrap_angle(heading)))
             self._coasting.found(coasting, found)
@@ -141,6 +150,7 @@ class FrontEnd:
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
             slip = self._slip(match, expected)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
+            self._speeds = np.maximum(FORGETTING * self._speeds, np.array(size_of(found)) / since)
         else:
             self._coasting.lost()
             self._certain.clear()
@@ -154,7 +164,26 @@ class FrontEnd:
         self._found += found
         self.pose = pose
         self._recent.append((pose, self.surface))
-        return Tracked(pose, information, accepted, match.deviation, covariance)
+        return Tracked(pose, information, accepted, match.deviation, covariance, jumped)
+
+    def _is_far(self, step: Float, since: float) -> bool:
+        """Whether a step (3,) of the wheels is far larger than those of the robot in a time [s]."""
+        # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
+        faster, beyond = 2.0, 0.25
+        return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
+
+    def _placed(self, scan: Key, expected: Prediction) -> tuple[Match, bool, Key]:
+        """The match of a scan, whether it is accepted, and what of the scan stands still."""
+        guess = compose(self.pose, expected.step)
+        still = replace(
+            scan,
+            surface=self._standing(scan.surface, guess, expected),
+            hits=self._standing(scan.hits, guess, expected),
+        )
+        match, accepted = self._match(still, expected)
+        if not accepted and (turned_to := self._in_any_turn(scan, expected)):
+            match, accepted, still = turned_to, True, scan
+        return match, accepted, still
 
     def _passed(self, scan: Key, pose: Float) -> bool:
         """Whether beams of the local map pass through what a scan saw from a pose (3,)."""

@@ -183,14 +183,16 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
 
 def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
     """Odometry poses (n, 3) without lines that are out and back at once, and these lines."""
-    usual = float(np.ptp(times)) / len(times) or 1.0
-    gaps = np.maximum(np.diff(times), usual)
-    over = between(wheels[:-2], wheels[2:])
-    away, left = (
+    if len(wheels) < 3:
+        return wheels, np.empty(0, np.int64)
+    interval = float(np.ptp(times)) / len(times) or 1.0
+    gaps, over = np.maximum(np.diff(times), interval), between(wheels[:-2], wheels[2:])
+    steps, left = (
         np.array([np.hypot(x, y), np.abs(turn)])
-        for x, y, turn in (between(wheels[:-2], wheels[1:-1]).T, over.T)
+        for x, y, turn in (between(wheels[:-1], wheels[1:]).T, over.T)
     )
-    least = np.maximum(FASTEST * np.minimum(gaps[:-1], gaps[1:]), OUT)
+    fastest = np.minimum(FASTER * np.quantile(steps / gaps, 0.9, axis=1), FASTEST)[:, None]
+    away, least = steps[:, :-1], np.maximum(fastest * np.minimum(gaps[:-1], gaps[1:]), OUT)
     out: Bool = np.asarray(((away > least) & (left < BACK * away)).any(axis=0))
     # The line after one that is out seems to be out, as seen from it.
     out[1:] &= ~out[:-1]

@@ -34,6 +34,9 @@ LOOSE = np.diag([4.0, 4.0, 25.0])
 HELD = np.diag([1e6, 1e6, 1e7])
 """The same where it would slide away: a millimetre."""
 
+CLEARLY = 0.8
+"""Margin of the evidence by which a place must beat all others elsewhere."""
+
 
 class Field(NamedTuple):
     """Scores of the cells (rows, columns) of a map from its lower left corner [m]."""
@@ -227,5 +230,4 @@ def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
         for place, value in zip(places, worth, strict=True)
         if not same_place(place, places[best], tolerance=2.0)
     ]
-    clearly = 0.8  # Margin of the evidence by which the best place must beat all others elsewhere.
-    return best if worth[best] - max(others, default=-np.inf) > clearly else None
+    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None

@@ -134,9 +134,9 @@ class Slam:
             InputError: It is no scan, has no beams or another number than the laser range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        scans, increment = self._checked(scan, odometry)
+        scans, increment, since = self._checked(scan, odometry)
         key = self.sight.seen(scans, len(self.tracked))
-        self.tracked.append(self._front.track(key, increment))
+        self.tracked.append(self._front.track(key, increment, since))
         if self._front.key_due():
             key = self._front.key(key)
             self._front.add_key(key)
@@ -153,8 +153,8 @@ class Slam:
 
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
-    ) -> tuple[Moment, Float | None]:
-        """Check and unroll the scans, and check the increment (3,)."""
+    ) -> tuple[Moment, Float | None, float]:
+        """The scans, unrolled, the increment (3,), and the time since the last scan [s]."""
         scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
         if not scans or not all(isinstance(each, LaserScan) for each in scans):
             raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
@@ -180,9 +180,11 @@ class Slam:
         since = 0.0 if self._time is None else time - self._time
         self._time = time
         rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
-        return tuple(
+        scans = tuple(
             unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
-        ), increment
+        )
+        # Without stamps, scans are taken to come at equal times.
+        return scans, increment, since if since > 0.0 else 1.0
 
     def _add(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or add it to the graph and close loops."""

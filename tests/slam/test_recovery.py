@@ -156,11 +156,20 @@ def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
         solve_log(alone(scans[::12]))
 
 
-def test_a_step_of_the_odometry_that_is_far_wrong_ruins_nothing():
+@pytest.mark.parametrize("seed", [1, 2])
+def test_odometry_that_scans_contradict_ruins_nothing(seed):
+    """It is out and back within a line, and jumps, by less than a robot drives in a second."""
     scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)
-    steps = between(wheels[:-1], wheels[1:])
+    steps, rng = between(wheels[:-1], wheels[1:]), np.random.default_rng(seed)
     steps[60, 2] += np.radians(80)
-    assert errors(true, solved(scans, path_of(wheels[0], steps)).poses).max() < 0.1
+    steps[90, 0] += 2.4
+    corrupt = path_of(wheels[0], steps)
+    for line in rng.choice(np.arange(10, 60), 4, replace=False):
+        corrupt[line] += rng.uniform([1.0, -1.0, 0.6], [2.0, 1.0, 1.2]) * rng.choice([-1, 1], 3)
+    solution = solved(scans, corrupt)
+    assert errors(true, solution.poses).max() < 0.1
+    # A line that is out and back makes two wrong increments.
+    assert 6 <= solution.repairs.odometry_jumps <= 10
 
 
 def test_broken_revolutions_place_nothing():
