@@ -186,9 +186,9 @@ class Layout:
             if bearings[0] not in (0.0, 1.0) or np.ptp(bearings) != len(bearings) - 1:
                 self.table.values["angles"] = bearings
             # A single angle beside a whole scan is the heading of the robot.
-            for known in (self.columns, units):
-                if "angles" in known:
-                    known.setdefault("theta", known.pop("angles"))
+            if (turn := self.columns.pop("angles", None)) is not None:
+                self.columns.setdefault("theta", turn)
+                units |= {"theta": unit} if (unit := units.pop("angles", "")) else {}
         elif at is not None and (extra := length - len(header)) > 0:
             # One name for all of them.
             intense = header[at + 1 : at + 2] == ["intensities"]
