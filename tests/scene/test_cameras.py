@@ -7,9 +7,19 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
-from lrf3d.scene.cameras import Fixed, chase, orbit, overview, top
+from lrf3d.scene.cameras import (
+    CLOSING,
+    HELD,
+    OPENING,
+    Fixed,
+    Story,
+    chase,
+    margins,
+    orbit,
+    overview,
+    top,
+)
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.story import CLOSING, HELD, OPENING, Story, margins
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
