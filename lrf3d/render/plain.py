@@ -122,7 +122,7 @@ class PlainRenderer:
     def _look_through(
         self, seen: Seen, lens: Lens, ways: Single, hits: Any, met: tuple[Single, Single, Single]
     ) -> None:
-        """Continue rays through openings and glass; changes the colours and depths that they met."""
+        """Continue rays through openings and glass; changes the colours and depths they met."""
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         (found, depth, lit), rest, left = met, np.arange(len(ways)), np.ones(len(ways), np.float32)
         colours, near = found, depth

@@ -266,7 +266,7 @@ class Scene:
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":
-        """The window of the plan: the whole world, or the surroundings of the robot in a large one."""
+        """The window of the plan: the whole world or, in a large one, what is around the robot."""
         path = self.run.trajectory.poses[:, :2] - self.origin
         points = np.concatenate([self.structures.places, path])
         low, high = points.min(axis=0), points.max(axis=0)
