@@ -243,8 +243,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 ranges, met, own = truth[now], walls[now], self._own[now]
                 self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
                 truth[now], walls[now] = ranges, met
-            if sensor.noise == ProportionalNoise(0.0):
-                return truth, truth, walls
+            if (measured := sensor.noisy_ranges(truth, walls, rng)) is not None:
+                return measured, truth, walls
             scans = [
                 LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
                 for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)

@@ -32,7 +32,7 @@ Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 def _context() -> Any:
     """The one OpenGL context of this process, current in the thread that asks first.
 
-    It is pyrender's, and stays: deleting one of them would end every other in the process.
+    It is pyrender's and is never deleted: that would end every other context of the process.
 
     Raises:
         MissingLibraryError: The libraries are there, but no driver that they could start.
@@ -115,7 +115,7 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
     def fill(self, columns: Sequence[NDArray[Any]], *, corners: int = 1) -> None:
         """Draw these from now on: an array (…, k) for each attribute, by the shader's locations.
 
-        Each row is that of so many corners: of one vertex, or of the four of a quad.
+        A row holds the attributes of one vertex, or of the four vertices of a quad.
         """
         rows = 0
         for place, values in enumerate(columns):
@@ -130,7 +130,7 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
             self.choose(quad_indices(rows))
 
     def choose(self, indices: NDArray[np.uint32]) -> None:
-        """Draw its triangles of these vertices from now on."""
+        """Draw only the triangles of these vertices from now on."""
         self.count, self._indexed = len(indices), True
         GL.glBindVertexArray(self._vaid)
         self._store(GL.GL_ELEMENT_ARRAY_BUFFER, -1, indices)

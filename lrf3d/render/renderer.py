@@ -260,7 +260,7 @@ class Renderer:
             self._draw_mark(name, mark, plan.lens.focus)
 
     def _flatten(self) -> None:
-        """Have all so far drawn, and go on with one sample a pixel: what comes has soft edges.
+        """Draw all so far, and go on with one sample a pixel: what follows has its own soft edges.
 
         Translucent layers cost some times as much on several samples a pixel. With one sample
         nothing is sent off here: software OpenGL would write all pixels and read them again, which

@@ -264,7 +264,7 @@ class Scene:
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":
-        """What the plan shows: the whole world, or of a larger one what is round the robot."""
+        """The window of the plan: the whole world or, in a large one, what is around the robot."""
         path = self.run.trajectory.poses[:, :2] - self.origin
         points = np.concatenate([self.structures.places, path])
         low, high = points.min(axis=0), points.max(axis=0)
@@ -308,7 +308,7 @@ class _Snapshot(NamedTuple):
 def _from_above(middle: Float, size: Float) -> Lens:
     """A lens straight above a middle (2,), which shows a width and height (2,) [m].
 
-    A negative height puts what has the largest y into the first row.
+    With a negative height the first row of the picture has the largest y.
     """
     matrix = np.diag([*2.0 / size, 0.0, 1.0])
     matrix[:2, 3] = -2.0 * middle / size

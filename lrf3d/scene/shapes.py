@@ -89,7 +89,7 @@ class Lines(NamedTuple):
 class Points(NamedTuple):
     """Round points: places (n, 3), colours and opacities (n, 4).
 
-    The sides (n, 2) are where the walls look that they lie on, or 0: from behind they are not seen.
+    The sides (n, 2) are normals of the walls that they lie on, which hide them from behind, or 0.
     """
 
     places: Single
@@ -153,7 +153,7 @@ class Tints(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """All that is to be seen in one picture: bodies and marks by name, in the order of drawing."""
+    """The content of one picture: bodies and marks by name, in the order of drawing."""
 
     lens: Lens
     bodies: tuple[tuple[str, Body], ...]

@@ -33,9 +33,9 @@ _FLOOR, _JOINT_WIDTH = np.array([1.0, 0.96, 0.90]), 0.015
 
 
 class Stage(NamedTuple):
-    """What stands in a world: what its walls make up, their faces, the ground, and its light.
+    """What stands in a world: its structures, their faces, the ground, and its light.
 
-    Of the walls that are mirrors, the longest (m, 4) and their heights [m] as the fifth column.
+    The longest of the walls that are mirrors (m, 5) have their heights [m] as the fifth column.
     """
 
     structures: Structures
@@ -70,7 +70,7 @@ def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
 def _free_walls(structures: Structures) -> tuple[Int, Float]:
     """The free walls (n,), and the parts (n, 4) of them that lie on no higher or earlier wall.
 
-    Plans have a line twice where rooms meet: of two faces at one place now this, now that is seen.
+    Plans have a line twice where rooms meet, and two faces in one plane would flicker.
     """
     lines = structures.tree.geometries
     free = np.flatnonzero(~structures.closed & ~structures.glass)

@@ -1,9 +1,9 @@
-"""What of a world is in sight, and what its walls make up: buildings, and walls that stand free.
+"""Structures: the visible part of a world, as buildings and free-standing walls.
 
-Enters: a world and where the robot drove. Leaves: arrays of what is in sight, in the film's own
-frame. What is drawn costs what is looked at, however large the world is: walls end where nothing is
-drawn any more. The frame's origin lies among them, as graphics count in float32, which far from
-their origin knows no centimetres.
+A world and the path of the robot enter; arrays of the visible walls leave, in the frame of the
+film. Rendering cost depends only on the visible part, however large the world is: walls beyond the
+farthest distance that is drawn are cut off. The origin of the frame lies among the walls, because
+graphics compute in float32, which far from the origin does not resolve centimetres.
 """
 
 from dataclasses import dataclass, replace
@@ -48,7 +48,7 @@ class Sight(NamedTuple):
 
 
 def _near(world: World, low: Float, high: Float) -> World:
-    """The world within a box, its walls cut where they leave it; itself where none does."""
+    """The world, its walls clipped to a box; the same object if none leaves the box."""
     ends = world.segments.reshape(-1, 2)
     if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
         return world
@@ -267,7 +267,7 @@ def outlines_of(structures: Structures) -> Lines:
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
-    """Whether walls that stand free enclose the rest and the path: a hall or a flat, no town."""
+    """Whether free-standing walls enclose the rest and the path: a hall or a flat, not a town."""
     free = ~closed
     if not free.any() or not len(path):
         return False
@@ -283,7 +283,7 @@ def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> boo
 
 
 def filled_between(segments: Float, reach: float) -> NDArray[Any]:
-    """Polygons (k,) of what walls (n, 4) and a reach round them [m] close round, without holes."""
+    """Polygons (k,), without holes, that walls (n, 4) thickened by a reach [m] enclose."""
     walls = shapely.buffer(shapely.linestrings(segments.reshape(-1, 2, 2)), reach)
     parts = shapely.get_parts(shapely.union_all(walls))
     parts = parts[shapely.get_type_id(parts) == 3]
@@ -302,7 +302,7 @@ def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[A
 
 
 def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
-    """Which areas (k,) are no solids: the robot was inside, or all walls of another object are."""
+    """Which areas (k,) are rooms: the robot was inside, or all walls of another object are."""
     tree, count = shapely.STRtree(areas), len(areas)
     _, rooms = tree.query(shapely.points(path), "within")
     middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
