@@ -211,7 +211,7 @@ def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Floa
 
 
 def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, Int]:
-    """Which share (n,) of the paths from starts to ends (n, 2) leads to which mirror.
+    """The shares (n,) of paths from starts to ends (n, 2) up to a first mirror, and which it is.
 
     The share is 1 and the mirror −1 where a path meets none.
     """
