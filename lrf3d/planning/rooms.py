@@ -21,12 +21,13 @@ USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 def true_rooms(ground: Ground, inside: Bool) -> Int:
     """The numbers of the rooms among some cells (columns, rows) that are no niche and no table.
 
-    A space without any door may be a shaft, so it must be larger than a room with one to count.
+    A space without a door to most of them may be a shaft, so it must be larger to count.
     """
     rooms = np.where(inside, ground.rooms, 0)
     number, area = np.arange(rooms.max() + 1), np.bincount(rooms.ravel()) * ground.size**2
     pairs = ground.doorways[0]
-    closed = ~np.isin(number, pairs[np.isin(pairs, number[area > 0.0]).all(axis=1)])
+    reach = groups(*pairs[np.isin(pairs, rooms).all(axis=1)].T, len(number))
+    closed = reach != np.argmax(np.bincount(reach, np.where(number > 0, area, 0.0)))
     found = (area >= np.where(closed, 4.0, 2.0)) & (number > 0)
     found &= maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, 0.7)
     # A space whose opening to the outside is wider than a door is a niche.

@@ -149,8 +149,8 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
     assert distance_to_walls(house(0.0, 0.0), found.waypoints) >= 0.4
     (note,) = found.notes
     assert re.match(
-        r"doors? of 0\.84 m at \(.+\).* too narrow for a robot of 0\.80 m; 3 of 4 rooms are not reached;"
-        r" --set robot\.radius=0\.28$",
+        r"doors? of 0\.84 m at \(.+\).* too narrow for a robot of 0\.80 m; 3 of 4 rooms are not"
+        r" reached; --set robot\.radius=0\.28$",
         note,
     )
     smaller = find_route(house(0.75, 0.0), lookahead=0.4)
