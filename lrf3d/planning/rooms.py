@@ -26,7 +26,8 @@ def true_rooms(ground: Ground, inside: Bool) -> Int:
     rooms = np.where(inside, ground.rooms, 0)
     number, area = np.arange(rooms.max() + 1), np.bincount(rooms.ravel()) * ground.size**2
     pairs = ground.doorways[0]
-    reach = groups(*pairs[np.isin(pairs, rooms).all(axis=1)].T, len(number))
+    one, other = pairs[np.isin(pairs, rooms).all(axis=1)].T
+    reach = groups(one, other, len(number))
     closed = reach != np.argmax(np.bincount(reach, np.where(number > 0, area, 0.0)))
     found = (area >= np.where(closed, 4.0, 2.0)) & (number > 0)
     found &= maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, 0.7)

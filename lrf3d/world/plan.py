@@ -23,7 +23,7 @@ from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
-from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
 from lrf3d.world.symbols import Door, Strokes, cleared, find_doors, find_leaves, symbols
 
@@ -181,7 +181,9 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     left = drawing.left_out + Counter(
         {"floor": roles.count("floor"), "dashed line": roles.count("dashed")}
     )
-    known = np.flatnonzero(stands)
+    # On a drawing that is as large as its paper symbols have other sizes, and far more neighbours.
+    small = not len(segments) or np.ptp(segments.reshape(-1, 2), axis=0).max() < SHEET
+    known = np.flatnonzero(stands & (not small))
     strokes = Strokes(segments[known], line[known], mark[known], role[known] == "other")
     for what, found in symbols(strokes, sheet="annotation" in roles):
         stands[known[found]] = False
