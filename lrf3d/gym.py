@@ -243,8 +243,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 ranges, met, own = truth[now], walls[now], self._own[now]
                 self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
                 truth[now], walls[now] = ranges, met
-            if sensor.noise == ProportionalNoise(0.0):
-                return truth, truth, walls
+            if (measured := sensor.noisy_ranges(truth, walls, rng)) is not None:
+                return measured, truth, walls
             scans = [
                 LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
                 for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
@@ -356,7 +356,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {name: value[0] for name, value in observation.items()}
 
     def _picture(self) -> NDArray[np.uint8]:
-        from lrf3d.render.video import frame
+        from lrf3d.render.film import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario

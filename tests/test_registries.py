@@ -12,6 +12,7 @@ from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World
 from lrf3d.errors import InputError, WorldError
 from lrf3d.laser import Limits
 from lrf3d.laser.imperfections import NOISES
+from lrf3d.laser.scan import ScanBatch
 from lrf3d.mapping.mapper import MODES
 from lrf3d.scene.cameras import overview
 from lrf3d.scene.moments import MARKS, Scene
@@ -24,6 +25,7 @@ LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
 WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))
 EDGE = PlanarCaster(World([[5.0, -50, 5, 0], [10, 0, 10, 50]])).cast(LRF, (0, 0, 0))
 KINDS = {"/".join(keys): make(None, *[0.05] * len(keys)) for keys, make in NOISES.items()}
+AFTER_NOISE = "ranges", "walls"
 EVERY_NOISE = {**KINDS, "limits": Limits()}
 
 
@@ -45,6 +47,20 @@ def keeps(noise):
 @pytest.mark.parametrize("name", EVERY_NOISE)
 def test_every_noise_keeps_what_did_not_return_and_draws_as_much_whatever_is_seen(name):
     keeps(EVERY_NOISE[name])
+
+
+@pytest.mark.parametrize("name", EVERY_NOISE)
+def test_every_noise_takes_many_scans_at_once_as_one_after_the_other(name):
+    noise, little = EVERY_NOISE[name], np.resize([np.inf, 0.6, -np.inf, 19.9], 101)
+    scans = WALL, EDGE, replace(WALL, ranges=little), EDGE
+    ranges, walls = (np.array([getattr(scan, part) for scan in scans]) for part in AFTER_NOISE)
+    one, other = np.random.default_rng(3), np.random.default_rng(3)
+    together = noise(ScanBatch(LRF.angles, ranges, walls, 0.5, 20.0), one)
+    alone = [noise(scan, other) for scan in scans]
+    assert noise.batched and one.random() == other.random()
+    for part in AFTER_NOISE:
+        expected = np.array([getattr(scan, part) for scan in alone])
+        assert np.array_equal(getattr(together, part), expected)
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,9 @@ def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
     # Where it is ruled out and known, it is known.
     said = solve_log(log, apart=[(first, second)], close=[(first, second)])
     assert [first, second] in said.run.estimate.closures.tolist()
+    # It counts once, as certain, whatever other closures say.
+    ends = said.slam.key_scans[np.column_stack([said.slam.edges[n] for n in ("first", "second")])]
+    assert said.slam.edges["robust"][(ends == [first, second]).all(axis=1)].tolist() == [False]
     assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
     with pytest.raises(InputError, match="close 5:6: these scans show nothing"):
         solve_log(log, close=[(5, 6)])

@@ -226,6 +226,27 @@ class LaserScan(Value, Pictured):
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanBatch:
+    """Scans (k,) of one range finder without intensities, which noises take at once.
+
+    Angles (beams,), ranges and walls (k, beams), and limits are those of `LaserScan`. A noise
+    changes it by ``dataclasses.replace`` as well.
+    """
+
+    angles: Float
+    ranges: Float
+    walls: Int
+    range_min: float
+    range_max: float
+    intensities: None = None
+    echoes: None = None
+    echo_intensities: None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ranges", _within(self.ranges, self.range_max))
+
+
 def _within(ranges: Float, range_max: float) -> Float:
     """Ranges, in which NaN and what is not within range_max are no return, +inf.
 
