@@ -358,7 +358,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {name: value[0] for name, value in observation.items()}
 
     def _picture(self) -> NDArray[np.uint8]:
-        from lrf3d.render.video import frame
+        from lrf3d.render.film import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario

@@ -311,7 +311,10 @@ def _checked(log: LaserLog) -> Recording:
         raise InputError(f"{pose}; expected finite numbers")
     if doubt := doubtful_ranges(scans):
         raise InputError(doubt)
-    return in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
+    recording = in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
+    if len(recording.scans) < 2:
+        raise InputError(f"one scan, {len(scans)} times; expected at least two")
+    return recording
 
 
 def _right_handed(recording: Recording, offset: float) -> tuple[Recording, Float]:

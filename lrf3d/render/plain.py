@@ -13,9 +13,21 @@ from PIL import Image
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import LEFT, Float, Single
 from lrf3d.render import fill
-from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.scene import look
-from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
+from lrf3d.scene.shapes import (
+    Body,
+    Lens,
+    Lines,
+    Mark,
+    Pixels,
+    Points,
+    Reflection,
+    Seen,
+    Soft,
+    Tints,
+    reflections,
+    single,
+)  # fmt: skip
 from lrf3d.scene.stage.stage import Stage
 
 _LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6

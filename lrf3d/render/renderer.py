@@ -11,12 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, quad_indices
-from lrf3d.render.buffers import GL, Buffer, Texture, make_current
+from lrf3d.render.buffers import GL, Buffer, CameraBlock, ShaderProgram, Texture, make_current
 from lrf3d.render.glsl import columns_of, ground_of, mesh
-from lrf3d.render.mirrors import Reflection, reflections
-from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
-from lrf3d.scene.shapes import Lens, Lines, Mark, Painted, Pixels, Plan, Points, Seen, Tints
+from lrf3d.scene.shapes import (
+    Lens,
+    Lines,
+    Mark,
+    Painted,
+    Pixels,
+    Plan,
+    Points,
+    Reflection,
+    Seen,
+    Tints,
+    reflections,
+)  # fmt: skip
 from lrf3d.scene.stage.stage import Stage
 
 

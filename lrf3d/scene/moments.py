@@ -14,10 +14,8 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import bodies, look
-from lrf3d.scene.beams import draw_beams
 from lrf3d.scene.camera import AIM, Look
-from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.estimate import DrawnEstimate, trail_lines
+from lrf3d.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
 from lrf3d.scene.stage.exposure import LiveExposure
 from lrf3d.scene.stage.stage import Stage, stage_of

@@ -18,9 +18,8 @@ from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import as_pose
 from lrf3d.run import Run
-from lrf3d.scene.beams import FARTHEST, folded
 from lrf3d.scene.shapes import single
-from lrf3d.scene.stage.structures import Structures
+from lrf3d.scene.stage.structures import FARTHEST, Structures, folded
 
 TIME = np.dtype(
     [

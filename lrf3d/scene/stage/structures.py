@@ -14,10 +14,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
+from lrf3d.geometry import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.beams import turning_walls
 from lrf3d.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
 from lrf3d.scene.shapes import Lines, Soft, single
 from lrf3d.world import World
@@ -76,6 +75,11 @@ _PROBE, _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 0.005, 1.1, 3.1, 0.4
 """How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
 edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over it.
 """
+
+FARTHEST, _MOST_LEGS, _LEAST_LEG = 30.0, 9, 1e-9
+"""Range [m] up to which beams without a return light the ground, and from which hits have the last
+colour; legs of a beam, which casters turn up to eight times, and the shortest, as a share of the
+rest of its path: a beam does not meet the wall that it has just left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +180,50 @@ class Structures:
     def places(self) -> Float:
         """Ends (m, 2) of all walls [m]."""
         return self.segments.reshape(-1, 2)
+
+
+def turning_walls(world: World) -> Bool:
+    """Which walls (n,) turn beams; glass turns little of the light, and lets the rest pass."""
+    turning = [bool(one and one.mirrors and not one.passes) for one in world.materials]
+    return np.array(turning or [False])[world.objects if turning else 0 * world.objects]
+
+
+def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Float]:
+    """The legs (l, 4) of beams from an origin (2,) to ends (beams, 2), folded at mirrors (m, 4).
+
+    Returns also the beam (l,) of each, and how far it has gone where the leg begins (l,) [m].
+    """
+    going, start, end = np.arange(len(ends)), np.tile(origin, (len(ends), 1)), ends
+    gone = np.zeros(len(ends))
+    found: list[tuple[Float, Int, Float]] = []
+    while len(going) and len(found) < _MOST_LEGS:
+        share, mirror = _first_crossing(start, end, mirrors)
+        path = end - start
+        place = start + share[:, None] * path
+        found.append((np.hstack([start, place]), going, gone))
+        turned = mirror >= 0
+        gone = (gone + share * np.hypot(*path.T))[turned]
+        going, start, end = going[turned], place[turned], end[turned]
+        along = directions(mirrors[mirror[turned]])
+        end = end - 2.0 * cross(along, end - start)[:, None] * along @ LEFT
+    legs, beams, distances = (np.concatenate(column) for column in zip(*found, strict=True))
+    return legs, beams, distances
+
+
+def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, Int]:
+    """The shares (n,) of paths from starts to ends (n, 2) up to a first mirror, and which it is.
+
+    The share is 1 and the mirror −1 where a path meets none.
+    """
+    path, along = (ends - starts)[:, None], mirrors[:, 2:] - mirrors[:, :2]
+    offset = mirrors[:, :2] - starts[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = cross(path, along)
+        share, place = cross(offset, along) / turn, cross(offset, path) / turn
+    meets = (share > _LEAST_LEG) & (share < 1.0) & (place >= 0.0) & (place <= 1.0)
+    share = np.column_stack([np.ones(len(starts)), np.where(meets, share, np.inf)])
+    nearest = np.argmin(share, axis=1)
+    return share[np.arange(len(share)), nearest], nearest - 1
 
 
 def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
