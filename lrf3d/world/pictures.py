@@ -17,12 +17,11 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label, maximum
 
 from lrf3d.errors import WorldError
-from lrf3d.files import opened
-from lrf3d.geometry import Bool, Float, Int, Single, directions, lengths, number
+from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
-from lrf3d.world.free_cells import MOST_CELLS
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
 from lrf3d.world.symbols import is_frame
 
@@ -49,14 +48,8 @@ def read_picture(
     pixels = pixels_of(path)
     # Large pictures would need gigabytes as a whole.
     rows = np.array_split(pixels, max(1, len(pixels) // 256))
-    colours = np.concatenate([_on_paper(each) for each in rows])
+    colours = np.concatenate([on_paper(each) for each in rows])
     return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
-
-
-def _on_paper(pixels: Any) -> Any:
-    """The colours of pixels (rows, columns, 2 or 4), composited on white paper."""
-    alpha = pixels[..., -1:] / np.float32(255.0)
-    return np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
 
 
 def plan_of_picture(colours: Any, resolution: float, threshold: float | None) -> Plan:
@@ -72,6 +65,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         rows = stays(colours[:-1:2], colours[1::2])
         colours, resolution = stays(rows[:, :-1:2], rows[:, 1::2]), 2.0 * resolution
         coarse = f"; read at {resolution:g} m a pixel"
+    even = evened(colours, 2.0 * THICKEST / resolution)
+    if even is not None:
+        colours, coarse = even, f"{coarse}; uneven light is evened, as on a photograph"
     contrast, lightness, key = contrast_of(colours)
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
@@ -101,56 +97,6 @@ def _rows(cells: Bool) -> Float:
     steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
     (row, begin), (_, end) = np.nonzero(steps > 0), np.nonzero(steps < 0)
     return np.column_stack([begin, row + 0.5, end, row + 0.5])
-
-
-def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
-    """Differences (rows, columns) from the paper, of a channel and of lightness; the colours.
-
-    They are from 0 to 1, the first the largest of a channel; colours are numbered.
-    """
-    # Sixteen steps of each channel: the noise of a scan is one colour.
-    red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
-    key = red << 8 | green << 4 | blue
-    light = np.minimum(np.minimum(red, green), blue) >= 11
-    # The paper of a blueprint is dark.
-    usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
-    paper = np.median(colours[key == usual], axis=0).astype(np.float32)
-    most: Any = np.zeros(key.shape, dtype=np.float32)
-    scale = np.float32(255.0)
-    for channel in range(3):
-        np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
-    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
-    return most / scale, lightness / scale, key
-
-
-def threshold_of(contrast: Single) -> float:
-    """The contrast that separates walls best from paper and floors.
-
-    While what is above it is much of the picture, and of two colours, it holds floors and is
-    separated again.
-    """
-    counts = np.bincount(np.round(contrast * 255.0).astype(np.int64).ravel(), minlength=256)
-    first, _ = _separated(counts)
-    while counts[first:].sum() > 0.2 * counts.sum():
-        more, apart = _separated(counts[first:])
-        if apart < 40.0:
-            break
-        first += more
-    return (first - 0.5) / 255.0
-
-
-def _separated(counts: Int) -> tuple[int, float]:
-    """The first of the upper of two groups of levels, and the difference of their means.
-
-    The variance between the groups is the largest; between two colours it is the middle.
-    """
-    levels = np.arange(len(counts))
-    below, sums = np.cumsum(counts)[:-1], np.cumsum(counts * levels)[:-1]
-    with np.errstate(all="ignore"):
-        apart = (counts @ levels - sums) / (counts.sum() - below) - sums / below
-    variance = np.nan_to_num((counts.sum() - below) * below.astype(np.float64) * apart**2)
-    best = round(float(np.flatnonzero(variance == variance.max()).mean()))
-    return best + 1, float(np.nan_to_num(apart)[best])
 
 
 def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool:
@@ -358,42 +304,3 @@ def _extent(cells: Bool) -> float:
     """The larger side [pixels] of the box around some cells."""
     sides = (np.flatnonzero(cells.any(axis=axis)) for axis in (0, 1))
     return float(max((np.ptp(side) + 1 for side in sides if len(side)), default=0))
-
-
-def pixels_of(picture: Path, *, deep: bool = False) -> Any:
-    """The colours and the opacity of the pixels of a picture (rows, columns, 2 or 4).
-
-    They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
-    """
-    from PIL import ImageOps
-
-    with opened(picture, what="a picture", largest=1 << 28) as file:
-        try:
-            with Image.open(file, formats=["PNG", "PPM", "BMP", "JPEG"]) as image:
-                if image.width * image.height > MOST_CELLS:
-                    raise WorldError(f"{picture}: {image.size} cells, over {MOST_CELLS:,}; cut it")
-                _check_size(picture, image)
-                if image.mode.startswith("I"):
-                    grey = np.asarray(image).clip(0, 65535).astype(np.uint16)
-                    grey = grey if deep else (grey >> 8).astype(np.uint8)
-                    return np.stack([grey, np.full_like(grey, np.iinfo(grey.dtype).max)], axis=-1)
-                plain = image.convert("RGB") if image.mode in ("CMYK", "YCbCr", "LAB") else image
-                upright = ImageOps.exif_transpose(plain)
-                return np.asarray(upright.convert("LA" if upright.mode in ("1", "L") else "RGBA"))
-        except WorldError:
-            raise
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-            raise WorldError(f"{picture}: not a PGM, PNG, JPEG or BMP picture ({reason})") from None
-
-
-def _check_size(picture: Path, image: Any) -> None:
-    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
-    (codec, _, begin, mode), *_ = image.tile
-    if image.format == "PPM" and codec == "raw":
-        expected = image.width * image.height * (2 if "16" in str(mode) else len(image.getbands()))
-        found = picture.stat().st_size - begin
-        # A line break behind the pixels is harmless.
-        if not expected <= found <= expected + 2:
-            sizes = f"{found:,} bytes of pixels, {expected:,} by its header"
-            raise WorldError(f"{picture}: {sizes}; save the picture again")
