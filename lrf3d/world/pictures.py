@@ -115,6 +115,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     There are so many pixels in a metre.
     """
     drawn = drawn & ~_frame(drawn, pixels, left_out)
+    drawn = drawn & ~_doors(drawn, pixels, left_out)
     dark = _filled(drawn, pixels, left_out)
     solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
@@ -169,6 +170,42 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
     left_out["frame part"] = int(framed.sum())
     return np.asarray(np.append(False, framed)[parts])
+
+
+def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels of leaves, arcs and thresholds that enclose quarters of discs: doors swing there.
+
+    The space between two thresholds is as long as the door is wide.
+    """
+    # Fine arcs have gaps.
+    parts, count = label(~grown(drawn, 2.0))
+    boxes, sides = find_objects(parts), _sides(parts)
+    least, most = sides.min(axis=1), sides.max(axis=1)
+    opened = np.zeros(count + 1, dtype=bool)
+    door = (least > 0.5 * pixels) & (most < 1.4 * pixels) & (least > 0.8 * most)
+    for place in np.flatnonzero(door):
+        own = parts[boxes[place]] == place + 1
+        y, x = ((np.arange(side) + 0.5) / side for side in own.shape)
+        quarters = [np.hypot(*np.meshgrid(b, a)) < 1.0 for a in (y, 1 - y) for b in (x, 1 - x)]
+        if max((own & quarter).sum() / (own | quarter).sum() for quarter in quarters) > 0.8:
+            left_out["door symbol"] += 1
+            reach = [slice(max(s.start - LEAST - 4, 0), s.stop + LEAST + 4) for s in boxes[place]]
+            near = np.unique(parts[tuple(reach)])
+            near = near[near > 0]
+            long = most[near - 1] / most[place]
+            strip = (least[near - 1] < THICKEST * pixels) & (long > 0.85) & (long < 1.15)
+            opened[[place + 1, *near[strip]]] = True
+    if not opened.any():
+        return np.zeros_like(drawn)
+    inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
+    parts, count = label(~drawn)
+    radius = maximum(distance_transform_edt(~drawn), parts, np.arange(count + 1))
+    walls = radius < 0.5 * THICKEST * pixels
+    walls[np.unique(parts[inside | drawn])] = False
+    solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    return np.asarray(
+        drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, 1.5)
+    )
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
@@ -270,14 +307,21 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         np.inf, maximum(distance_transform_edt(~dark), parts, np.arange(1, count + 1))
     )
     radius[on_border(parts)] = np.inf
-    within = (radius <= 0.5 * THICKEST * pixels)[parts]
+    narrow = radius <= 0.5 * THICKEST * pixels
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
-    if not len(rows) or within.sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
+    if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
         return dark
+    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    # Between a solid wall and a line is no wall: both of its faces are lines.
+    rim = grown(dark, 1.0) & narrow[parts]
+    by_solid = np.bincount(parts[rim & grown(solid, 1.5)], minlength=count + 1)
+    share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
+    narrow &= (share < 0.2) | (share > 0.8)
+    area = np.bincount(parts.ravel(), minlength=count + 1)
     # Tiles and stairs that fill a place are no wall. The space in a wall is long.
-    small = np.bincount(parts.ravel(), minlength=count + 1) < 24.0 * np.minimum(radius, 1e6) ** 2
-    compact: Bool = within & small[parts]
+    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
+    compact: Bool = (narrow & small)[parts]
     room = _opened(dark | compact, 0.55 * THICKEST * pixels)
     pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
     places, most = parts_of(pattern)
@@ -285,6 +329,14 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
     many = np.bincount(gaps, minlength=most + 1) >= 5
     left_out["floor pattern"] = int(many[1:].sum())
+    # Of two spaces that are too thick together, the wider one is beside a wall.
+    thick, most = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
+    held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
+    for place in np.unique(held[0]):
+        own = held[1, held[0] == place]
+        if len(own) > 1:
+            narrow[own[np.argmax(radius[own])]] = False
+    within = narrow[parts]
     return np.asarray((dark | (within & ~(compact & pattern))) & ~many[places])
 
 
