@@ -112,6 +112,22 @@ def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
     assert len(third) > len(run) and np.allclose(third.trajectory.poses[0], true[0], atol=0.05)
 
 
+def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_path):
+    lasers = [
+        lrf3d.LaserRangeFinder(-2.2, 2.2, 221, range_max=20.0, mount=mount, name=name)
+        for name, mount in (("front", (0.2, 0.15, 0.5)), ("rear", (-0.2, -0.15, 0.5 - np.pi)))
+    ]
+    first, true = None, np.empty((0, 3))
+    for number, route in enumerate(([*ROUTE, *BACK[1:4]], [*ROUTE[2:], *BACK])):
+        path = lrf3d.follow_route(np.array(route, dtype=float), speed=0.8, dt=0.25)
+        run = lrf3d.simulate(ROOMS, path, lasers, noise=lrf3d.ProportionalNoise(0.02), rng=number)
+        lrf3d.export_run(run, "mcap", tmp_path / "drive.mcap")
+        solved, true = solve_log(tmp_path / "drive.mcap", on=first), np.vstack([true, path.poses])
+        assert not solved.warnings
+        first = solved.run
+    assert np.hypot(*(first.trajectory.poses - true)[:, :2].T).max() < 0.02
+
+
 TWICE = [(1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4), (1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4)]
 
 
@@ -127,6 +143,9 @@ def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
     # Where it is ruled out and known, it is known.
     said = solve_log(log, apart=[(first, second)], close=[(first, second)])
     assert [first, second] in said.run.estimate.closures.tolist()
+    # It counts once, as certain, whatever other closures say.
+    ends = said.slam.key_scans[np.column_stack([said.slam.edges[n] for n in ("first", "second")])]
+    assert said.slam.edges["robust"][(ends == [first, second]).all(axis=1)].tolist() == [False]
     assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
     with pytest.raises(InputError, match="close 5:6: these scans show nothing"):
         solve_log(log, close=[(5, 6)])

@@ -87,7 +87,8 @@ class LaserLog(Value):
         return len(self.scans)
 
     def __repr__(self) -> str:
-        return f"LaserLog({self.name!r}, {len(self)} scans, {self.bad_count} bad lines)"
+        counts = f"{counted(len(self), 'scan')}, {counted(self.bad_count, 'bad line')}"
+        return f"LaserLog({self.name!r}, {counts})"
 
     @property
     def odometry(self) -> WheelRecord:

@@ -20,7 +20,7 @@ from lrf3d.planning.free_space import free_places
 from lrf3d.pose import between, compose, turned
 from lrf3d.run import Run
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN
-from lrf3d.slam.key_scans import Key, Sight, same_place
+from lrf3d.slam.key_scans import Key, ScanConverter, same_place
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.search import (
     CELL,
@@ -76,8 +76,8 @@ class KnownPlaces:
             length, turn = size_of(between(poses[chosen[-1]], poses[number]))
             if length >= KEY_DISTANCE or turn >= KEY_TURN:
                 chosen.append(number)
-        sight = Sight()
-        keys = [sight.seen(run.scans_at(number), number) for number in chosen]
+        converter = ScanConverter()
+        keys = [converter.candidate(run.scans_at(number), number) for number in chosen]
         return cls(run.world.name, keys, poses[chosen], np.array(chosen))
 
     @classmethod
@@ -93,8 +93,8 @@ class KnownPlaces:
         poses = np.column_stack([places[first], np.zeros(len(first))])
         step = 2.0 * np.pi / cast_beams
         lrf = LaserRangeFinder(-np.pi, np.pi - step, cast_beams, range_max=cast_reach)
-        caster, sight = PlanarCaster(world), Sight()
-        keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
+        caster, converter = PlanarCaster(world), ScanConverter()
+        keys = [converter.candidate(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
 
     @cached_property

@@ -18,7 +18,7 @@ from lrf3d.geometry import Bool, Float, Int, usual_step
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import bent, between, compose
-from lrf3d.slam.key_scans import Sight
+from lrf3d.slam.key_scans import ScanConverter
 from lrf3d.slam.search import Submap
 from lrf3d.text import counted
 
@@ -238,7 +238,9 @@ class WheelPath:
         return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
 
 
-def turns_between(sight: Sight, scans: Sequence[LaserScan], path: WheelPath, places: Int) -> Float:
+def turns_between(
+    converter: ScanConverter, scans: Sequence[LaserScan], path: WheelPath, places: Int
+) -> Float:
     """Turn (k − 1,) from each of scans (k,) to the next [rad] as they show it; NaN where unknown.
 
     All headings around are searched, not those near the odometry, which may count them the other
@@ -248,8 +250,9 @@ def turns_between(sight: Sight, scans: Sequence[LaserScan], path: WheelPath, pla
     x, y, turn = path.increments(places)[1:].T
     chosen = np.flatnonzero((np.abs(turn) > LEAST_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
-        seen, following = (sight.seen(unrolled(scan)) for scan in scans[number : number + 2])
-        before = Submap([seen], np.zeros((1, 3)))
+        pair = scans[number : number + 2]
+        first, following = (converter.candidate(unrolled(scan)) for scan in pair)
+        before = Submap([first], np.zeros((1, 3)))
         guess = np.array([x[number], y[number], 0.0])
         for match, _ in before.places(following, guess, PAIR)[:1]:
             if match.explained > LEAST_EXPLAINED:

@@ -7,9 +7,20 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
-from lrf3d.scene.cameras import Fixed, chase, orbit, overview, top
+from lrf3d.scene.cameras import (
+    CLOSING,
+    HELD,
+    OPENING,
+    Fixed,
+    Story,
+    chase,
+    margins,
+    orbit,
+    overview,
+    top,
+)
+from lrf3d.scene.moments import Scene
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.story import CLOSING, HELD, OPENING, Story, margins
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
@@ -113,6 +124,33 @@ def test_the_eye_does_not_leap_where_the_robot_turns_away_in_a_shot():
     for before, now, after in zip(looks, looks[1:], looks[2:], strict=False):
         if before.shot == after.shot:
             assert np.linalg.norm(before.eye - 2.0 * now.eye + after.eye) < 0.02 * now.away
+
+
+def test_in_a_fast_film_the_robot_stands_where_it_is_and_in_every_picture_from_near():
+    run, turns = room_run(), np.linspace(0.0, 20.0 * np.pi, 1000)
+    # It goes round in the room ten times, once in a third of a second of the film.
+    poses = np.column_stack([3.0 + 2.0 * np.sin(turns), 3.0 - 2.0 * np.cos(turns), turns])
+    run = run_of(run.world, np.arange(1000.0) / 5.3, poses)
+    scene = Scene(Timeline(run, playback=60.0))
+    timeline, frames = scene.timeline, scene.timeline.frame_times(5.0, margins("story"))
+    first, last = np.searchsorted(frames, [timeline.start, timeline.end - 1e-9])
+    assert 15 <= last - first <= 20
+    for camera in (chase, orbit, Story):
+        moving = camera(timeline, scene.structures)
+        for time in frames.tolist():
+            look = moving.look(time, 16 / 9)
+            [pose] = run.trajectory.at(np.clip([time], timeline.start, timeline.end))
+            [(name, robot)] = scene.seen(timeline.moment(time), look, (64, 36)).bodies
+            here = np.array([*(pose[:2] - scene.origin), 0.35])
+            ahead = [np.cos(pose[2]), np.sin(pose[2]), 0.0]
+            assert name == "robot" and len(robot.faces.corners) > 100
+            assert robot.pose[:2, 3] == pytest.approx(here[:2], abs=1e-9)
+            assert robot.pose[:3, 0] == pytest.approx(ahead, abs=1e-9)
+            if look.shot != "end":
+                assert np.abs(seen(look, here[None], 16 / 9)).max() < 0.8
+            if camera is Story and time < timeline.start - 30.0:
+                # In the dark it stands in the middle, not where the smoothed path begins.
+                assert seen(look, here[None], 16 / 9)[0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():

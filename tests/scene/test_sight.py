@@ -67,7 +67,7 @@ def driven(world):
 @needs_gl
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
-    from lrf3d.render.video import frame
+    from lrf3d.render.film import frame
     from lrf3d.world.cameras import MOVING_VIEWS
 
     run = driven(world)

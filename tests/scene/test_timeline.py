@@ -8,8 +8,8 @@ from synthetic_run import box, make_run, make_world
 
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
-from lrf3d.scene.estimate import trail_lines
-from lrf3d.scene.story import margins
+from lrf3d.scene.cameras import margins
+from lrf3d.scene.marks import trail_lines
 from lrf3d.scene.timeline import DriveKeys, Timeline
 from lrf3d.world.cameras import FilmPlan
 

@@ -1,14 +1,29 @@
-"""Beams that mirrors turn, as they are drawn."""
+"""What is drawn over a world: beams that mirrors turn, the map, and estimates."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from estimates import estimated
+from test_render import city_run, room_run
 
 import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
-from lrf3d.scene.beams import RANGE_COLOURS, _lamp, draw_beams, folded, turning_walls
 from lrf3d.scene.look import MATERIAL_COLOURS, object_colours
+from lrf3d.scene.marks import (
+    CORNERS,
+    MOST_KEPT,
+    RANGE_COLOURS,
+    DrawnEstimate,
+    DrawnMap,
+    _lamp,
+    draw_beams,
+    estimate_words,
+)  # fmt: skip
+from lrf3d.scene.stage.structures import Structures, folded, turning_walls
+from lrf3d.scene.timeline import Timeline
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
 
@@ -85,3 +100,72 @@ def test_the_lamp_fades_to_nothing_at_its_reach_and_at_the_sides():
     assert light[-1, 0] == pytest.approx(0.0)
     near = _lamp(np.hstack([legs[:, :2], legs[:, 2:] / 8.0]), angles, 5.0).colours[..., 3]
     assert near[3, 1] == pytest.approx(0.25 * near[3, 0])
+
+
+def test_what_of_the_map_lies_on_no_wall_stands_free_and_colours_none():
+    walls = np.array([[0.0, 0.0, 6.0, 0.0], [0.0, 4.0, 6.0, 4.0]])
+    colours = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    structures = Structures.from_world(lrf3d.World(walls, heights=[1.5, 8.0]))
+    here = walls - np.tile(structures.origin, 2)
+    # One lies on its wall, the other leaves its own half-way and is 1 m off at its end.
+    here[1, 3] += 1.0
+    drawn = DrawnMap(here, colours)
+    ghosts = drawn.ghosts(structures, 0.5)
+    x = ghosts.corners[..., 0] + structures.origin[0]
+    assert (ghosts.colours[..., :3] == colours[1]).all() and 2.8 < x.min() < 3.5 < x.max()
+    middles = 0.5 * (here[:, :2] + here[:, 2:])
+    tints, found = drawn.tints(np.vstack([middles, [[13.0, -12.0]]]), 0.6)
+    assert found.tolist() == [True, True, False] and (tints[:2] == colours).all()
+
+
+def test_a_run_that_was_given_its_poses_has_nothing_to_show():
+    assert DrawnEstimate.from_timeline(Timeline(room_run())) is None
+    assert estimate_words(room_run(), 0) == ()
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (85_000.0, 447_500.0)])
+def test_the_ellipse_of_now_is_that_of_the_scan_in_the_film_s_frame(offset):
+    run = estimated(city_run(offset))
+    timeline = Timeline(run)
+    drawn = DrawnEstimate.from_timeline(timeline)
+    times = run.trajectory.times[run.estimate.known_scans] - timeline.start
+    sizes = np.linalg.eigvalsh(run.estimate.ellipses)[:, 1]
+
+    def ring(time):
+        return drawn.rings(time).starts[-CORNERS:, :2].astype(float)
+
+    due = run.estimate.poses[run.estimate.known_scans[3], :2] - timeline.origin
+    assert ring(times[3]).mean(axis=0) == pytest.approx(due, abs=1e-4)
+    assert np.ptp(ring(times[3])[:, 0]) == pytest.approx(2.0 * sizes[3], abs=1e-4)
+    # Between two scans it lies between what is known there.
+    between = np.ptp(ring(0.5 * (times[3] + times[4]))[:, 0])
+    assert between == pytest.approx(sizes[3] + sizes[4], abs=1e-4)
+
+
+def test_ellipses_that_stay_are_few_come_in_time_and_do_not_cover_each_other():
+    run = estimated(city_run(seconds=40.0))
+    drawn = DrawnEstimate.from_timeline(Timeline(run))
+    assert 3 < len(drawn.kept) <= MOST_KEPT
+    sizes = np.linalg.norm(drawn.shapes[drawn.kept], axis=(1, 2))
+    apart = np.hypot(*np.diff(drawn.outlines().mean(axis=1), axis=0).T)
+    assert (apart >= sizes[1:] - 1e-9).all() and sizes.min() > 0.0
+    rings = [len(drawn.rings(time).starts) // CORNERS for time in np.linspace(0.0, 41.0, 60)]
+    # The last one is that of the robot now.
+    assert rings[0] == 1 and rings[-1] == len(drawn.kept) + 1 and (np.diff(rings) >= 0).all()
+
+
+def test_the_panel_says_the_error_only_where_the_truth_is_known():
+    run = estimated(room_run())
+    assert estimate_words(run, 4) == (("truth", ""), ("estimate, 95 %", "0.50 m off"))
+    recorded = replace(run, estimate=estimated(run, (0.0, 0.0, 0.0)).estimate)
+    assert not recorded.knows_truth
+    assert estimate_words(recorded, 4) == (("estimate, 95 %", ""),)
+
+
+def test_an_estimate_without_covariances_has_no_ellipses():
+    run = estimated(room_run())
+    bare = replace(run.estimate, known_scans=[], covariances=np.zeros((0, 3, 3)))
+    run = replace(run, estimate=bare)
+    assert estimate_words(run, 4)[1] == ("estimate", "0.50 m off")
+    drawn = DrawnEstimate.from_timeline(Timeline(run))
+    assert not len(drawn.rings(1.0).starts) and drawn.outlines().shape == (0, CORNERS, 2)
