@@ -189,8 +189,9 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         quarters = [np.hypot(*np.meshgrid(b, a)) < 1.0 for a in (y, 1 - y) for b in (x, 1 - x)]
         if max((own & quarter).sum() / (own | quarter).sum() for quarter in quarters) > 0.8:
             left_out["door symbol"] += 1
-            reach = [slice(max(s.start - LEAST - 4, 0), s.stop + LEAST + 4) for s in boxes[place]]
-            near = np.unique(parts[tuple(reach)])
+            away = LEAST + 4
+            window = tuple(slice(max(s.start - away, 0), s.stop + away) for s in boxes[place])
+            near = np.unique(parts[window])
             near = near[near > 0]
             long = most[near - 1] / most[place]
             strip = (least[near - 1] < THICKEST * pixels) & (long > 0.85) & (long < 1.15)
@@ -346,7 +347,7 @@ def _opened(cells: Bool, radius: float) -> Bool:
     return grown(core, radius)[1:-1, 1:-1] & cells
 
 
-def _sides(parts: Int) -> Int:
+def _sides(parts: Any) -> Int:
     """Height and width (count, 2) [pixels] of the box around each part."""
     boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
     return np.array(boxes, dtype=np.int64).reshape(-1, 2)

@@ -78,7 +78,8 @@ def evened(colours: Any, wide: float) -> Any:
         padding = ((0, high * side - rows), (0, long * side - columns))
         whole = np.pad(colours[..., channel], padding, mode="edge")
         blocks = whole.reshape(high, side, long, side).swapaxes(1, 2).reshape(high, long, -1)
-        closed = grey_closing(np.median(blocks, axis=2), int(wide / side) + 1)
+        size = (int(wide / side) + 1,) * 2
+        closed = grey_closing(np.median(blocks, axis=2), size)
         paper = Image.fromarray(gaussian_filter(closed, 1.0).astype(np.float32))
         light = np.asarray(paper.resize((long * side, high * side), Image.Resampling.BILINEAR))
         share = colours[..., channel] / np.maximum(light[:rows, :columns], 16.0)
