@@ -141,7 +141,8 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
         tips = sum(np.hypot(*(door.corners[1] - other)) < NEAR * width for door in doors)
         if not (len(posts[0]) and (len(posts[1]) or tips > 1)):
             base, free = shapely.linestrings([[hinge, other], [0.7 * hinge + 0.3 * leaf, leaf]])
-            behind = ends.reshape(-1, 2, 2)[near(base, distance=SIDE)] - hinge
+            # The hinge is at a face of the wall, or in its middle.
+            behind = ends.reshape(-1, 2, 2)[near(base, distance=0.5 * THICKEST_WALL + SIDE)] - hinge
             reach = np.sort(behind @ axis, axis=1)
             passes = (reach[:, 0] < -SIDE) & (reach[:, 1] > width + SIDE)
             # A shower in a corner is drawn alike, but has walls on both sides.
