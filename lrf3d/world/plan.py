@@ -44,12 +44,12 @@ WORDS = {
         " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
         " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
         " podzial masstab schaal flooring tile paving pavim fliese"
-        " parket parquet carpet projec ovhd"
+        " fluchtweg rettungsplan evac egress landscap plnt parket parquet carpet projec ovhd"
         " текст размер штрих оси штамп легенд масштаб"
         " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
     ),
     "furniture": (
-        "furn eqpm equip mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
+        "furn eqpm equip fitting mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
         " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
         " stair strs trepp trap escal schod scala scale мебел лестн 家具 洁具 楼梯 가구"
     ),
@@ -84,8 +84,8 @@ NOT_DOORS = ("indoor", "outdoor", "ovid")
 def role_of(*names: str) -> str:
     """The role that the first recognised name gives: a key of WORDS, or ``other``.
 
-    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("axes_1")
-    ('wall', 'door', 'furniture', 'other')
+    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("L-PLNT")
+    ('wall', 'door', 'furniture', 'annotation')
     """
     for name in names:
         plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
