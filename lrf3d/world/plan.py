@@ -22,18 +22,11 @@ import shapely
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
+from lrf3d.world.annotations import THICKEST_WALL
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
-from lrf3d.world.symbols import (
-    THICKEST_WALL,
-    Door,
-    Strokes,
-    cleared,
-    find_doors,
-    find_leaves,
-    symbols,
-)
+from lrf3d.world.symbols import SIDE, Door, Strokes, cleared, find_doors, find_leaves, symbols
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
@@ -259,7 +252,7 @@ def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
         elif stands and mark.contrast < PALE and 2.0 * area < THICKEST_WALL * edge:
             thin.append(number)
     for number in thin:
-        _open_doorway(marks, roles, number, tree.query(shapes[number], "dwithin", distance=0.02))
+        _open_doorway(marks, roles, number, tree.query(shapes[number], "dwithin", distance=SLIVER))
     return roles
 
 
@@ -269,18 +262,15 @@ def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -
     Lines that end in it are its leaf; without one, it has floors on both sides.
     """
     shape = marks[number].shape
-    wall = [n for n in near if is_area(marks[n].shape) and marks[n].contrast > 0.6]
+    dark = [marks[n].shape for n in near if is_area(marks[n].shape) and marks[n].contrast > 0.6]
+    wall = shapely.union_all(shapely.intersection(dark, shape.buffer(2.0 * SIDE)))
     # Along its sides a sliver of the wall may be left.
-    held = shapely.union_all([marks[n].shape for n in wall]).buffer(-SLIVER).buffer(1.5 * SLIVER)
-    ends = shape.boundary.intersection(held)
+    ends = shape.boundary.intersection(wall.buffer(-SLIVER).buffer(1.5 * SLIVER))
     if ends.length > 0.5 * shape.length or len(shapely.get_parts(shapely.line_merge(ends))) < 2:
         return
-    leaf = [
-        n
-        for n in near
-        if roles[n] == "other" and not is_area(line := marks[n].shape)
-        if line.length < 2.0 and shape.distance(line.boundary) < 0.02
-    ]
+    lines = [n for n in near if roles[n] == "other" and not is_area(marks[n].shape)]
+    short = [n for n in lines if marks[n].shape.length < 2.0]
+    leaf = [n for n in short if shape.distance(marks[n].shape.boundary) < SLIVER]
     if leaf or sum(roles[n] == "floor" for n in near) > 1:
         roles[number] = "doorway"
         for each in leaf:
