@@ -153,6 +153,27 @@ def test_in_a_fast_film_the_robot_stands_where_it_is_and_in_every_picture_from_n
                 assert seen(look, here[None], 16 / 9)[0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(("tall", "turned"), [(40.0, True), (11.0, False)])
+def test_a_world_much_longer_than_wide_is_turned_to_fit_the_picture(tall, turned):
+    run = run_of(
+        World(np.array(box(0, 0, 10, tall))), [0.0, 1.0], [(5.0, 3.0, 0.0), (5.0, 4.0, 0.0)]
+    )
+    camera = top(*filmed(run))
+    assert camera.look(0.0, 9 / 16).up == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    up = (1.0, 0.0, 0.0) if turned else (0.0, 1.0, 0.0)
+    assert camera.look(0.0, 16 / 9).up == pytest.approx(up, abs=1e-9)
+
+
+def test_the_plan_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
+    scene = Scene(Timeline(room_run()))
+    window = scene.plan_window()
+    assert window.middle + scene.origin == pytest.approx([4.0, 3.0])
+    wide, tall = 1.04 * 8.0 + 2.0 * 8.0 / 40.0, 1.04 * 6.0 + 2.0 * 6.0 / 40.0
+    assert (window.width, window.aspect) == pytest.approx((wide, tall / wide))
+    bars = {5.9: 1.0, 6.1: 2.0, 14.9: 2.0, 15.1: 5.0, 31.0: 10.0, 2.9: 0.5}
+    assert [window._replace(width=each).bar for each in bars] == pytest.approx([*bars.values()])
+
+
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():
     timeline = Timeline(city_run(seconds=4.0), playback=2.0)
     times = timeline.frame_times(10.0, margins("story"))
