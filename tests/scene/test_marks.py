@@ -11,7 +11,7 @@ from test_render import city_run, room_run
 import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
-from lrf3d.scene.cameras import First
+from lrf3d.scene.cameras import First, chase, top
 from lrf3d.scene.look import MATERIAL_COLOURS, object_colours
 from lrf3d.scene.marks import (
     CORNERS,
@@ -183,3 +183,17 @@ def test_the_last_scans_stay_as_points_that_fade_and_are_few_in_a_fast_film():
         assert len(recent.places) == np.isfinite(run.ranges[[*chosen]]).sum() > 100
         first, last = recent.colours[[0, -1], 3]
         assert 0.0 < first < last < 0.8
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (320, 240)])
+def test_a_robot_too_small_to_be_seen_has_an_arrow_as_large_as_it_must_be(size):
+    scene = Scene(Timeline(city_run(seconds=10.0)))
+    look = top(scene.timeline, scene.structures).look(2.0, size[0] / size[1])
+    seen = scene.seen(scene.timeline.moment(2.0), look, size)
+    arrow = dict(seen.marks)["marker"]
+    corners = np.insert(arrow.corners.reshape(-1, 3), 3, 1.0, axis=1) @ seen.lens.matrix.T
+    wide, _ = np.ptp(corners[:, :2] / corners[:, 3:] * 0.5 * np.array(size), axis=0)
+    # Ten pixels of 720 lines times the length of the dart with its rim.
+    assert arrow.on_top and wide == pytest.approx(10.0 * min(size) / 720.0 * 1.4 * 1.9, rel=0.01)
+    near = chase(scene.timeline, scene.structures).look(2.0, size[0] / size[1])
+    assert "marker" not in dict(scene.seen(scene.timeline.moment(2.0), near, size).marks)
