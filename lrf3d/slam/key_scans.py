@@ -144,7 +144,12 @@ def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.ui
         dy = at.y + at.sin * point.x + at.cos * point.y - fan.y
         away = np.arctan2(dy, dx) - begin
         away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-        beam = int(away / step + 0.5)
+        # The beam nearest to the point. Those of several lasers together are not spread evenly.
+        beam, bearing = max(min(int(away / step + 0.5), len(angles) - 1), 0), begin + away
+        while beam > 0 and bearing - angles[beam - 1] < angles[beam] - bearing:
+            beam -= 1
+        while beam < len(angles) - 1 and angles[beam + 1] - bearing < bearing - angles[beam]:
+            beam += 1
         if beam < 1 or beam > len(angles) - 2:
             continue
         least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])

@@ -48,7 +48,7 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     Lines of the same mark (n,) were one; strokes of a pattern (n,) may look like ticks.
     """
     found = np.zeros(len(segments), dtype=bool)
-    line = np.unique(line, return_inverse=True)[1]
+    line = _parted(segments, line)
     markers = _markers(segments, line)
     hosts = np.flatnonzero(_is_alone(line) & (lengths(segments) > 0.25))
     if not len(hosts) or not len(markers.place):
@@ -78,6 +78,14 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     dimension = chosen[host] & (markers.kind[marker] != RING)
     found[_extensions(segments, hosts, host[dimension], station[dimension], found)] = True
     return found
+
+
+def _parted(segments: Float, line: Int) -> Int:
+    """The lines (n,), from 0; a dimension that is drawn with its arrowhead is parted there."""
+    long, along = lengths(segments), directions(segments)
+    back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(np.radians(130.0))
+    uneven = np.minimum(long[1:], long[:-1]) < 0.5 * np.maximum(long[1:], long[:-1])
+    return np.cumsum(np.append(0, (line[1:] != line[:-1]) | (back & uneven)))[: len(line)]
 
 
 def _is_alone(line: Int) -> Bool:

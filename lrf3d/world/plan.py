@@ -23,9 +23,9 @@ from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
-from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
-from lrf3d.world.symbols import Door, Strokes, find_doors, find_leaves, symbols
+from lrf3d.world.symbols import Door, Strokes, cleared, find_doors, find_leaves, symbols
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
@@ -132,7 +132,7 @@ class Plan(NamedTuple):
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
-        doors = [Door(door.opening * factor, door.width * factor) for door in self.doors]
+        doors = [Door(door.corners * factor, door.width * factor) for door in self.doors]
         segments, rest = self.segments * factor, self.rest * factor
         return self._replace(segments=segments, rest=rest, doors=doors, gap=self.gap * factor)
 
@@ -171,27 +171,33 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     ]
     pieces += [(shape.boundary, role) for shape, role in solids]
     segments, line, mark, role = _segments(pieces)
-    drawn = np.isin(role, [*STANDS, "door"])
+    drawn = np.isin(role, [*STANDS, "door", "dashed"])
     doors, opened = find_doors(segments, line, drawn)
     more, leaves = find_leaves(segments, line, drawn & ~opened)
     doors, opened = doors + more, opened | leaves
     # Partitions are found on layers of doors, too; they are longer than leaves.
     stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
     stands &= ~opened
-    left = drawing.left_out + Counter(floor=roles.count("floor"))
-    known = np.flatnonzero(stands)
+    left = drawing.left_out + Counter(
+        {"floor": roles.count("floor"), "dashed line": roles.count("dashed")}
+    )
+    # On a drawing that is as large as its paper symbols have other sizes, and far more neighbours.
+    small = not len(segments) or np.ptp(segments.reshape(-1, 2), axis=0).max() < SHEET
+    known = np.flatnonzero(stands & (not small))
     strokes = Strokes(segments[known], line[known], mark[known], role[known] == "other")
     for what, found in symbols(strokes, sheet="annotation" in roles):
         stands[known[found]] = False
         left[what] += int(found.sum())
+    walls, own, left["doorway line"] = cleared(segments[stands], doors)
+    role = role[stands][own]
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
     hidden = {name for name, role in layered if role == "left out"}
     hidden |= {name for name, role in dict(layered).items() if role in ("annotation", "door")}
     words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
     words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
     return Plan(
-        segments[stands],
-        np.where(role[stands] == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
+        walls,
+        np.where(role == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
         doors,
         segments[~stands],
         _listed(marks, layered),
@@ -213,7 +219,11 @@ def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> 
             role = "wall"
         chosen = (not layers or _fits(name, layers)) and not _fits(name, without)
         kinds[name] = role if chosen else "left out"
-    return [kinds[mark.layer, mark.names] for mark in marks]
+    roles = [kinds[mark.layer, mark.names] for mark in marks]
+    return [
+        "dashed" if mark.dashed and role in ("other", "furniture") else role
+        for mark, role in zip(marks, roles, strict=True)
+    ]
 
 
 def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:

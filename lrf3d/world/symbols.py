@@ -1,6 +1,7 @@
 """Symbols of plans, by how they are drawn: doors that stand open, and text."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,16 +29,24 @@ LEAST_PLAN = 20.0
 ASIDE, THICKEST_WALL = 1.0, 0.3
 """Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces."""
 
+SIDE = 0.05
+"""Distance [m] within which a line runs along a doorway or a leaf."""
+
 MARGIN, MOST_ALIKE = 0.6, 5
 """Width [m] of the rim of a sheet in which the lines of a frame are; number from which on parallels
 are a pattern."""
 
 
 class Door(NamedTuple):
-    """A door that stands open: its opening (2, 2), from the hinge on, and its width [m]."""
+    """A door that stands open: hinge, other side and end of the leaf (3, 2), and its width [m]."""
 
-    opening: Float
+    corners: Float
     width: float
+
+    @property
+    def opening(self) -> Float:
+        """Its ends (2, 2), from the hinge on."""
+        return self.corners[:2]
 
 
 def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool]:
@@ -60,7 +69,8 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
             continue
         # Where a line closes the opening, too, the leaf has a thickness or comes first.
         leaf = int(np.argmin(off.min(axis=1)))
-        doors.append(Door(np.stack([hinge, tips[int(np.argmax(off[leaf]))]]), radius))
+        far = int(np.argmax(off[leaf]))
+        doors.append(Door(np.stack([hinge, tips[far], tips[1 - far]]), radius))
         opened[run] = True
         opened[straight[near[off.min(axis=1) < NEAR * radius] // 2]] = True
         for tip in tips[(off < NEAR * radius).any(axis=0)]:
@@ -104,10 +114,49 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
             back = max(abs(along[each // 2] @ gap) for each in near[at]) > 0.99 * width
             between = shapely.linestrings([hinge + 0.05 * gap, hinge + 0.95 * gap])
             if on and back and not len(around.query(between, predicate="intersects")):
-                doors.append(Door(np.stack([hinge, ends[end]]), width))
+                doors.append(Door(np.stack([hinge, ends[end], tip]), width))
                 found[leaf] = True
                 break
     return doors, found
+
+
+def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
+    """What is left of segments (n, 4) outside of doorways: pieces (k, 4), and of which they are.
+
+    Then the number of segments that were in doorways.
+
+    The line of a tile or of a threshold closes no door that stands open between two ends of walls,
+    nor does a wall that goes on behind a door: its author did not break it.
+    """
+    lines, ends, ways = _lines(segments), segments.reshape(-1, 2), directions(segments)
+    ends_near, near = cKDTree(ends), partial(shapely.STRtree(lines).query, predicate="dwithin")
+    ways, boxes = np.stack([ways, -ways], axis=1).reshape(-1, 2), list[Any]()
+    for hinge, other, leaf in (door.corners for door in doors):
+        width = float(np.hypot(*(other - hinge)))
+        axis, posts = (other - hinge) / width, list[Float]()
+        for place, way in ((hinge, -0.98), (other, 0.98)):
+            at = np.array(ends_near.query_ball_point(place, NEAR * width), dtype=np.int64)
+            posts.append((ends[at[ways[at] @ axis / way > 1.0]] - hinge) @ axis)
+        # Of two leaves, each ends where the other does.
+        tips = sum(np.hypot(*(door.corners[1] - other)) < NEAR * width for door in doors)
+        if not (len(posts[0]) and (len(posts[1]) or tips > 1)):
+            base, free = shapely.linestrings([[hinge, other], [0.7 * hinge + 0.3 * leaf, leaf]])
+            behind = ends.reshape(-1, 2, 2)[near(base, distance=SIDE)] - hinge
+            reach = np.sort(behind @ axis, axis=1)
+            passes = (reach[:, 0] < -SIDE) & (reach[:, 1] > width + SIDE)
+            # A shower in a corner is drawn alike, but has walls on both sides.
+            if not passes.any() or len(near(free, distance=SIDE)):
+                continue
+        across = (THICKEST_WALL + SIDE) * np.array([-axis[1], axis[0]])
+        low = hinge + (posts[0].max(initial=0.0) + 0.01) * axis
+        high = hinge + (posts[1].min(initial=width) - 0.01) * axis
+        boxes.append(shapely.Polygon([low - across, high - across, high + across, low + across]))
+    shut = np.array(boxes, dtype=object)
+    cut = np.unique(shapely.STRtree(lines).query(shut, predicate="intersects")[1])
+    lines[cut] = shapely.difference(lines[cut], shapely.union_all(shut))
+    parts, number = shapely.get_parts(lines, return_index=True)
+    points, part = shapely.get_coordinates(parts, return_index=True)
+    return points.reshape(-1, 4), number[part[::2]], len(cut)
 
 
 def _lines(segments: Float) -> Any:

@@ -244,6 +244,7 @@ def test_a_fan_that_ends_just_beyond_a_turn_is_one(short):
 REFUSED = {
     "no scans": (lambda s, w: ([], w), "without scans"),
     "one scan": (lambda s, w: (s[:1], w), "at least two"),
+    "one moment": (lambda s, w: (s[:1] * 4, w[:4]), "one scan, 4 times"),
     "one beam": (
         lambda s, w: ([lrf3d.LaserScan((0, 0, 0), [0.0], [1.0]) for _ in s], w),
         "scans of 1 beams",
