@@ -18,7 +18,7 @@ from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.pose import Pose, as_pose, between
@@ -112,16 +112,11 @@ class Sensor:
         ranges = self._far_enough(scan.ranges)
         return scan if ranges is scan.ranges else replace(scan, ranges=ranges)
 
-    def noisy_ranges(self, truth: Float, walls: Int, rng: np.random.Generator) -> Float | None:
-        """The measured ranges (k, beams) of true ones, which hit walls (k, beams), drawn at once.
-
-        None if the noise takes single scans, or reads their poses and times.
-        """
+    def noisy_ranges(self, true_scans: ScanBatch, rng: np.random.Generator) -> Float | None:
+        """The measured ranges (k, beams) of true scans; None if the noise takes single scans."""
         if not self._noisy.batched:
             return None
-        lrf = self.lrf
-        scans = ScanBatch(lrf.angles, truth, walls, lrf.range_min, lrf.range_max)
-        return self._far_enough(self._noisy(scans, rng).ranges)
+        return self._far_enough(self._noisy(true_scans, rng).ranges)
 
     def _far_enough(self, ranges: Float) -> Float:
         """Ranges, in which what noise carried below range_min is too near, −inf."""

@@ -162,7 +162,7 @@ class MixedPixels:
         before, after = np.zeros((2, *scan.ranges.shape))
         after[..., :-1] = np.where(edge, self._beyond(offsets), 0.0)
         before[..., 1:] = np.where(edge, self._beyond(gaps - offsets), 0.0)
-        if isinstance(scan, LaserScan) and scan.intensities is not None:
+        if scan.intensities is not None:
             return self._lit(scan, scan.intensities, before, after)
         ranges = scan.ranges.copy()
         ranges[..., :-1] += after[..., :-1] * jumps
@@ -174,16 +174,19 @@ class MixedPixels:
         """Share of a beam that falls beyond an edge at an angle (n,) from its middle [rad]."""
         return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
 
-    def _lit(self, scan: LaserScan, light: Float, before: Float, after: Float) -> LaserScan:
-        """The scan with intensities (beams,), with the light of both surfaces at its edges."""
+    def _lit(self, scan: Scan, light: Float, before: Float, after: Float) -> Scan:
+        """The scan with intensities (…, beams), with the light of both surfaces at its edges."""
         ranges, walls, lights = scan.ranges.copy(), scan.walls.copy(), light.copy()
         lit = scan.echoes is not None and scan.echo_intensities is not None
-        echoes = np.array(scan.echoes if lit else ranges[:, None])
-        echo_lights = np.array(scan.echo_intensities if lit else lights[:, None])
-        slots, nothing = echoes.shape[1], (np.inf, 0.0, -1)
-        for beam in np.flatnonzero(before + after).tolist():
+        echoes = np.array(scan.echoes if lit else ranges[..., None])
+        echo_lights = np.array(scan.echo_intensities if lit else lights[..., None])
+        slots, nothing = echoes.shape[-1], (np.inf, 0.0, -1)
+        for beam in zip(*np.nonzero(before + after), strict=True):
+            *row, number = beam
             own = 1.0 - (before[beam] + after[beam])
-            parts = (own, beam), (before[beam], beam - 1), (after[beam], beam + 1)
+            parts = (
+                (own, beam), (before[beam], (*row, number - 1)), (after[beam], (*row, number + 1))
+            )  # fmt: skip
             met = [
                 (float(scan.ranges[at]), float(part * light[at]), int(scan.walls[at]))
                 for part, at in parts

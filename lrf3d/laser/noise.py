@@ -29,7 +29,7 @@ from lrf3d.laser.scan import LaserScan, ScanBatch
 
 Rng = np.random.Generator | int
 
-Scan = TypeVar("Scan", LaserScan, ScanBatch)
+Scan = TypeVar("Scan", bound=LaserScan | ScanBatch)
 
 
 class Noise(Protocol):
@@ -290,24 +290,24 @@ class Chain:
 
 
 def _with_echoes(
-    before: LaserScan, true_echoes: Float, light: Float, scan: LaserScan, noise: Noise,
+    before: Scan, true_echoes: Float, light: Float, scan: Scan, noise: Any,
     rng: np.random.Generator,
-) -> LaserScan:  # fmt: skip
-    """What a noise made of a scan with echoes and their light (beams, k), with noise on these."""
+) -> Scan:  # fmt: skip
+    """What a noise made of a scan with echoes and their light (…, k), with noise on these."""
     if scan.echoes is not None and not np.array_equal(scan.echoes, true_echoes):
         return scan
     echoes, lit = true_echoes.copy(), light.copy()
     bare = replace(before, echoes=None, echo_intensities=None)
-    for column in range(echoes.shape[1]):
-        alone = replace(bare, ranges=true_echoes[:, column], intensities=light[:, column])
-        echoes[:, column] = noise(alone, rng).ranges
-    chosen = np.isfinite(true_echoes) & (true_echoes == before.ranges[:, None])
+    for column in range(echoes.shape[-1]):
+        alone = replace(bare, ranges=true_echoes[..., column], intensities=light[..., column])
+        echoes[..., column] = noise(alone, rng).ranges
+    chosen = np.isfinite(true_echoes) & (true_echoes == before.ranges[..., None])
     # Two echoes at one place have one range as well.
-    echoes = np.where(chosen, scan.ranges[:, None], echoes)
+    echoes = np.where(chosen, scan.ranges[..., None], echoes)
     lost = ~np.isfinite(echoes)
     echoes[lost], lit[lost] = np.inf, 0.0
-    order = np.argsort(echoes, axis=1, kind="stable")
-    echoes, lit = (np.take_along_axis(values, order, axis=1) for values in (echoes, lit))
+    order = np.argsort(echoes, axis=-1, kind="stable")
+    echoes, lit = (np.take_along_axis(values, order, axis=-1) for values in (echoes, lit))
     return replace(scan, echoes=echoes, echo_intensities=lit)
 
 

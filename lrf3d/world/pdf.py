@@ -111,7 +111,7 @@ class _Painter:
         stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
         self.canvas.shape(
             self._lines(segments, matrix),
-            Mark(None, layer, (layer,)),
+            Mark(None, layer, (layer,), dashed=raw.FPDFPageObj_GetDashCount(each) > 0),
             clip,
             (*fill, rule.value == raw.FPDF_FILLMODE_WINDING),
             (*stroke, wide, bool(raw.FPDFPageObj_GetLineCap(each))),

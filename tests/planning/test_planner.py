@@ -149,8 +149,8 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
     assert distance_to_walls(house(0.0, 0.0), found.waypoints) >= 0.4
     (note,) = found.notes
     assert re.match(
-        r"doors? of 0\.84 m at \(.+\).* too narrow for a robot of 0\.80 m; 3 rooms are not reached;"
-        r" --set robot\.radius=0\.28$",
+        r"doors? of 0\.84 m at \(.+\).* too narrow for a robot of 0\.80 m; 3 of 4 rooms are not"
+        r" reached; --set robot\.radius=0\.28$",
         note,
     )
     smaller = find_route(house(0.75, 0.0), lookahead=0.4)
@@ -208,11 +208,11 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
 def test_rooms_without_a_door_are_named(tmp_path):
     for door in (0.0, 0.2):
         (note,) = find_route(house(door, 0.0), radius=0.35, lookahead=0.4).notes
-        assert re.match(r"3 rooms are not reached, 2\d\.\d m² at \(.+\): no door", note)
+        assert re.match(r"3 of 4 rooms are not reached, 2\d\.\d m² at \(.+\): no door", note)
     # A flat that one enters from outside alone is one, a table and a pillar are none.
     doors = [[0, 0, 2.5, 0], [3.5, 0, 8.5, 0], [9.5, 0, 12, 0], [6, 0, 6, 9]]
     (note,) = find_route(World(np.vstack([doors, box(0, 0, 12, 9)[1:]]))).notes
-    assert note.startswith("1 room is not reached, 5")
+    assert note.startswith("1 of 2 rooms is not reached, 5")
     hall = [box(0, 0, 12, 9), box(2, 2, 3, 2), box(8, 4, 0.6, 0.6)]
     furnished = World(np.concatenate(hall), heights=[2.5] * 4 + [0.8] * 4 + [2.5] * 4)
     assert find_route(furnished).notes == ()
@@ -224,10 +224,23 @@ def test_rooms_are_told_apart_by_their_open_doors():
     world = World(np.vstack([across, box(0, 0, 20, 8)]))
     (note,) = find_route(world, radius=0.35).notes
     assert (
-        note.startswith("door of 0.50 m at (12.0, 3.2) is too narrow") and "; 2 rooms are" in note
+        note.startswith("door of 0.50 m at (12.0, 3.2) is too narrow")
+        and "; 2 of 3 rooms are" in note
     )
     (note,) = find_route(World(np.vstack([across[2:], box(0, 0, 20, 8)])), radius=0.6).notes
-    assert "1 room is not reached" in note
+    assert "1 of 2 rooms is not reached" in note
+
+
+def test_rooms_are_counted_in_the_same_way_where_furniture_divides_them():
+    # A counter divides the first of three rooms, the second has no door.
+    walls = [*box(0, 0, 12, 6), [4, 0, 4, 6], [8, 0, 8, 6], [0, 3, 4, 3]]
+    walls[4:6] = [[4, 0, 4, 6], [8, 0, 8, 2.5], [8, 3.5, 8, 6]]
+    world = World(np.array(walls), heights=[2.5] * 7 + [0.8])
+    counted = rooms.rooms_of(world)
+    (note,) = find_route(world).notes
+    assert len(counted) == 3
+    assert note.startswith("1 of 3 rooms is not reached")
+    assert any(f" {area:.1f} m² at" in note for area, _ in counted)
 
 
 def test_every_room_with_a_door_is_entered():

@@ -5,7 +5,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose, between
 from lrf3d.slam.front_end import FrontEnd
-from lrf3d.slam.key_scans import Fan, Key, ScanConverter, evidence, views_of
+from lrf3d.slam.key_scans import HIDDEN, PASSED, Fan, Key, ScanConverter, evidence, views_of
 from lrf3d.slam.motion import Prediction
 from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
@@ -14,7 +14,7 @@ AHEAD = np.linspace(-0.5, 0.5, 11)
 
 
 def seen_by(ranges, points, angles=AHEAD):
-    """How a key scan of 11 beams saw points and normals (n, 4)."""
+    """How a key scan sees points and normals (n, 4)."""
     nothing = np.empty(0, SURFACE)
     fan = Fan(0.0, 0.0, angles, ranges)
     key = Key(0, np.zeros(3), nothing, nothing, nothing, (fan,), 0.01)
@@ -26,6 +26,13 @@ def test_what_the_other_saw_is_passed_hidden_out_of_view_or_hit():
     points = np.array([[2.0, 0.0], [4.2, 0.0], [3.8, 0.3], [2.0, 30.0], [4.0, 0.1]])
     posts = np.pad(points, ((0, 0), (0, 2)))
     assert seen_by(np.full(11, 4.0), posts) == [[2, 1, 1, 0, 3]]
+
+
+def test_the_beam_nearest_to_a_point_counts_however_beams_are_spread():
+    """As those of two lasers whose fields of view overlap, taken together."""
+    angles = np.concatenate([np.linspace(-0.5, -0.01, 30), np.linspace(0.05, 0.5, 10)])
+    points = [[6.0 * np.cos(angle), 6.0 * np.sin(angle), 0.0, 0.0] for angle in (-0.1, 0.1)]
+    assert seen_by(np.where(angles < 0.0, 4.0, 9.0), points, angles) == [[HIDDEN, PASSED]]
 
 
 def test_a_wall_that_beams_run_along_is_out_of_view():

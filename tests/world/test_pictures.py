@@ -196,3 +196,39 @@ def test_what_a_sheet_holds_beside_a_plan_is_no_wall(tmp_path):
     with pytest.warns(Lrf3dNote, match=r"coloured part.*frame part.*outside part"):
         world = sheet.read(tmp_path)
     assert world.segments - 150 * SIDE == pytest.approx(plain.segments, abs=1.1 * SIDE)
+
+
+@pytest.mark.parametrize("faces", [False, True])
+def test_a_door_with_thresholds_stands_open_where_its_leaf_and_arc_are_drawn(faces, tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=faces)
+    for x1, y1, x2, y2 in DOORS:
+        for y in (y1, y2):
+            sheet.draw.line(sheet.at((x1, y), (x2, y)), fill=0)
+    sheet.furnish()
+    with pytest.warns(Lrf3dNote, match="2 door symbols"):
+        world = sheet.read(tmp_path)
+    assert off(world) < 0.06 and find_route(world).notes == ()
+
+
+def test_the_space_between_a_solid_wall_and_an_axis_is_no_wall(tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    plain = sheet.read(tmp_path)
+    sheet.draw.line(sheet.at((4.6, -0.9), (4.6, 7.9)), fill=0)
+    assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
+
+
+def test_uneven_light_on_a_photograph_is_evened(tmp_path):
+    sheet = Sheet((240, 238, 230))
+    sheet.walls((110, 105, 100))
+
+    def photographed(image):
+        y, x = np.mgrid[0 : 1 : image.height * 1j, 0 : 1 : image.width * 1j]
+        noise = np.random.default_rng(0).normal(0.0, 3.0, (*x.shape, 1))
+        light = (1.0 - 0.4 * x - 0.2 * y)[..., None]
+        return Image.fromarray((np.asarray(image) * light + noise).clip(0, 255).astype(np.uint8))
+
+    with pytest.warns(Lrf3dNote, match="uneven light is evened"):
+        world = sheet.read(tmp_path, "photo.jpg", photographed)
+    assert off(world) < 0.06
