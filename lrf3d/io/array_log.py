@@ -21,7 +21,7 @@ from lrf3d.files import check_ordinary
 from lrf3d.geometry import Float
 from lrf3d.io.laser_log import Intake
 from lrf3d.io.run_file import DAMAGES, read_arrays
-from lrf3d.io.table import Table
+from lrf3d.io.table import Table, meaning, padded
 from lrf3d.pose import heading_of
 
 RECORDS = re.compile(
@@ -131,17 +131,14 @@ def records(intake: Intake) -> dict[str, Float]:
         raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
     if len(rows) == 1:
         return rows[0]
-    return {name: _stacked([row[name] for row in rows]) for name in rows[0]}
+    return {name: _stacked(name, [row[name] for row in rows], intake.notes) for name in rows[0]}
 
 
-def _stacked(parts: list[Float]) -> Float:
-    """Values of records, one below the other; what shorter ones lack is −inf."""
-    if max(part.ndim for part in parts) != 1:
-        return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
-    stacked = np.full((len(parts), max(map(len, parts))), -np.inf)
-    for row, part in zip(stacked, parts, strict=True):
-        row[: len(part)] = part
-    return stacked
+def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
+    """Values of records, one below the other."""
+    if {part.ndim for part in parts} == {1}:
+        return padded(parts, notes if meaning(name)[0] == "ranges" else [])
+    return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
 
 
 def _cells(names: list[str], line: str) -> dict[str, Any]:

@@ -296,3 +296,22 @@ def _driven(ahead: Float, left: Float, turns: Float) -> Float:
     cos, sin = np.cos(middle), np.sin(middle)
     x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
     return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
+
+
+def padded(rows: list[Float], notes: list[str], *, spread: bool = False) -> Float:
+    """Ranges (k, n) of scans that may have fewer, between the same bearings if they are spread.
+
+    What is missing is not measured, −inf.
+    """
+    beams = int(np.median([len(row) for row in rows])) if spread else max(map(len, rows))
+    ranges = np.full((len(rows), beams), -np.inf)
+    for row, values in zip(ranges, rows, strict=True):
+        places = np.arange(len(values))
+        if spread and len(values) > 1:
+            places = np.rint(places * (beams - 1) / (len(values) - 1)).astype(np.int64)
+        row[places] = values
+    if short := sum(len(values) < beams for values in rows):
+        notes.append(
+            f"{short} scans with fewer than {beams} ranges: what is missing is not measured"
+        )
+    return ranges

@@ -160,6 +160,11 @@ def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
     log = load_log(path)
     assert not log.placed and "20 scans with fewer than 181" in " ".join(log.notes)
     assert np.isneginf(log.scans[1].ranges[170:]).all()
+    records = [
+        json.dumps({"ranges": row[:n]}) for n, row in zip(counts, ranges.tolist(), strict=True)
+    ]
+    path.write_text("\n".join(records))
+    assert "20 scans with fewer than 181" in " ".join(load_log(path).notes)
 
 
 def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
