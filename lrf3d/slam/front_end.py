@@ -40,6 +40,10 @@ WATCHED, THROUGH = 12, 2
 """A point belongs to a dynamic obstacle if beams of at least the second number of the last key
 scans, of which the first number is kept, passed it."""
 
+SLIP_LIMIT = 3.0
+"""Standard deviations of a match from the prediction beyond which the places around are searched: a
+slip turns the robot, which walls show, and moves it aside, which they may not."""
+
 WEAK = 2500.0
 """Information [1/m²] below which scans leave a direction to the odometry: 0.02 m."""
 
@@ -99,6 +103,8 @@ class FrontEnd:
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._map = Submap([], np.empty((0, 3)))
         self._lost = False
+        # Whether the last scan fitted clearly better elsewhere than where the wheels put it.
+        self._contradicted = False
         # The motion since the last key scan, a sum of increments by the wheels and by matching, and
         # whether the walls in view fixed its turn and its distance ahead.
         self._raw, self._found = np.zeros(3), np.zeros(3)
@@ -167,14 +173,12 @@ class FrontEnd:
         match = self._map.match(scan, guess, prior)
         if match is None:
             return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
-        # Standard deviations of a match from the prediction beyond which the places around are
-        # searched: a slip turns the robot, which walls show, and moves it aside, which they may
-        # not.
-        slip_limit = 3.0
-        slipped = self._slip(match, expected) > slip_limit**2
+        slipped = self._slip(match, expected) > SLIP_LIMIT**2
         searched = len(scan.surface) >= LEAST_POINTS and not self._broken
-        if searched and (slipped or match.explained < expected.doubtful):
+        doubtful = slipped or self._contradicted or match.explained < expected.doubtful
+        if searched and doubtful:
             return self._searched(scan, match, expected)
+        self._contradicted = False
         return match, match.explained > TRACKED_SHARE
 
     def _slip(self, match: Match, expected: Prediction) -> float:
@@ -193,14 +197,24 @@ class FrontEnd:
         places = self._map.places(scan, guess, np.diag(expected.window**2))
         places.append(self._map.place(scan, match))
         odds = np.array([place.evidence for place in places])
-        # Log odds against a slip: one step in twenty is off by more than the wheels' noise.
-        rare = 3.0
+        worth = odds.copy()
+        # Log odds against a slip: one step in twenty is off by more than the wheels' noise, but
+        # wheels that spin go on, and few beams show it by several scans alone.
+        rare = 0.0 if self._contradicted else 3.0
         if expected.trusted:
             poses = np.array([place.match.pose for place in places])
             slips = between(guess, poses) / expected.window
-            noise = [self._slip(place.match, expected) for place in places]
+            noise = np.array([self._slip(place.match, expected) for place in places])
+            if self._contradicted:
+                coasting = self._coasting.predict()
+                noise = np.minimum(noise, [self._slip(each.match, coasting) for each in places])
             odds -= np.minimum(np.log1p(noise), rare + np.log1p((slips**2).sum(axis=1)))
-        best = places[int(np.argmax(odds))]
+        best, fits = places[int(odds.argmax())], places[int(worth.argmax())]
+        clearly = 1.0  # A difference of log odds.
+        # In a corridor of glass little is explained, and most where the robot has been.
+        slipped = self._slip(fits.match, expected) > SLIP_LIMIT**2
+        better = fits is best or fits.evidence > best.evidence + clearly
+        self._contradicted = slipped and better and fits.match.explained > CERTAIN_SHARE
         return best.match, best.evidence > 0.0
 
     def _at_any_heading(self, scan: Key, expected: Prediction) -> Match | None:
