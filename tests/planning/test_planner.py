@@ -231,6 +231,13 @@ def test_rooms_are_told_apart_by_their_open_doors():
     assert "1 of 2 rooms is not reached" in note
 
 
+def test_no_way_to_a_room_leads_round_outside():
+    # Two flats of a house with a wall between, each with a wide door to the outside.
+    doors = [[0, 0, 2.5, 0], [3.5, 0, 8.5, 0], [9.5, 0, 12, 0], [6, 0, 6, 9], [3, 0, 3, -0.9]]
+    (note,) = find_route(World(np.vstack([doors, box(0, 0, 12, 9)[1:]]))).notes
+    assert "no door leads there from inside" in note
+
+
 def test_rooms_are_counted_in_the_same_way_where_furniture_divides_them():
     # A counter divides the first of three rooms, the second has no door.
     walls = [*box(0, 0, 12, 6), [4, 0, 4, 6], [8, 0, 8, 6], [0, 3, 4, 3]]
