@@ -119,7 +119,7 @@ def map_scans(
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
-    run = run_of(log.name, scans, poses, maps)
+    run = run_of(log.name, [(scan,) for scan in scans], poses, maps)
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
@@ -245,9 +245,6 @@ def solve_log(
     lags = fitted_lag(np.diff(poses[:, 2]), path, places)
     both = None
     if known is not None:
-        if known.further:
-            words = f"{known!r}: of its {len(known.lasers)} lasers only the first is continued"
-            warnings.warn(words, Lrf3dWarning, stacklevel=2)
         both = joined(known, slam, map(slam.converter.surface, scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lags, poses)[recording.rows]

@@ -38,8 +38,8 @@ from lrf3d.world import World
 MOST_SCANS, MOST_CELLS = 3000, 80_000
 """Most scans that are cast, and cells that are searched: in a town both lie farther apart."""
 
-STRIDE, STEP = 2, 0.04
-"""Stride of the search in cells, and step of its headings [rad]."""
+STEP = 0.04
+"""Step of the headings of the search [rad]."""
 
 EVEN = 3.8
 """Evidence at which a place and no place are equally likely. At right places it is 5.4 ± 1.0 in
@@ -105,7 +105,7 @@ class KnownPlaces:
     def _free(self) -> Int:
         """Columns and rows (s, 2) of the free cells that are searched."""
         cells = self._field.cells == FREE
-        stride = int(np.ceil(max(STRIDE, np.sqrt(cells.sum() / MOST_CELLS))))
+        stride = int(np.ceil(max(2, np.sqrt(cells.sum() / MOST_CELLS))))
         rows, columns = np.nonzero(cells[::stride, ::stride])
         return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
 

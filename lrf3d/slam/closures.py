@@ -51,9 +51,6 @@ MATCHING_SHARE = 0.3
 """Factor on the information that matching gives an edge: the scan and the map come from the same
 drifting front end, and are slightly bent."""
 
-KNOWN = np.diag([1.5**2, 1.5**2, 1.0])
-"""Covariance of the search window of a closure given by the user [m²], [rad²]."""
-
 FLOOR = np.diag([0.01, 0.01, 1.0])
 """Least information of a closure in any direction: 10 m and 1 rad, the size of the window."""
 
@@ -277,7 +274,8 @@ class LoopCloser:
         """The closure of two key scans that the user knows to show the same place."""
         self._poses = poses
         guess = between(poses[old], poses[new]) * [0.0, 0.0, 1.0]
-        places = self._places(old, new, KNOWN, guess) if self._around(old, new) else ()
+        window = np.diag([1.5**2, 1.5**2, 1.0])  # Its covariance [m²], [rad²].
+        places = self._places(old, new, window, guess) if self._around(old, new) else ()
         if not places:
             return None
         best = max(places, key=lambda place: place.evidence)

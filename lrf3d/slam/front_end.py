@@ -43,9 +43,6 @@ scans, of which the first number is kept, passed it."""
 WEAK = 2500.0
 """Information [1/m²] below which scans leave a direction to the odometry: 0.02 m."""
 
-REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
-"""Information of a pose that is refined: 0.02 m and 0.01 rad."""
-
 
 @dataclass(frozen=True, slots=True)
 class Tracked:
@@ -283,6 +280,7 @@ def refined(
     place show its surroundings. The key scans are those around the last of the anchored scans (m,).
     """
     surrounding = 12  # Key scans with which a scan is matched, the nearest.
+    prior = np.diag([2500.0, 2500.0, 10000.0])  # Information of its pose: 0.02 m and 0.01 rad.
     refined_poses, grid, anchors = poses.copy(), None, set(anchored.tolist())
     for scan, (surface, pose) in enumerate(zip(surfaces, poses, strict=True)):
         if scan in anchors:
@@ -292,7 +290,7 @@ def refined(
         if grid is None:
             continue
         *_, heading = pose.tolist()
-        match = match_scan(surface, grid, pose, turned(REFINED_PRIOR, heading))
+        match = match_scan(surface, grid, pose, turned(prior, heading))
         if match.explained > FOUND_SHARE:
             refined_poses[scan] = match.pose
     return refined_poses

@@ -40,10 +40,6 @@ BEHIND, AT = 0.3, 0.05
 MOST_THROUGH = 0.04
 """Largest share of points that beams may pass through: doors open and people walk."""
 
-FARTHER_OFF, ENOUGH_SEEN = 2.0, 1000
-"""Factor on the rate of mixed pixels, as more beams meet edges from farther off, and number of
-points from which that rate counts fully."""
-
 Moment = tuple[LaserScan, ...]
 """The scans of all lasers at one moment."""
 
@@ -230,7 +226,8 @@ class MixedPixels:
     @property
     def rate(self) -> float:
         """The share; 0 at first."""
-        return self._through / max(self._seen, ENOUGH_SEEN)
+        enough = 1000  # Points from which the rate counts fully.
+        return self._through / max(self._seen, enough)
 
     def contradict(self, olds: Sequence[Key], new: Key, poses: Float) -> bool:
         """Whether beams pass more points than at a right place: see `seen_through_both`."""
@@ -240,4 +237,5 @@ class MixedPixels:
 
 def most_through(rate: float) -> float:
     """Largest share of points that beams may pass, by the rate of mixed pixels."""
-    return MOST_THROUGH + FARTHER_OFF * rate
+    farther_off = 2.0  # Factor on the rate: from farther off more beams meet edges.
+    return MOST_THROUGH + farther_off * rate

@@ -24,9 +24,6 @@ it: the window that is searched. A bump turns a robot by half a radian."""
 DOUBTFUL = 0.65
 """Least share of a scan that a match must explain; otherwise the places around it are searched."""
 
-COAST_WINDOW = np.array([0.5, 0.5, 0.6])
-"""Largest standard deviations [m], [rad] of the window that is searched without wheels."""
-
 FORGETTING = 0.98
 """Weight of the past in running means, at each scan."""
 
@@ -118,7 +115,8 @@ class Coasting:
         deviations = coast + coast_share * np.array([length, length, turn])
         variances = deviations**2 * self._excess.scale
         window = np.maximum(slip_window(self._step), np.sqrt(variances))
-        spread, window = np.diag(variances), np.minimum(window, COAST_WINDOW)
+        largest_window = [0.5, 0.5, 0.6]  # Standard deviations [m], [rad].
+        spread, window = np.diag(variances), np.minimum(window, largest_window)
         return Prediction(self._step, spread, spread, window, np.inf, trusted=False)
 
     def found(self, prediction: Prediction, step: Float) -> None:

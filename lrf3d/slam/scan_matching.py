@@ -32,10 +32,6 @@ PRIOR_SCALE = 4.0
 SIGMA = 0.06
 """Standard deviation of a point's distance to its wall [m]. The noise of a range is about 0.01 m,
 but points of one wall share the errors of its normal and of the map."""
-
-ITERATIONS = 20
-"""Most Gauss-Newton steps of a match; six are usual."""
-
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
 
@@ -54,11 +50,11 @@ class Match(NamedTuple):
 
 
 def match_scan(
-    surface: Records, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = ITERATIONS
+    surface: Records, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = 20
 ) -> Match:
     """Match a surface, in the frame of the robot, with a map, from a guess (3,) on.
 
-    The prior (3, 3) is the information of the guess.
+    The prior (3, 3) is the information of the guess. Six iterations are usual.
     """
     reach = 0.3  # Largest distance between a point and its wall [m]; at most a cell of the grid.
     return Match(*_matched(surface, grid, guess, prior, iterations, reach, SIGMA))

@@ -35,10 +35,6 @@ from lrf3d.slam.pose_graph import (
 from lrf3d.slam.revisits import Anchor, in_known_place
 from lrf3d.slam.scan_matching import SIGMA
 
-NEGLIGIBLE = np.array([0.02, 0.02, 0.005])
-"""Errors of new closures [m], [rad] below which the poses are not optimised, which saves a tenth of
-the time in an office."""
-
 REDRAWN_PER_SCAN = 2
 """Key scans that may be drawn again for each new scan, on average: this takes as long as tracking
 the robot. On a long drive the map lags behind the poses by some seconds."""
@@ -201,7 +197,9 @@ class Slam:
         if closures := closer.search(self.key_poses):
             edges = closure_edges(closures)
             self.edges = np.concatenate([self.edges, edges])
-            if (np.abs(edge_errors(self.key_poses, edges)) > NEGLIGIBLE).any():
+            # Errors [m], [rad] for which the poses stay: a tenth of the time in an office.
+            negligible = [0.02, 0.02, 0.005]
+            if (np.abs(edge_errors(self.key_poses, edges)) > negligible).any():
                 self.key_poses = optimised(self.key_poses, self.edges, 1)
 
     def _close_known(self) -> None:

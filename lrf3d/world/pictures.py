@@ -19,11 +19,11 @@ from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
+from lrf3d.world.annotations import is_frame
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
-from lrf3d.world.symbols import is_frame
 
 THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors

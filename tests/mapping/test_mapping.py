@@ -21,6 +21,8 @@ from lrf3d.geometry import lengths
 from lrf3d.laser.free_space import free_cells
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.extraction import SPAN, segment_cluster
+from lrf3d.mapping.robust.pieces import PIECE
+from lrf3d.mapping.robust.refitting import _misfit
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
@@ -199,3 +201,17 @@ def test_corners_do_not_tilt_walls_and_no_segment_is_left_of_what_others_took_th
     score = lrf3d.score_run(lrf3d.load_scenario("corridor").run(rng=0, snapshots=1))
     # The noise of a range is 1 to 4 mm here, and each wall has hundreds of them.
     assert score.perpendicular_rms < 0.0008 and score.length_precision == 1.0
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3, -1.2])
+def test_pieces_misfit_by_what_they_lie_off_their_best_line_wherever_and_however_it_runs(tilt):
+    rng = np.random.default_rng(3)
+    x, weights = rng.uniform(4.0, 9.0, 40), rng.uniform(0.5, 2.0, 40)
+    y = 2.0 + tilt * x + rng.normal(0.0, 0.1, 40)
+    sums = np.zeros(2, PIECE)
+    names = "weight", "along", "aside", "along_along", "along_aside", "aside_aside"
+    for name, values in zip(names, (1.0, x, y, x * x, x * y, y * y), strict=True):
+        # What came before the first of them changes nothing.
+        sums[name] = [3.0, 3.0 + (weights * values).sum()]
+    due = weights @ (y - np.polyval(np.polyfit(x, y, 1, w=np.sqrt(weights)), x)) ** 2
+    assert _misfit.py_func(*sums) == pytest.approx(due, rel=1e-6)

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
+from lrf3d.scene.camera import Track
 from lrf3d.scene.cameras import (
     CLOSING,
     HELD,
@@ -77,6 +78,35 @@ def test_the_shots_of_a_story_are_of_some_seconds_and_show_all_that_there_is():
     assert list(dict.fromkeys(shots)) == ["wave", "chase", "rise", "close", "high", "end"]
     lengths = 0.1 * np.diff(changes)
     assert (lengths > 3.9).all() and (lengths < 6.5).all()
+
+
+def test_a_story_rises_from_the_dark_in_time_and_ends_only_after_the_run():
+    timeline, structures = filmed(city_run(seconds=80.0), 4.0)
+    story = Story(timeline, structures)
+    first = 4.0 * float(story._cuts[1])
+    low, *high = (story.look(share * first, 1.5).away for share in (0.3, 0.6, 0.9))
+    assert low < 0.9 * high[0] and high[0] == pytest.approx(high[1])
+    assert story.look(timeline.end, 1.5).shot != "end"
+    assert story.look(timeline.end + 1e-9, 1.5).shot == "end"
+    assert story.look(timeline.end + 4.0 * CLOSING + 1.0, 1.5).glass == 1.0
+
+
+def test_between_two_looks_the_eye_goes_from_one_to_the_other_by_the_short_way_round():
+    timeline, structures = filmed(room_run())
+    times, shares = np.arange(3.0), np.array([0.0, 0.5, 1.0])
+    even = np.full(3, 1.0)
+    near = Track(times, np.zeros((3, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even)
+    turns = 0.1 + np.array([0.0, 2.75, 5.5])
+    far = Track(times, np.ones((3, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
+    found = Story(timeline, structures)._between(near, far, shares)
+    for column, one, other in zip(found[1:], near[1:], far[1:], strict=True):
+        assert column[0] == pytest.approx(one[0]) and column[2] == pytest.approx(other[2])
+    # The distance grows evenly in factors; half-way the eye has gone less than half a turn.
+    assert found.aways[1] == pytest.approx(6.0) and found.turns[1] == pytest.approx(
+        0.1 + 0.5 * 2.75
+    )
+    look = found.look(0.5, shot="chase")
+    assert look.pose[2, 0] == pytest.approx(0.0, abs=1e-12) and look.shot == "chase"
 
 
 def test_among_houses_the_eye_is_low_and_no_wall_hides_the_robot_from_it():
@@ -151,6 +181,27 @@ def test_in_a_fast_film_the_robot_stands_where_it_is_and_in_every_picture_from_n
             if camera is Story and time < timeline.start - 30.0:
                 # In the dark it stands in the middle, not where the smoothed path begins.
                 assert seen(look, here[None], 16 / 9)[0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("tall", "turned"), [(40.0, True), (11.0, False)])
+def test_a_world_much_longer_than_wide_is_turned_to_fit_the_picture(tall, turned):
+    run = run_of(
+        World(np.array(box(0, 0, 10, tall))), [0.0, 1.0], [(5.0, 3.0, 0.0), (5.0, 4.0, 0.0)]
+    )
+    camera = top(*filmed(run))
+    assert camera.look(0.0, 9 / 16).up == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    up = (1.0, 0.0, 0.0) if turned else (0.0, 1.0, 0.0)
+    assert camera.look(0.0, 16 / 9).up == pytest.approx(up, abs=1e-9)
+
+
+def test_the_plan_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
+    scene = Scene(Timeline(room_run()))
+    window = scene.plan_window()
+    assert window.middle + scene.origin == pytest.approx([4.0, 3.0])
+    wide, tall = 1.04 * 8.0 + 2.0 * 8.0 / 40.0, 1.04 * 6.0 + 2.0 * 6.0 / 40.0
+    assert (window.width, window.aspect) == pytest.approx((wide, tall / wide))
+    bars = {5.9: 1.0, 6.1: 2.0, 14.9: 2.0, 15.1: 5.0, 31.0: 10.0, 2.9: 0.5}
+    assert [window._replace(width=each).bar for each in bars] == pytest.approx([*bars.values()])
 
 
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():

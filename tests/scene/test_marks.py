@@ -11,6 +11,7 @@ from test_render import city_run, room_run
 import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
+from lrf3d.scene.cameras import First, chase, top
 from lrf3d.scene.look import MATERIAL_COLOURS, object_colours
 from lrf3d.scene.marks import (
     CORNERS,
@@ -22,6 +23,7 @@ from lrf3d.scene.marks import (
     draw_beams,
     estimate_words,
 )  # fmt: skip
+from lrf3d.scene.moments import Scene
 from lrf3d.scene.stage.structures import Structures, folded, turning_walls
 from lrf3d.scene.timeline import Timeline
 
@@ -169,3 +171,29 @@ def test_an_estimate_without_covariances_has_no_ellipses():
     assert estimate_words(run, 4)[1] == ("estimate", "0.50 m off")
     drawn = DrawnEstimate.from_timeline(Timeline(run))
     assert not len(drawn.rings(1.0).starts) and drawn.outlines().shape == (0, CORNERS, 2)
+
+
+def test_the_last_scans_stay_as_points_that_fade_and_are_few_in_a_fast_film():
+    run = city_run(seconds=10.0)
+    for playback, chosen in ((1.0, range(28, 40, 2)), (4.0, range(0, 40, 6))):
+        scene = Scene(Timeline(run, playback=playback))
+        moment = scene.timeline.moment(8.05)
+        look = First(scene.timeline, scene.structures).look(8.05, 1.5)
+        recent = dict(scene.seen(moment, look, (64, 36)).marks)["recent"]
+        assert len(recent.places) == np.isfinite(run.ranges[[*chosen]]).sum() > 100
+        first, last = recent.colours[[0, -1], 3]
+        assert 0.0 < first < last < 0.8
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (320, 240)])
+def test_a_robot_too_small_to_be_seen_has_an_arrow_as_large_as_it_must_be(size):
+    scene = Scene(Timeline(city_run(seconds=10.0)))
+    look = top(scene.timeline, scene.structures).look(2.0, size[0] / size[1])
+    seen = scene.seen(scene.timeline.moment(2.0), look, size)
+    arrow = dict(seen.marks)["marker"]
+    corners = np.insert(arrow.corners.reshape(-1, 3), 3, 1.0, axis=1) @ seen.lens.matrix.T
+    wide, _ = np.ptp(corners[:, :2] / corners[:, 3:] * 0.5 * np.array(size), axis=0)
+    # Ten pixels of 720 lines times the length of the dart with its rim.
+    assert arrow.on_top and wide == pytest.approx(10.0 * min(size) / 720.0 * 1.4 * 1.9, rel=0.01)
+    near = chase(scene.timeline, scene.structures).look(2.0, size[0] / size[1])
+    assert "marker" not in dict(scene.seen(scene.timeline.moment(2.0), near, size).marks)

@@ -311,6 +311,8 @@ def test_dashed_lines_are_left_out_but_for_walls(tmp_path):
         assert dxf(tmp_path, draw).segments[:, 1].tolist() == [0, 2]
     pen = 'stroke="#000" stroke-width=".01"'
     body = f'<g {pen} stroke-dasharray="0.2 0.1"><path d="M1 1h8"/></g><path {pen} d="M1 2h8"/>'
+    # Where a line ends in an arrowhead somebody goes, or something is meant.
+    body += f'<path {pen} marker-end="url(#tip)" d="M1 3h8"/>'
     assert svg(tmp_path, body).segments[:, 1] == pytest.approx([0.8])
 
 
