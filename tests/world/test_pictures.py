@@ -246,3 +246,15 @@ def test_a_photograph_without_a_plan_is_refused_and_lettering_is_doubted(tmp_pat
     Image.fromarray(dots).save(tmp_path / "dots.png")
     with pytest.warns(Lrf3dNote, match=r"is it a plan\?.*--threshold.*lrf3d world show"):
         load_world(tmp_path / "dots.png", resolution=SIDE)
+
+
+def test_a_square_shaft_with_a_label_in_its_corner_is_no_door(tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=True)
+    sheet.box(3.8, 0.3, 5.0, 1.5, outline=(0, 0, 0), width=2)
+    plain = sheet.read(tmp_path)
+    sheet.draw.line(sheet.at((4.7, 0.6), (4.7, 0.9), (4.85, 0.6), (4.85, 0.9)), fill=0)
+    with pytest.warns(Lrf3dNote) as notes:
+        labelled = sheet.read(tmp_path)
+    assert not any("door symbol" in str(note.message) for note in notes)
+    assert labelled.bounds == pytest.approx(plain.bounds)
