@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.slam import checks
 from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 
 
@@ -42,3 +43,12 @@ def test_poses_that_do_not_fit_the_scans_are_named(changed, reason, scans):
     moved = [replace(each, pose=changed(each.pose, k)) for k, each in enumerate(scans)]
     doubt = doubtful_poses(moved)
     assert reason in (doubt or "") and bool(doubt) == bool(reason)
+
+
+@pytest.mark.parametrize(("declared", "named"), [(0.015, False), (0.025, False), (0.029, True)])
+def test_a_mount_is_named_only_where_it_fits_clearly_better(declared, named, scans, monkeypatch):
+    def apart(one, other, turn, sense):
+        return {(0, 1): declared, (90, 1): 0.005}.get((turn, sense), 1.0)
+
+    monkeypatch.setattr(checks, "_distance", apart)
+    assert ("turned by 90" in (doubtful_mount(scans) or "")) == named

@@ -4,6 +4,7 @@ import pytest
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose, between
+from lrf3d.slam import key_scans
 from lrf3d.slam.front_end import FrontEnd
 from lrf3d.slam.key_scans import HIDDEN, PASSED, Fan, Key, ScanConverter, evidence, views_of
 from lrf3d.slam.motion import Prediction
@@ -104,3 +105,13 @@ def test_a_wall_is_flat_up_to_its_end_where_another_stands_behind_it():
     wall = surface[np.abs(surface["x"] - 3.0) < 1e-6]
     assert wall["y"].max() > -0.05
     assert np.abs(wall["nx"]) == pytest.approx(1.0)
+
+
+def test_mixed_pixels_are_counted_over_all_key_scans_and_double_what_beams_may_pass(monkeypatch):
+    mixed, key = key_scans.MixedPixels(), Key(0, np.zeros(3), *[np.empty(0, SURFACE)] * 3, (), 0.01)
+    passed = iter([(30, 400), (90, 800), (239, 1000), (241, 1000)])
+    monkeypatch.setattr(key_scans, "seen_through_both", lambda *_: next(passed))
+    for olds, rate in (([], 0.0), ([key], 0.03), ([key], 0.1)):
+        mixed.learn(olds, key)
+        assert mixed.rate == pytest.approx(rate)
+    assert [mixed.contradict([key], key, np.zeros((1, 3))) for _ in "ab"] == [False, True]

@@ -5,6 +5,7 @@ from scipy.optimize import minimize
 from lrf3d.pose import between
 from lrf3d.slam.pose_graph import (
     ROBUST_SCALE,
+    GraphPaths,
     edge_squares,
     edges_of,
     optimised,
@@ -68,6 +69,23 @@ def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):
     assert covariance[1, 1] == pytest.approx(3 / 300 + (2**2 + 1**2) / 900)
     half = pose_covariances(true, edges, np.array([3]), 0.25)[0]
     assert half == pytest.approx(covariance / 2.5)
+
+
+def test_along_a_chain_paths_have_its_lengths_and_the_graph_s_own_covariances(rng):
+    true, paths = ring(7), GraphPaths()
+    edges = measured(true, [(k, k + 1) for k in range(6)], rng)
+    covariance = np.linalg.inv(INFORMATION)
+    for k in range(6):
+        paths.link(k, k + 1, 1.0 + k, covariance)
+        # The graph is asked before it has grown, and a longer link beside a known one is none.
+        assert paths.lengths(k + 1, 100.0)[0] == pytest.approx(sum(range(1, k + 2)))
+        paths.link(k, k + 1, 50.0, 9.0 * covariance)
+    assert paths.lengths(0, 6.5).tolist() == [0.0, 1.0, 3.0, 6.0, np.inf, np.inf, np.inf]
+    lengths, spreads = paths.spreads(6, true)
+    assert lengths.tolist() == [21.0, 20.0, 18.0, 15.0, 11.0, 6.0, 0.0] and not spreads[6].any()
+    assert spreads[0] == pytest.approx(pose_covariances(true, edges, np.array([6]))[0])
+    paths.link(0, 6, 2.0, 0.5 * covariance)
+    assert paths.lengths(6, 100.0)[0] == 2.0
 
 
 def test_one_false_closure_among_true_ones_is_outvoted(rng):
