@@ -115,3 +115,15 @@ def test_mixed_pixels_are_counted_over_all_key_scans_and_double_what_beams_may_p
         mixed.learn(olds, key)
         assert mixed.rate == pytest.approx(rate)
     assert [mixed.contradict([key], key, np.zeros((1, 3))) for _ in "ab"] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("x", "turn", "tolerance", "same"),
+    [
+        (0.29, 0.09, 1.0, True), (0.31, 0.0, 1.0, False), (0.0, 0.11, 1.0, False),
+        (0.55, 0.19, 2.0, True), (0.2, 0.0, 0.5, False), (0.0, 2.0 * np.pi - 0.05, 1.0, True),
+    ],
+)  # fmt: skip
+def test_a_place_is_the_same_if_it_is_near_and_looks_the_same_way(x, turn, tolerance, same):
+    first = np.array([5.0, 3.0, 1.0])
+    assert key_scans.same_place(first, first + [0.8 * x, -0.6 * x, turn], tolerance) == same
