@@ -6,7 +6,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose, between
 from lrf3d.slam import key_scans
 from lrf3d.slam.front_end import FrontEnd
-from lrf3d.slam.key_scans import HIDDEN, PASSED, Fan, Key, ScanConverter, evidence, views_of
+from lrf3d.slam.key_scans import HIDDEN, HIT, PASSED, Fan, Key, ScanConverter, evidence, views_of
 from lrf3d.slam.motion import Prediction
 from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
@@ -126,4 +126,15 @@ def test_mixed_pixels_are_counted_over_all_key_scans_and_double_what_beams_may_p
 )  # fmt: skip
 def test_a_place_is_the_same_if_it_is_near_and_looks_the_same_way(x, turn, tolerance, same):
     first = np.array([5.0, 3.0, 1.0])
-    assert key_scans.same_place(first, first + [0.8 * x, -0.6 * x, turn], tolerance) == same
+    assert (
+        key_scans.same_place(first, first + np.array([0.8 * x, -0.6 * x, turn]), tolerance) == same
+    )
+
+
+def test_what_is_new_counts_a_tenth_of_what_beams_passed(monkeypatch):
+    views = np.array([[HIT] * 4 + [PASSED] * 3 + [HIDDEN] * 3])
+    monkeypatch.setattr(key_scans, "views_of", lambda *_: views)
+    found = evidence(np.zeros(10, SURFACE), 0.5, np.zeros((1, 3)), [])
+    against = 0.3 + 0.1 * 0.3, 0.3 + 0.1 * 0.2
+    due = np.log(0.45 / (against[0] + 0.05)) + np.log(0.55 / (against[1] + 0.05))
+    assert found == pytest.approx(due)

@@ -10,6 +10,7 @@ from lrf3d.slam.pose_graph import (
     edges_of,
     optimised,
     pose_covariances,
+    variance_factor,
 )
 
 INFORMATION = np.diag([400.0, 300.0, 900.0])
@@ -97,3 +98,11 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
     found = optimised(true, np.concatenate([driven, closed, false]), 30)
     # It is off by 10 m; half of its weight would move the poses by metres.
     assert np.abs(between(true, found)[:, :2]).max() < 0.1
+
+
+def test_ten_closures_say_as_much_of_the_errors_of_matching_as_its_points(rng):
+    true = ring(12)
+    closed = measured(true, [(k, k + 2) for k in range(10)], rng, robust=True)
+    alone = variance_factor(true, closed[:0], 0.5)
+    assert variance_factor(true, closed, 0.5) == pytest.approx(0.5 * alone)
+    assert variance_factor(true, closed[:0], 1.0) == pytest.approx(4.0 * alone)
