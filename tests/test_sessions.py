@@ -118,16 +118,17 @@ def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_pat
         lrf3d.LaserRangeFinder(-2.2, 2.2, 131, range_max=20.0, mount=mount, name=name)
         for name, mount in (("front", (0.2, 0.15, 0.5)), ("rear", (-0.2, -0.15, 0.5 - np.pi)))
     ]
-    first, true, logs = None, np.empty((0, 3)), []
+    true, logs, on, out = np.empty((0, 3)), [], [], tmp_path / "out"
     for number, route in enumerate((ROUTE, BACK[1:6])):
         path = lrf3d.follow_route(np.array(route, dtype=float), speed=0.8, dt=0.25)
-        noise = lrf3d.ProportionalNoise(0.02)
+        noise, bag = lrf3d.ProportionalNoise(0.02), tmp_path / f"{number}.mcap"
         run = lrf3d.simulate(ROOMS, path, lasers, noise=noise, rng=number, mapper=NoMap())
-        lrf3d.export_run(run, "mcap", tmp_path / "drive.mcap")
-        logs.append(lrf3d.load_log(tmp_path / "drive.mcap"))
-        solved, true = solve_log(tmp_path / "drive.mcap", on=first), np.vstack([true, path.poses])
-        assert not solved.warnings
-        first = solved.run
+        lrf3d.export_run(run, "mcap", bag)
+        logs, true = [*logs, lrf3d.load_log(bag)], np.vstack([true, path.poses])
+        done = program("slam", bag, *on, "--out", out)
+        assert done.returncode == 0 and "warning" not in done.stderr
+        assert len(np.loadtxt(out / "trajectory.tum")) == len(run)
+        first, on, out = lrf3d.load_run(out), ["--on", out], tmp_path / "both"
         mounts = [np.array([lrf.mount for lrf in each]) for each in (first.lasers, lasers)]
         assert np.allclose(*mounts)
     # Each return of each laser is kept, where it was measured.
