@@ -94,7 +94,8 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
         via = ways[own.flat[np.argmax(left)]] if within.any() else SHUT
         if via == REACHED:
             far.append(named)
-        elif via == SHUT:
+        elif via == SHUT or ground.gaps.flat[via] >= space.radius + MARGIN:
+            # Where all doors are wide enough, something stands between two of them.
             shut.append(named)
         else:
             width, middle = _door(ground, ground.places.reshape(-1, 2)[via])
@@ -115,7 +116,7 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
         behind = _count(len(missed) - len(far) - len(shut), len(numbers))
         notes.append(f"{what} of {narrow} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
     if shut:
-        why = "no door leads there from inside, or one that is drawn shut"
+        why = "no door leads there from inside, or it is drawn shut, or blocked"
         drawn = "`lrf3d world show` draws what was read"
         notes.append(
             f"{_count(len(shut), len(numbers))} not reached, {_largest(shut, 1)}: {why}; {drawn}"
