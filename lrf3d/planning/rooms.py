@@ -78,7 +78,11 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
     missed = np.setdiff1d(numbers, rooms[bare.cells_at(points[entered]) & bare.wide])
     if not len(missed):
         return []
-    own = np.where(ground.on_side("inside", None), ground.rooms, 0)
+    # In corners of the outside there are cells of the inside, but no way goes round outside.
+    outside = np.bincount(ground.rooms.ravel(), ground.swept.ravel()) > 0.5 * np.bincount(
+        ground.rooms.ravel()
+    )
+    own = np.where(ground.on_side("inside", None) & ~outside[ground.rooms], ground.rooms, 0)
     ways = _widest_ways(ground, own, space.allowed)
     doors, far, shut = list[tuple[float, Float]](), [], []
     for room in missed.tolist():
@@ -90,7 +94,8 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
         via = ways[own.flat[np.argmax(left)]] if within.any() else SHUT
         if via == REACHED:
             far.append(named)
-        elif via == SHUT:
+        elif via == SHUT or ground.gaps.flat[via] >= space.radius + MARGIN:
+            # Where all doors are wide enough, something stands between two of them.
             shut.append(named)
         else:
             width, middle = _door(ground, ground.places.reshape(-1, 2)[via])
@@ -111,7 +116,7 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
         behind = _count(len(missed) - len(far) - len(shut), len(numbers))
         notes.append(f"{what} of {narrow} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
     if shut:
-        why = "no door leads there, or one that is drawn shut"
+        why = "no door leads there from inside, or it is drawn shut, or blocked"
         drawn = "`lrf3d world show` draws what was read"
         notes.append(
             f"{_count(len(shut), len(numbers))} not reached, {_largest(shut, 1)}: {why}; {drawn}"

@@ -29,6 +29,10 @@ THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
 and outlines of furniture are drawn thinner."""
 
+SHORT = 12
+"""Length [pixels] below which most pieces of walls are in photographs, lettering and patterns; in
+plans they are half of the length at most."""
+
 MOST_PIXELS = 12_500_000
 """Number of pixels above which a picture is made smaller."""
 
@@ -82,12 +86,23 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    ragged = ""
+    long = lengths(segments)
+    if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
+        ragged = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        if even is not None and threshold is None:
+            remedy = "cut the picture to the plan, or choose --threshold"
+            raise WorldError(
+                f"a photograph in which no plan is found, as half of the length of what is {darker}"
+                f" is in pieces of under {SHORT} pixels; {remedy} and look at it by `lrf3d world"
+                " show`"
+            )
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
         rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
-        said=f"walls are {darker}{how}{coarse}",
+        said=f"{ragged}walls are {darker}{how}{coarse}",
         gap=0.5 * resolution,
     )
 
@@ -187,7 +202,8 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         own = parts[boxes[place]] == place + 1
         y, x = ((np.arange(side) + 0.5) / side for side in own.shape)
         quarters = [np.hypot(*np.meshgrid(b, a)) < 1.0 for a in (y, 1 - y) for b in (x, 1 - x)]
-        if max((own & quarter).sum() / (own | quarter).sum() for quarter in quarters) > 0.8:
+        # A label may lie in it; beyond the arc, a square shaft goes on.
+        if any(own[each].mean() > 0.75 and own[~each].mean() < 0.3 for each in quarters):
             left_out["door symbol"] += 1
             away = LEAST + 4
             window = tuple(slice(max(s.start - away, 0), s.stop + away) for s in boxes[place])

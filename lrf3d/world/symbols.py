@@ -146,8 +146,13 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
         high = hinge + (posts[1].min(initial=width) - 0.01) * axis
         boxes.append(shapely.Polygon([low - across, high - across, high + across, low + across]))
     shut = np.array(boxes, dtype=object)
-    cut = np.unique(shapely.STRtree(lines).query(shut, predicate="intersects")[1])
-    lines[cut] = shapely.difference(lines[cut], shapely.union_all(shut))
+    box, line = shapely.STRtree(lines).query(shut, predicate="intersects")
+    cut = np.unique(line)
+    while len(line):
+        # All boxes at once would be slow: one after the other for each line.
+        own, first = np.unique(line, return_index=True)
+        lines[own] = shapely.difference(lines[own], shut[box[first]])
+        box, line = np.delete(box, first), np.delete(line, first)
     parts, number = shapely.get_parts(lines, return_index=True)
     points, part = shapely.get_coordinates(parts, return_index=True)
     return points.reshape(-1, 4), number[part[::2]], len(cut)

@@ -93,19 +93,19 @@ def test_a_story_rises_from_the_dark_in_time_and_ends_only_after_the_run():
 
 def test_between_two_looks_the_eye_goes_from_one_to_the_other_by_the_short_way_round():
     timeline, structures = filmed(room_run())
-    times, shares = np.arange(3.0), np.array([0.0, 0.5, 1.0])
-    even = np.full(3, 1.0)
-    near = Track(times, np.zeros((3, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even)
-    turns = 0.1 + np.array([0.0, 2.75, 5.5])
-    far = Track(times, np.ones((3, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
+    times, shares = np.arange(5.0), np.linspace(0.0, 1.0, 5)
+    even = np.ones(5)
+    near = Track(times, np.zeros((5, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even)
+    turns = 0.1 + 5.5 * shares
+    far = Track(times, np.ones((5, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
     found = Story(timeline, structures)._between(near, far, shares)
     for column, one, other in zip(found[1:], near[1:], far[1:], strict=True):
-        assert column[0] == pytest.approx(one[0]) and column[2] == pytest.approx(other[2])
+        assert column[0] == pytest.approx(one[0]) and column[4] == pytest.approx(other[4])
     # The distance grows evenly in factors; half-way the eye has gone less than half a turn.
-    assert found.aways[1] == pytest.approx(6.0) and found.turns[1] == pytest.approx(
+    assert found.aways[2] == pytest.approx(6.0) and found.turns[2] == pytest.approx(
         0.1 + 0.5 * 2.75
     )
-    look = found.look(0.5, shot="chase")
+    look = found.look(1.5, shot="chase")
     assert look.pose[2, 0] == pytest.approx(0.0, abs=1e-12) and look.shot == "chase"
 
 

@@ -4,8 +4,9 @@ import pytest
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose, between
+from lrf3d.slam import key_scans
 from lrf3d.slam.front_end import FrontEnd
-from lrf3d.slam.key_scans import HIDDEN, PASSED, Fan, Key, ScanConverter, evidence, views_of
+from lrf3d.slam.key_scans import HIDDEN, HIT, PASSED, Fan, Key, ScanConverter, evidence, views_of
 from lrf3d.slam.motion import Prediction
 from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
@@ -104,3 +105,36 @@ def test_a_wall_is_flat_up_to_its_end_where_another_stands_behind_it():
     wall = surface[np.abs(surface["x"] - 3.0) < 1e-6]
     assert wall["y"].max() > -0.05
     assert np.abs(wall["nx"]) == pytest.approx(1.0)
+
+
+def test_mixed_pixels_are_counted_over_all_key_scans_and_double_what_beams_may_pass(monkeypatch):
+    mixed, key = key_scans.MixedPixels(), Key(0, np.zeros(3), *[np.empty(0, SURFACE)] * 3, (), 0.01)
+    passed = iter([(30, 400), (90, 800), (239, 1000), (241, 1000)])
+    monkeypatch.setattr(key_scans, "seen_through_both", lambda *_: next(passed))
+    for olds, rate in (([], 0.0), ([key], 0.03), ([key], 0.1)):
+        mixed.learn(olds, key)
+        assert mixed.rate == pytest.approx(rate)
+    assert [mixed.contradict([key], key, np.zeros((1, 3))) for _ in "ab"] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("x", "turn", "tolerance", "same"),
+    [
+        (0.29, 0.09, 1.0, True), (0.31, 0.0, 1.0, False), (0.0, 0.11, 1.0, False),
+        (0.55, 0.19, 2.0, True), (0.2, 0.0, 0.5, False), (0.0, 2.0 * np.pi - 0.05, 1.0, True),
+    ],
+)  # fmt: skip
+def test_a_place_is_the_same_if_it_is_near_and_looks_the_same_way(x, turn, tolerance, same):
+    first = np.array([5.0, 3.0, 1.0])
+    assert (
+        key_scans.same_place(first, first + np.array([0.8 * x, -0.6 * x, turn]), tolerance) == same
+    )
+
+
+def test_what_is_new_counts_a_tenth_of_what_beams_passed(monkeypatch):
+    views = np.array([[HIT] * 4 + [PASSED] * 3 + [HIDDEN] * 3])
+    monkeypatch.setattr(key_scans, "views_of", lambda *_: views)
+    found = evidence(np.zeros(10, SURFACE), 0.5, np.zeros((1, 3)), [])
+    against = 0.3 + 0.1 * 0.3, 0.3 + 0.1 * 0.2
+    due = np.log(0.45 / (against[0] + 0.05)) + np.log(0.55 / (against[1] + 0.05))
+    assert found == pytest.approx(due)

@@ -65,6 +65,9 @@ def test_a_scanned_page_is_read_as_a_picture(tmp_path):
     assert world.bounds / INCH == pytest.approx(black, abs=0.02)
     world = load_world(tmp_path / "a.pdf", scale=100.0, threshold=200)
     assert world.bounds / INCH == pytest.approx(np.array([[0, 0], [1, 1]]), abs=0.02)
+    picture = "q 144 0 0 72 0 0 cm BI /W 2 /H 2 /BPC 8 /CS /G /F /AHx ID 00FFFFFF> EI Q"
+    bordered = pdf(tmp_path, f"1 g 0 0 144 72 re f {picture} 1 w 2 2 140 68 re S")
+    assert bordered.bounds / INCH == pytest.approx(black * [2, 1], abs=0.02)
     with pytest.raises(WorldError, match="has no page 2; --page is 1 to 1"):
         load_world(tmp_path / "a.pdf", page=2)
     pdf(tmp_path, "0 0 m 72 36 l S")

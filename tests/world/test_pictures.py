@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from PIL import Image, ImageDraw, ImageOps
+from scipy.ndimage import gaussian_filter
 
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.planning.planner import find_route
@@ -232,3 +233,28 @@ def test_uneven_light_on_a_photograph_is_evened(tmp_path):
     with pytest.warns(Lrf3dNote, match="uneven light is evened"):
         world = sheet.read(tmp_path, "photo.jpg", photographed)
     assert off(world) < 0.06
+
+
+def test_a_photograph_without_a_plan_is_refused_and_lettering_is_doubted(tmp_path):
+    rng = np.random.default_rng(1)
+    clouds = gaussian_filter(rng.normal(0.0, 1.0, (300, 400)), 4.0)
+    photo = Image.fromarray(np.uint8(np.clip(127.0 + 700.0 * clouds, 0, 255)))
+    photo.save(tmp_path / "clouds.jpg")
+    with pytest.raises(WorldError, match=r"in which no plan.*--threshold.*lrf3d world show"):
+        load_world(tmp_path / "clouds.jpg", resolution=SIDE)
+    dots = np.repeat(np.repeat(rng.random((40, 60)) < 0.5, 6, axis=0), 6, axis=1)
+    Image.fromarray(dots).save(tmp_path / "dots.png")
+    with pytest.warns(Lrf3dNote, match=r"is it a plan\?.*--threshold.*lrf3d world show"):
+        load_world(tmp_path / "dots.png", resolution=SIDE)
+
+
+def test_a_square_shaft_with_a_label_in_its_corner_is_no_door(tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=True)
+    sheet.box(3.8, 0.3, 5.0, 1.5, outline=(0, 0, 0), width=2)
+    plain = sheet.read(tmp_path)
+    sheet.draw.line(sheet.at((4.7, 0.6), (4.7, 0.9), (4.85, 0.6), (4.85, 0.9)), fill=0)
+    with pytest.warns(Lrf3dNote) as notes:
+        labelled = sheet.read(tmp_path)
+    assert not any("door symbol" in str(note.message) for note in notes)
+    assert labelled.bounds == pytest.approx(plain.bounds)

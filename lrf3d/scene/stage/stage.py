@@ -28,8 +28,8 @@ STREET, PAVEMENT = 8.0, 1.7
 """How far a street reaches past the houses of a town, and the width of the pavement round them [m].
 """
 
-_FLOOR, _JOINT_WIDTH = np.array([1.0, 0.96, 0.90]), 0.015
-"""Colour of floors, and the width of joints between their tiles, which are a metre wide [m]."""
+_FLOOR = np.array([1.0, 0.96, 0.90])
+"""Colour of floors, whose tiles are a metre wide, with joints of a pixel."""
 
 
 class Stage(NamedTuple):
@@ -202,7 +202,7 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
         tiles = canvas.mask(_floor(structures))
         cover.paste(tile, mask=tiles)
         (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
-        half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
+        half = 0.5 * canvas.pixel
         x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
         across = shapely.box(left, y - half, right, y + half)
         joints = canvas.mask([*shapely.box(x - half, low, x + half, high), *across])

@@ -24,6 +24,7 @@ from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
 from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.glass.surfaces import (
     COUNTS,
     FLASH,
@@ -138,10 +139,7 @@ class LitScans:
         along, units = directions(walls), np.column_stack([rays["ux"], rays["uy"]])[lit, None]
         off = units * rays["range"][lit, None, None] - walls[:, :2]
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
-        # [cosine] Least incidence: the direction of a wall is not known well enough for smaller
-        # ones.
-        weakest_cosine = 0.1
-        on = (np.abs(cross(along, off)) < CELL) & (cosines > weakest_cosine)
+        on = (np.abs(cross(along, off)) < CELL) & (cosines > LEAST_INCIDENCE)
         on &= (station > -CELL) & (station < lengths(walls) + CELL)
         there, wall = on.any(axis=1), on.argmax(axis=1)
         lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
