@@ -1,7 +1,8 @@
 """How many robots can learn at once, and what does simulating them cost?
 
 Robots drive through a world as environments of Gymnasium do, with actions drawn at random; each
-step moves all of them, checks for collisions, casts all beams and makes what they see.
+step moves all of them, checks for collisions, casts all beams and measures with the noise of the
+world.
 """
 
 import time
@@ -33,7 +34,7 @@ def bench(
     these are installed.
     """
     scenario = load_scenario(world, [f"laser.beams={beams}"] if beams else [])
-    envs = DriveVectorEnv(robots, scenario, sigma=0.0)
+    envs = DriveVectorEnv(robots, scenario)
     envs.reset(seed=seed)
     rng = np.random.default_rng(seed)
     spent, worked = list[float](), list[float]()

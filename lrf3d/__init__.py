@@ -31,7 +31,7 @@ def _figure(value: "Any") -> bytes:
 
 
 def _frame(run: "Run", *args: "Any", **options: "Any") -> "Any":
-    from lrf3d.render.video import frame
+    from lrf3d.render.film import frame
 
     return frame(run, *args, **options)
 

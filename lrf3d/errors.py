@@ -121,16 +121,24 @@ class MissingLibraryError(Lrf3dError):
     """A library that this task needs and this machine lacks."""
 
 
-def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> None:
-    """Check that names are known; for one that is not, the nearest known one is proposed."""
-    known = list(known)
+def check_names(
+    place: str, given: "Iterable[str]", known: "Iterable[str]", otherwise: str = ""
+) -> None:
+    """Check that names are known; for one that is not, the nearest known one is proposed.
+
+    Where none is near, ``otherwise`` says where they are found; all are named if it is empty.
+    """
+    plain = {name.lstrip("-"): name for name in known}
+    known = list(plain.values())
     for name in given:
         if not isinstance(name, str) or name not in known:
             from difflib import get_close_matches
 
-            word = name if isinstance(name, str) else ""
-            near = get_close_matches("rng" if word == "seed" else word, known, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            word = name.lstrip("-") if isinstance(name, str) else ""
+            near = get_close_matches("rng" if word == "seed" else word, plain, n=1, cutoff=0.5)
+            hint = otherwise or f"known are {', '.join(known)}"
+            if near:
+                hint = f"did you mean {plain[near[0]]!r}?"
             raise InputError(f"{place}: there is no {shown(name)}; {hint}")
 
 

@@ -18,6 +18,7 @@ from lrf3d.errors import InputError, missing_extra, shown
 from lrf3d.geometry import Float, Int, is_finite, numbers, whole_number, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
+from lrf3d.laser.scan import ScanBatch
 from lrf3d.planning.free_space import free_places
 from lrf3d.pose import Pose, as_pose
 from lrf3d.render.window import Window
@@ -229,27 +230,28 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         return (measured, truth, walls) if len(parts) > 1 else parts[0]
 
     def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
-        lrf, rng = sensor.lrf, self.np_random
+        lrf, rng, poses = sensor.lrf, self.np_random, sensor.lrf.placed(self.poses)
         if self.scenario.world.materials:
             # Intensities are of single scans.
             places = zip(self._own.tolist(), self.poses, self._times.tolist(), strict=True)
             scans = [sensor.without(own).cast(pose, time) for own, pose, time in places]
-            truth, walls = (np.array([getattr(s, n) for s in scans]) for n in ("ranges", "walls"))
+            batch = ScanBatch.of(scans)
         else:
-            poses = lrf.placed(self.poses)
             truth, walls = self._caster.scan_batch(lrf, poses)
             for time in np.unique(self._times) if len(self._crowd) else ():
                 now = np.flatnonzero(self._times == time)
                 ranges, met, own = truth[now], walls[now], self._own[now]
                 self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
                 truth[now], walls[now] = ranges, met
-            if sensor.noise == ProportionalNoise(0.0):
-                return truth, truth, walls
-            scans = [
+            batch, scans = ScanBatch(lrf.angles, truth, walls, lrf.range_min, lrf.range_max), []
+        measured = sensor.noisy_ranges(batch, rng)
+        if measured is None:
+            scans = scans or [
                 LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
                 for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
             ]
-        return np.array([sensor.noisy(scan, rng).ranges for scan in scans]), truth, walls
+            measured = np.array([sensor.noisy(scan, rng).ranges for scan in scans])
+        return measured, batch.ranges, batch.walls
 
     def _observe(self) -> Observation:
         """The observations of the robots, in finite float32 numbers.
@@ -356,7 +358,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {name: value[0] for name, value in observation.items()}
 
     def _picture(self) -> NDArray[np.uint8]:
-        from lrf3d.render.video import frame
+        from lrf3d.render.film import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario

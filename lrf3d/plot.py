@@ -39,8 +39,8 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.estimate import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
+from lrf3d.scene.marks import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.scene.stage.structures import Sight, enclosed_areas
 from lrf3d.sheet import FAINT, INK, dressed, plain, sheet
 from lrf3d.world import World

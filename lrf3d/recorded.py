@@ -23,7 +23,7 @@ from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.key_scans import Sight
+from lrf3d.slam.key_scans import ScanConverter
 from lrf3d.slam.odometry import (
     SURE_OF_POSES,
     Recording,
@@ -101,7 +101,7 @@ def punctual(log: LaserLog) -> LaserLog:
         own, places = [scans[number] for number in numbers], np.arange(len(numbers))
         interval = usual_step(np.array([scan.time for scan in own]))
         path = WheelPath(np.array([scan.robot for scan in own]), interval)
-        turns = turns_between(Sight(), own, path, places)
+        turns = turns_between(ScanConverter(), own, path, places)
         lags = fitted_lag(turns, path, places, SURE_OF_POSES)
         said = Repairs(late=path.late(lags)).sentences()
         notes += said
@@ -119,7 +119,7 @@ def map_scans(
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
-    run = run_of(log.name, scans, poses, maps)
+    run = run_of(log.name, [(scan,) for scan in scans], poses, maps)
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
@@ -245,10 +245,7 @@ def solve_log(
     lags = fitted_lag(np.diff(poses[:, 2]), path, places)
     both = None
     if known is not None:
-        if known.further:
-            words = f"{known!r}: of its {len(known.lasers)} lasers only the first is continued"
-            warnings.warn(words, Lrf3dWarning, stacklevel=2)
-        both = joined(known, slam, map(slam.sight.surface, scans), poses, log.name)
+        both = joined(known, slam, map(slam.converter.surface, scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lags, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
@@ -312,13 +309,16 @@ def _checked(log: LaserLog) -> Recording:
         raise InputError(f"{pose}; expected finite numbers")
     if doubt := doubtful_ranges(scans):
         raise InputError(doubt)
-    return in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
+    recording = in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
+    if len(recording.scans) < 2:
+        raise InputError(f"one scan, {len(scans)} times; expected at least two")
+    return recording
 
 
 def _right_handed(recording: Recording, offset: float) -> tuple[Recording, Float]:
     """A recording whose laser turns as the odometry does, and the turns that its scans show."""
     scans, path = recording.scans, recording.path
-    turns = turns_between(Sight(offset), scans, path, recording.places)
+    turns = turns_between(ScanConverter(offset), scans, path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
     # The order of the beams in time is lost with that of their angles.

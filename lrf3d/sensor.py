@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
-from lrf3d.laser.scan import LIGHT
+from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.pose import Pose, as_pose, between
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
@@ -109,10 +109,19 @@ class Sensor:
             # A noise may make a scan of its own, without what it knows nothing of.
             kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
             scan = replace(scan, motion=true_scan.motion, **kept)
-        if scan.ranges.min() >= self.lrf.range_min:
-            return scan
-        near = (scan.ranges < self.lrf.range_min) & (scan.ranges > -np.inf)
-        return replace(scan, ranges=np.where(near, -np.inf, scan.ranges)) if near.any() else scan
+        ranges = self._far_enough(scan.ranges)
+        return scan if ranges is scan.ranges else replace(scan, ranges=ranges)
+
+    def noisy_ranges(self, true_scans: ScanBatch, rng: np.random.Generator) -> Float | None:
+        """The measured ranges (k, beams) of true scans; None if the noise takes single scans."""
+        if not self._noisy.batched:
+            return None
+        return self._far_enough(self._noisy(true_scans, rng).ranges)
+
+    def _far_enough(self, ranges: Float) -> Float:
+        """Ranges, in which what noise carried below range_min is too near, −inf."""
+        near = (ranges < self.lrf.range_min) & (ranges > -np.inf)
+        return np.where(near, -np.inf, ranges) if near.any() else ranges
 
     def cast(self, pose: Float, time: float) -> LaserScan:
         """The true scan that begins at a time [s], where the robot is at a pose (3,).

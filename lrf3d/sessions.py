@@ -105,7 +105,7 @@ def localise_log(
         increments = list(recording.path.increments(recording.places))
     for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
         slam.update(scan, increment)
-        search.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)
+        search.see(number, slam.converter.candidate(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     front = np.array([tracked.pose for tracked in slam.tracked])

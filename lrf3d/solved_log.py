@@ -3,6 +3,7 @@
 The scans of a log and their poses enter; a `Run` leaves, whose world is the map of the drive.
 """
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -18,7 +19,7 @@ from lrf3d.io import LaserLog
 from lrf3d.io.laser_log import on_one_fan
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.laser.unrolling import unrolled
+from lrf3d.laser.unrolling import together, unrolled
 from lrf3d.localization.joining import Joined
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, compose
@@ -27,7 +28,7 @@ from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import SelfCheck, doubtful_mount
 from lrf3d.slam.closures import Refusal
-from lrf3d.slam.key_scans import Key
+from lrf3d.slam.key_scans import Key, Moment
 from lrf3d.slam.odometry import Repairs
 from lrf3d.text import counted
 from lrf3d.world import World
@@ -141,6 +142,18 @@ class SolvedLog:
             return "none: by the laser alone"
         return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
 
+    @property
+    def moments(self) -> list[Moment]:
+        """The scans (k,) as the lasers took them, of each moment those of all lasers.
+
+        Those of lasers that turn on their robot, or clockwise, stay together.
+        """
+        mounts = {tuple(scan.mount for scan in moment) for moment in self.log.parts}
+        if len(mounts) != 1 or self.repairs.mirrored:
+            return [(scan,) for scan in self.scans]
+        taken = dict(zip([scan.time for scan in self.log.scans], self.log.parts, strict=True))
+        return [taken[scan.time] for scan in self.scans]
+
     @cached_property
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
@@ -151,14 +164,14 @@ class SolvedLog:
         poses = compose(self.poses, np.array(mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
         if self.joined is not None:
-            return joint_run(self.joined, slam, self.scans, poses, self.log.name)
+            return joint_run(self.joined, slam, self.moments, poses, self.log.name)
         # Key scans whose covariances are kept, at most: each takes a step over the whole pose
         # graph.
         most_covariances = 128
         chosen = np.unique(np.linspace(0, len(keys) - 1, most_covariances).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
-        return run_of(self.log.name, self.scans, poses, maps, estimate)
+        return run_of(self.log.name, self.moments, poses, maps, estimate)
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
@@ -223,31 +236,33 @@ def maps_of(
 
 def run_of(
     name: str,
-    scans: Sequence[LaserScan],
+    moments: Sequence[Moment],
     poses: Float,
     maps: dict[int, LineMap],
     estimate: EstimatedTrajectory | None = None,
 ) -> Run:
-    """The scans (k,) of one laser at poses (k, 3) as a run, whose world is the last of the maps."""
-    scans, line_map = [unrolled(scan) for scan in scans], maps[len(scans) - 1]
+    """The scans of moments (k,) as a run, whose world is the last of the maps.
+
+    The poses (k, 3) are those of the laser, or of the robot if there are several.
+    """
+    fans = [list(map(unrolled, own)) for own in zip(*moments, strict=True)]
+    line_map = maps[len(moments) - 1]
     solid = lengths(line_map.segments) > 0.0
     if not solid.any():
-        reason = doubtful_ranges(scans) or "expected walls within the laser's range"
-        raise InputError(
-            f"{name}: {len(scans)} scans show no wall, so that there is no map; {reason}"
+        reason = (
+            doubtful_ranges([scan for own in fans for scan in own])
+            or "expected walls within the laser's range"
         )
-    angles, ranges = on_one_fan(scans)
-    begin, end = angles[[0, -1]].tolist()
-    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
-    if farthest == np.inf:
-        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
-        usual = LaserRangeFinder().range_max
-        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+        raise InputError(
+            f"{name}: {len(moments)} scans show no wall, so that there is no map; {reason}"
+        )
+    (lrf, ranges), *others = (_laser_of(own, mounted=len(fans) > 1) for own in fans)
+    ranges = np.hstack([ranges, *(each for _, each in others)])
     # Stamps count from 1970; the clock of a run begins with it.
-    times = rising(np.array([scan.time for scan in scans]))
+    times = rising(np.array([scan.time for scan in fans[0]]))
     return Run(
         World(line_map.segments[solid], line_map.objects[solid], name=name),
-        LaserRangeFinder(begin, end, len(angles), nearest, farthest),
+        lrf,
         Trajectory(times - times[0], poses),
         ranges,
         ranges,
@@ -255,22 +270,45 @@ def run_of(
         tuple(maps),
         tuple(maps.values()),
         estimate=estimate,
+        further=tuple(each for each, _ in others),
     )
 
 
-def joint_run(both: Joined, slam: Slam, scans: Sequence[LaserScan], poses: Float, name: str) -> Run:
-    """Two drives as one run: the first, and after it the scans (k,) of the second's laser.
+def _laser_of(scans: Sequence[LaserScan], *, mounted: bool) -> tuple[LaserRangeFinder, Float]:
+    """The range finder that took scans (k,), and their ranges (k, beams)."""
+    angles, ranges = on_one_fan(scans)
+    begin, end = angles[[0, -1]].tolist()
+    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
+    if farthest == np.inf:
+        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+        usual = LaserRangeFinder().range_max
+        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+    lrf = LaserRangeFinder(begin, end, len(angles), nearest, farthest)
+    if mounted:
+        name = re.sub(r"\W", "_", scans[0].laser, flags=re.ASCII)
+        lrf = replace(lrf, mount=scans[0].mount, name=name if name[:1].isalpha() else f"l{name}")
+    return lrf, ranges
 
-    Its poses (k, 3) are those that joining has found.
+
+def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float, name: str) -> Run:
+    """Two drives as one run: the first, and after it the scans of moments (k,) of the second.
+
+    Its poses (k, 3) are those that joining has found. Several lasers stay together where those of
+    the other drive are mounted otherwise.
     """
-    first, count = both.run, len(both.run)
-    before = compose(both.first_poses, np.array(first.lrf.mount))
+    first, count, before = both.run, len(both.run), both.first_poses
+    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
+    if len(first.lasers) == 1:
+        before = compose(before, np.array(first.lrf.mount))
     whole = np.vstack([before, poses])
     whole[:, 2] = np.unwrap(whole[:, 2])
     pause = 1.0  # Time [s] between two drives in their joint run.
-    later = first.trajectory.times[-1] + pause - scans[0].time
-    shown = [first.scan(k) for k in range(count)]
-    shown += [replace(scan, time=scan.time + later) for scan in scans]
+    later = first.trajectory.times[-1] + pause - moments[0][0].time
+    shown = [first.scans_at(k) for k in range(count)]
+    shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
+    whole_scans = [together(moment) for moment in shown]
+    if one.shape != other.shape or not np.allclose(one, other):
+        shown = [(scan,) for scan in whole_scans]
     nothing = np.empty(0, np.int64), np.empty((0, 3, 3))
     own = slam.estimate(poses, *nothing)
     earlier = first.estimate or EstimatedTrajectory(before, *nothing)
@@ -280,7 +318,8 @@ def joint_run(both: Joined, slam: Slam, scans: Sequence[LaserScan], poses: Float
         np.vstack([earlier.dropped_closures, count + own.dropped_closures]),
     )  # fmt: skip
     keys = [*both.keys.tolist(), *(count + slam.key_scans).tolist()]
-    return run_of(name, shown, whole, maps_of(shown, whole, keys, LineMapper()), estimate)
+    maps = maps_of(whole_scans, whole, keys, LineMapper())
+    return run_of(name, shown, whole, maps, estimate)
 
 
 def rising(stamps: Float) -> Float:

@@ -10,8 +10,9 @@ from test_render import room_run
 import lrf3d
 from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World
 from lrf3d.errors import InputError, WorldError
-from lrf3d.laser import Limits
+from lrf3d.laser import Chain, Limits
 from lrf3d.laser.imperfections import NOISES
+from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.mapping.mapper import MODES
 from lrf3d.scene.cameras import overview
 from lrf3d.scene.moments import MARKS, Scene
@@ -45,6 +46,24 @@ def keeps(noise):
 @pytest.mark.parametrize("name", EVERY_NOISE)
 def test_every_noise_keeps_what_did_not_return_and_draws_as_much_whatever_is_seen(name):
     keeps(EVERY_NOISE[name])
+
+
+@pytest.mark.parametrize("name", EVERY_NOISE)
+def test_every_noise_takes_many_scans_at_once_as_one_after_the_other(name):
+    noise, little = EVERY_NOISE[name], np.resize([np.inf, 0.6, -np.inf, 19.9], 101)
+    dark = WALL, EDGE, replace(WALL, ranges=little), EDGE
+    lit = [replace(scan, intensities=np.linspace(0.1, 0.9, 101)) for scan in dark]
+    far = EDGE.ranges[:, None] + [0.0, 0.5]
+    # The further echoes of all are drawn after their ranges: only one scan has the same numbers.
+    echoing = replace(lit[1], echoes=far, echo_intensities=np.full((101, 2), 0.4))
+    for scans in (dark, lit, [echoing]):
+        one, other = np.random.default_rng(3), np.random.default_rng(3)
+        chain = Chain([noise])
+        together = chain(ScanBatch.of(scans), one)
+        alone = ScanBatch.of([chain(scan, other) for scan in scans])
+        assert chain.batched and one.random() == other.random()
+        for part in ("ranges", "walls", *LIGHT):
+            assert np.array_equal(getattr(together, part), getattr(alone, part))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import drive, recorded
+import shapely
+from drives import NoMap, drive, recorded
 from program import lrf3d as program
 
 import lrf3d
@@ -112,6 +113,36 @@ def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
     assert len(third) > len(run) and np.allclose(third.trajectory.poses[0], true[0], atol=0.05)
 
 
+def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_path):
+    lasers = [
+        lrf3d.LaserRangeFinder(-2.2, 2.2, 131, range_max=20.0, mount=mount, name=name)
+        for name, mount in (("front", (0.2, 0.15, 0.5)), ("rear", (-0.2, -0.15, 0.5 - np.pi)))
+    ]
+    true, logs, on, out = np.empty((0, 3)), [], [], tmp_path / "out"
+    for number, route in enumerate((ROUTE, BACK[1:6])):
+        path = lrf3d.follow_route(np.array(route, dtype=float), speed=0.8, dt=0.25)
+        noise, bag = lrf3d.ProportionalNoise(0.02), tmp_path / f"{number}.mcap"
+        run = lrf3d.simulate(ROOMS, path, lasers, noise=noise, rng=number, mapper=NoMap())
+        lrf3d.export_run(run, "mcap", bag)
+        logs, true = [*logs, lrf3d.load_log(bag)], np.vstack([true, path.poses])
+        done = program("slam", bag, *on, "--out", out)
+        assert done.returncode == 0 and "warning" not in done.stderr
+        assert len(np.loadtxt(out / "trajectory.tum")) == len(run)
+        first, on, out = lrf3d.load_run(out), ["--on", out], tmp_path / "both"
+        mounts = [np.array([lrf.mount for lrf in each]) for each in (first.lasers, lasers)]
+        assert np.allclose(*mounts)
+    # Each return of each laser is kept, where it was measured.
+    returns = np.concatenate([scan.points() for scan in first.scans])
+    walls = shapely.multilinestrings(ROOMS.segments.reshape(-1, 2, 2))
+    assert len(returns) == sum(scan.hits.sum() for log in logs for scan in log.scans)
+    assert np.sqrt(np.square(shapely.distance(shapely.points(returns), walls)).mean()) < 0.006
+    assert np.hypot(*(first.trajectory.poses - true)[:, :2].T).max() < 0.02
+    # Another robot, with one laser, goes on: all are of one laser, from the middle of each robot.
+    third = lrf3d.slam_log(recorded(*drive(ROOMS, BACK[2:5], seed=7)[:2]), on=first)
+    assert len(third.lasers) == 1 and len(third) > len(first)
+    assert np.allclose(third.trajectory.poses[0], true[0], atol=0.05)
+
+
 TWICE = [(1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4), (1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4)]
 
 
@@ -127,6 +158,9 @@ def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
     # Where it is ruled out and known, it is known.
     said = solve_log(log, apart=[(first, second)], close=[(first, second)])
     assert [first, second] in said.run.estimate.closures.tolist()
+    # It counts once, as certain, whatever other closures say.
+    ends = said.slam.key_scans[np.column_stack([said.slam.edges[n] for n in ("first", "second")])]
+    assert said.slam.edges["robust"][(ends == [first, second]).all(axis=1)].tolist() == [False]
     assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
     with pytest.raises(InputError, match="close 5:6: these scans show nothing"):
         solve_log(log, close=[(5, 6)])

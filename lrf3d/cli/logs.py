@@ -97,7 +97,7 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     output = results_folder(report, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
-    save_tum(log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
+    save_tum(solved.log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
     if solved.tried:
         drawings["check picture"] = "check.png", draw
     output.finish(

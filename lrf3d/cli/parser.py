@@ -66,7 +66,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     named = argparse.Namespace(command=name, ros_words=ros_words, flags=flags)
     given, rest = parser.parse_known_intermixed_args(joined, named)
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
-    check_names(name, unknown, [flag for option in options for flag in option.names])
+    known = [flag for option in options for flag in option.names if flag.startswith("--")]
+    check_names(name, unknown, known, f"see {parser.prog} -h")
     if rest:
         parser.error(f"unexpected {' '.join(rest)}")
     return given

@@ -40,7 +40,8 @@ def render(run: Run, args: Namespace, report: Report) -> None:
     if args.points_by is not None:
         run = replace(run, film=replace(run.film, points_by=args.points_by))
     if picture:
-        from lrf3d.render.video import frame, save_png
+        from lrf3d.render.film import frame
+        from lrf3d.render.video import save_png
 
         drawing = frame(run, args.at, **_look(args))
         with replacing(path) as unfinished:

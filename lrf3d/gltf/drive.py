@@ -19,8 +19,7 @@ from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look, SmoothPath
 from lrf3d.scene.cameras import behind
-from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.estimate import DrawnEstimate, outlines
+from lrf3d.scene.marks import DrawnEstimate, DrawnMap, outlines
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Seen, level_lines
 from lrf3d.scene.stage.structures import panes_of

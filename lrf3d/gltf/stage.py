@@ -17,7 +17,7 @@ from lrf3d.geometry import Bool, Float, Single, quad_indices
 from lrf3d.gltf.document import Document
 from lrf3d.render.glsl import GREY, exposed, mesh
 from lrf3d.scene import look
-from lrf3d.scene.drawn_map import DrawnMap
+from lrf3d.scene.marks import DrawnMap
 from lrf3d.scene.stage.stage import Stage
 
 _STEPS, _COARSE, _LEAST_SURE = 12, 4, 0.05

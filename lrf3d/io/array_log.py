@@ -1,7 +1,8 @@
 """Scans in files of named arrays or records: .npz, .mat, JSON, and ROS messages printed as YAML.
 
-Ranges (k, n) are needed; angles (n,), stamps (k,), poses (k, 3), or x, y and theta, may be there.
-Records, which are lines or an array of JSON, or YAML documents, hold what arrays hold a row of.
+Ranges (k, n) are needed, which a .npy file holds alone; angles (n,), stamps (k,), poses (k, 3), or
+x, y and theta, may be there. Records, which are lines or an array of JSON, lines that Python
+prints, YAML documents or lines of a CSV with lists, hold what arrays hold a row of.
 """
 
 import json
@@ -20,7 +21,7 @@ from lrf3d.files import check_ordinary
 from lrf3d.geometry import Float
 from lrf3d.io.laser_log import Intake
 from lrf3d.io.run_file import DAMAGES, read_arrays
-from lrf3d.io.table import Table
+from lrf3d.io.table import Table, meaning, padded
 from lrf3d.pose import heading_of
 
 RECORDS = re.compile(
@@ -30,8 +31,8 @@ RECORDS = re.compile(
 """Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
 a header may have thousands of columns."""
 
-LISTS = re.compile(r"[\[(]([^\[\](){}]*)[\])]")
-"""Matches a list in a CSV."""
+CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
+"""Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma."""
 
 
 def is_foreign(path: Path) -> bool:
@@ -57,6 +58,9 @@ def array_table(intake: Intake) -> Table:
     try:
         if path.suffix.lower() == ".npz":
             arrays: dict[str, Any] = read_arrays(path)
+        elif path.suffix.lower() == ".npy":
+            # What is mapped is checked against the size of the file.
+            arrays = {"ranges": np.load(path, mmap_mode="r", allow_pickle=False)}
         else:
             from scipy.io import loadmat
 
@@ -69,7 +73,7 @@ def array_table(intake: Intake) -> Table:
         raise InputError(f"{path}: a .mat file of version 7.3; save it with -v7") from None
     except DAMAGES as error:
         text = one_line(str(error) or type(error).__name__, 200)
-        raise InputError(f"{path}: no file of arrays, or damaged ({text})") from None
+        raise InputError(f"{path}: no file of arrays of numbers, or damaged ({text})") from None
     intake.take(sum(array.size for array in arrays.values()), len(arrays), "array")
     return _named(intake, arrays, "arrays")
 
@@ -98,7 +102,8 @@ def records(intake: Intake) -> dict[str, Float]:
     """The columns of a file of records; those that lack what the first one has are counted."""
     text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
     if text.lstrip()[:1] in "[{":
-        read: Callable[[Any], Any] = json.loads
+        # What Python prints has other quotes than JSON.
+        read: Callable[[Any], Any] = _yaml if text.lstrip().startswith("{'") else json.loads
         parts: Any = text.splitlines()
         with suppress(ValueError, RecursionError):
             parts, read = json.loads(text), lambda part: part
@@ -126,17 +131,14 @@ def records(intake: Intake) -> dict[str, Float]:
         raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
     if len(rows) == 1:
         return rows[0]
-    return {name: _stacked([row[name] for row in rows]) for name in rows[0]}
+    return {name: _stacked(name, [row[name] for row in rows], intake.notes) for name in rows[0]}
 
 
-def _stacked(parts: list[Float]) -> Float:
-    """Values of records, one below the other; what shorter ones lack is −inf."""
-    if max(part.ndim for part in parts) != 1:
-        return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
-    stacked = np.full((len(parts), max(map(len, parts))), -np.inf)
-    for row, part in zip(stacked, parts, strict=True):
-        row[: len(part)] = part
-    return stacked
+def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
+    """Values of records, one below the other."""
+    if {part.ndim for part in parts} == {1}:
+        return padded(parts, notes if meaning(name)[0] == "ranges" else [])
+    return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
 
 
 def _cells(names: list[str], line: str) -> dict[str, Any]:
@@ -144,8 +146,7 @@ def _cells(names: list[str], line: str) -> dict[str, Any]:
 
     Names with dots are those of messages in messages.
     """
-    line = LISTS.sub(lambda match: match[1].replace(",", " ") + " ", line)
-    cells = [cell.strip("\"'") for cell in line.split(",")]
+    cells = [match[match.lastindex or 0].strip("\"' ") for match in CELLS.finditer(line + ",")]
     if len(cells) != len(names):
         raise ValueError(f"{len(cells)} cells for {len(names)} names")
     found: dict[str, Any] = {}
@@ -154,7 +155,9 @@ def _cells(names: list[str], line: str) -> dict[str, Any]:
         place = found
         for each in above:
             place = place.setdefault(each, {})
-        place[last] = cell.split() if " " in cell.strip() else cell.strip() or np.nan
+        words = cell.strip("[()]").replace(",", " ").split()
+        many = len(words) > 1 or cell.startswith(("[", "("))
+        place[last] = _yaml(cell) if cell.startswith("{") else words if many else cell or np.nan
     return found
 
 

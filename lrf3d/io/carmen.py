@@ -1,4 +1,4 @@
-"""Logs of messages, one a line: CARMEN's, those of related programs, and Player's.
+"""Logs of messages, one a line: CARMEN's and those of related programs, Player's, and SICK's.
 
 A log may be gzipped. Its scans have the logged poses, or those of odometry or ground truth at their
 times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. Old and
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from math import degrees, inf, isfinite, pi
+from math import degrees, inf, isfinite, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -69,9 +69,12 @@ SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 
 WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
-    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ )"
+    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
 )
 """What lines of such logs begin with."""
+
+SCALES = {b"3F800000": 1.0, b"40000000": 2.0}
+"""Millimetres of a unit of a telegram, by the bits of a float."""
 
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
@@ -131,7 +134,7 @@ def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path:
 
 
 def _translated(words: list[bytes]) -> list[bytes]:
-    """A message of GMapping or Player as one of CARMEN."""
+    """A message of GMapping, Player or SICK as one of CARMEN."""
     if words[:1] == [b"LASER_READING"]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
     if words[:1] == [b"ODOM"] and len(words) == 5:
@@ -146,7 +149,26 @@ def _translated(words: list[bytes]) -> list[bytes]:
         start, end, step, farthest, count = words[9:14]
         fan = [b"0", start, end, step, farthest, b"0", b"0", count]
         return [b"RAWLASER1", *fan, *words[14::2], b"0", words[7], *words[1::-1]]
+    if words[1:2] == [b"LMDscandata"] and b"DIST1" in words:
+        return _of_telegram(words, words.index(b"DIST1"))
     return words
+
+
+def _of_telegram(words: list[bytes], at: int) -> list[bytes]:
+    """A scan of a SICK range finder, whose first channel of ranges begins at a word.
+
+    Its numbers are hexadecimal: microseconds, ten thousandths of a degree, 90° ahead, and units.
+    """
+    if words[at + 1] not in SCALES:
+        raise ValueError(f"a scale of {words[at + 1]!r}, expected 3F800000 or 40000000")
+    start, step, count = (int(word, 16) for word in words[at + 3 : at + 6])
+    if start >= 1 << 31:
+        start -= 1 << 32
+    ranges = [SCALES[words[at + 1]] * int(word, 16) for word in words[at + 6 : at + 6 + count]]
+    fan = [radians(1e-4 * start - 90.0), 0.0, radians(1e-4 * step), 0.0, 0.0, 0.0, count]
+    stamp = 1e-6 * int(words[9], 16)
+    numbers = [0.0, *fan, *(1e-3 * each for each in ranges), 0.0, stamp]
+    return [b"RAWLASER1", *(b"%.9g" % number for number in numbers), b"", b"%.9g" % stamp]
 
 
 def _by_name(
@@ -304,6 +326,10 @@ class _Reading:
         Of one laser alone the poses of FLASER messages are taken for those of its robot.
         """
         notes, numbers = self._intake.notes, sorted({row.laser for row in self.rows})
+        without_fan, usual = (b"FLASER", b"Laser"), {180, 181, 360, 361}
+        counts = {len(r.scan.ranges) for r in self.rows if self._kinds[r.laser][0] in without_fan}
+        if unusual := ", ".join(map(str, sorted(counts - usual))):
+            notes.append(f"scans of {unusual} beams assumed to be 180° wide, as these messages are")
         mounts = {laser: self._mount(laser) for laser in numbers}
         first = numbers[0]
         if len(numbers) == 1 or mounts[first] is None:

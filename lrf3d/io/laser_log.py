@@ -67,6 +67,7 @@ class LaserLog(Value):
         not_numbers: Number of readings that are no number, such as NaN: taken for no return.
         notes: What was assumed, and what was left out, a sentence each.
         placed: Whether the poses of the scans are known.
+        parts: For each scan those of the lasers from which it was made; empty if there is one.
     """
 
     name: str
@@ -78,6 +79,7 @@ class LaserLog(Value):
     not_numbers: int = 0
     notes: tuple[str, ...] = ()
     placed: bool = True
+    parts: tuple[tuple[LaserScan, ...], ...] = ()
 
     def __post_init__(self) -> None:
         if getattr(self, "placed", True):
@@ -87,7 +89,8 @@ class LaserLog(Value):
         return len(self.scans)
 
     def __repr__(self) -> str:
-        return f"LaserLog({self.name!r}, {len(self)} scans, {self.bad_count} bad lines)"
+        counts = f"{counted(len(self), 'scan')}, {counted(self.bad_count, 'bad line')}"
+        return f"LaserLog({self.name!r}, {counts})"
 
     @property
     def odometry(self) -> WheelRecord:
@@ -144,8 +147,9 @@ class LaserLog(Value):
         if wheels is not None:
             places = wheels.places[[first for first, *_ in rows]]
             wheels = replace(wheels, places=places, laser_offset=0.0)
-        scans = [together([self.scans[row] for row in moment]) for moment in rows]
-        return replace(self, scans=scans, wheels=wheels, notes=(*self.notes, note))
+        parts = tuple(tuple(self.scans[row] for row in moment) for moment in rows)
+        scans, notes = [together(moment) for moment in parts], (*self.notes, note)
+        return replace(self, scans=scans, wheels=wheels, notes=notes, parts=parts)
 
     @property
     def counts(self) -> dict[str, Any]:

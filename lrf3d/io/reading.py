@@ -13,6 +13,7 @@ from lrf3d.io.array_log import RECORDS, array_table, is_foreign, record_table
 from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE, ZSTD
 from lrf3d.io.carmen import WORDS, load_carmen
 from lrf3d.io.laser_log import GZIPPED, Intake, LaserLog
+from lrf3d.io.text_layout import Layout
 from lrf3d.io.text_log import add_partner, text_table
 from lrf3d.world import world_names
 
@@ -20,12 +21,16 @@ CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
 """Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
 
 LOOKS = {
-    b"PK": "arrays of NumPy or a zip: name it .npz",
+    b"PK": "arrays of NumPy or a zip: name it .npz", b"\x93NUMPY": "an array: name it .npy",
+    b"\xff\xfe": "text in UTF-16: save it as UTF-8",
     b"MATLAB 5": "a .mat file: name it .mat", b"ply": "a point cloud without scans",
     b"LASF": "a point cloud without scans", b"# .PCD": "a point cloud without scans",
     b"\x89PNG": "a picture", b"<": "XML", b"%PDF": "a document",
 }  # fmt: skip
 """What files look like that are no text of a log, by their first bytes."""
+
+ARRAYS = (".npz", ".npy", ".mat")
+"""Endings of files of arrays."""
 
 HEAD = 1 << 16
 """Bytes at the beginning of a file that say what it is."""
@@ -68,7 +73,7 @@ def load_log(
             or ``odom``.
         scan_topic: Bags: the topic of the scans; if not given, those of all lasers of the robot
             of ``/scan``, or of the first one.
-        format: Text: its columns, or a preset; found if not given.
+        format: Text: its columns, or a preset; found if not given. Arrays: units and bearings.
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
 
     Raises:
@@ -88,7 +93,8 @@ def load_log(
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
-    intake, kind = Intake(path, largest_range), "text" if format else _kind(path)
+    in_columns = format and not path.name.lower().endswith(ARRAYS)
+    intake, kind = Intake(path, largest_range), "text" if in_columns else _kind(path)
     if kind != "bag" and (scan_topic or part):
         name = "scan topic" if scan_topic else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
@@ -113,7 +119,10 @@ def load_log(
     if poses not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
     if kind == "arrays":
-        return array_table(intake).log()
+        table = array_table(intake)
+        if format:
+            Layout(table).parse(format, [])
+        return table.log()
     table = record_table(intake) if kind == "records" else text_table(intake, format)
     add_partner(table)
     return table.log()
@@ -128,8 +137,8 @@ def _kind(path: Path) -> str:
         return "bag"
     with opened(path, what="a log") as file:
         head = file.read(HEAD)
-    if ending.endswith((".npz", ".mat")):
-        return "arrays" if ending.endswith(".mat") or is_foreign(path) else "run"
+    if ending.endswith(ARRAYS):
+        return "run" if ending.endswith(".npz") and not is_foreign(path) else "arrays"
     if head.startswith((MCAP, SQLITE, OLD, ZSTD)):
         return "bag"
     if head.startswith(GZIPPED):
@@ -146,5 +155,5 @@ def _kind(path: Path) -> str:
     if is_text:
         return "text"
     looks = next((what for magic, what in LOOKS.items() if head.startswith(magic)), "no text")
-    known = ", ".join((*CARMEN_ENDINGS, *FILES, ".npz", ".mat"))
+    known = ", ".join((*CARMEN_ENDINGS, *FILES, *ARRAYS))
     raise InputError(f"{path}: not a log: it looks like {looks}; expected text, or {known}")

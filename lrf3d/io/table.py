@@ -35,12 +35,14 @@ SETTINGS = {
 """Numbers that a format or a recording may give, and their units."""
 
 SYNONYMS = {
-    "stamp": "stamp time timestamp t ts sec secs seconds nsec", "x": "x px posx", "y": "y py posy",
+    "stamp": "stamp time timestamp t ts sec secs seconds nsec zeit temps", "x": "x px posx",
+    "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
-    "qw": "qw", "angles": "angle bearing azimuth", "quality": "quality q",
+    "qw": "qw", "angles": "angle bearing azimuth winkel", "quality": "quality q",
     "poses": "poses pose trajectory odometry odom",
-    "ranges": "ranges range r distances distance dist d scan laser lidar readings",
+    "ranges": "ranges range r distances distance dist d scan laser lidar readings"
+    " abstand entfernung",
 }  # fmt: skip
 """Words for columns in headers, and for arrays."""
 
@@ -255,7 +257,9 @@ class Table:
         if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
             turns = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
             self.values["theta"], self.units["theta"] = heading_of(*turns), "rad"
-        if not {"x", "y", "theta"} <= has:
+        if not (place := {"x", "y", "theta"}) <= has:
+            if lone := sorted(place & has):
+                self.intake.notes.append(f"{', '.join(lone)} alone are no poses: not used")
             return None
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
         usual = float(np.quantile(moved, 0.9)) if len(moved) else 0.0
@@ -292,3 +296,22 @@ def _driven(ahead: Float, left: Float, turns: Float) -> Float:
     cos, sin = np.cos(middle), np.sin(middle)
     x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
     return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
+
+
+def padded(rows: list[Float], notes: list[str], *, spread: bool = False) -> Float:
+    """Ranges (k, n) of scans that may have fewer, between the same bearings if they are spread.
+
+    What is missing is not measured, −inf.
+    """
+    beams = int(np.median([len(row) for row in rows])) if spread else max(map(len, rows))
+    ranges = np.full((len(rows), beams), -np.inf)
+    for row, values in zip(ranges, rows, strict=True):
+        places = np.arange(len(values))
+        if spread and len(values) > 1:
+            places = np.rint(places * (beams - 1) / (len(values) - 1)).astype(np.int64)
+        row[places] = values
+    if short := sum(len(values) < beams for values in rows):
+        notes.append(
+            f"{short} scans with fewer than {beams} ranges: what is missing is not measured"
+        )
+    return ranges

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, check_names, shown
+from lrf3d.errors import InputError, check_names, one_line, shown
 from lrf3d.geometry import Float
 from lrf3d.io.laser_log import A_VALUE, Intake
 from lrf3d.io.table import FANS, ROLES, SETTINGS, Table, meaning
@@ -32,6 +32,9 @@ MARKS = {("", 706): "minesrover", ("", 707): "minesrover", ("S", 663): "lego"}
 
 BRACKETS = re.compile(r"""["'(){}\[\]]""")
 """Brackets and quotes, which lists of numbers stand in."""
+
+UNITS = re.compile(r"(?<=\w)\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
+"""Units in brackets after names in headers."""
 
 NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
 """Matches a line of tuples; the first group is the first of them."""
@@ -81,7 +84,7 @@ class Form:
         begin, self.header = rows.index(numeric[0]), list[str]()
         if self.labelled:
             self.header = [name.lower() for name, _ in LABELS.findall(body[-1])]
-        elif not all(map(is_number, numeric[0][1:])) and all(map(is_number, numeric[-1])):
+        elif all(map(is_number, numeric[-1])) and _names(numeric[0]):
             # Many of its names are numbers.
             self.header = named(numeric.pop(0))
         elif begin and len(rows[begin - 1]) >= min(len(numeric[0]), 2):
@@ -109,7 +112,7 @@ class Form:
         if self.labelled:
             words = [number for _, number in LABELS.findall(text)] or [text]
         else:
-            bare = BRACKETS.sub(" ", text).strip().lstrip("#% ")
+            bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", text)).strip().lstrip("#% ")
             words = bare.rstrip(self.separator).split(self.separator)
             if self.decimal_commas:
                 words = [word.replace(",", ".") for word in words]
@@ -147,8 +150,8 @@ class Layout:
                 if where is not None and where.isdigit() and int(where) > 0:
                     place = int(where) - 1
                 elif where is not None:
-                    check_names("--format: the header", [where.lower()], header)
-                    place = header.index(where.lower())
+                    check_names("--format: the header", named([where]), header)
+                    place = header.index(named([where])[0])
                 if name != "-":
                     check_names("--format", [name], ROLES)
                     self.columns[name] = place
@@ -182,6 +185,10 @@ class Layout:
             bearings = np.array([labels[place] for place in places])
             if bearings[0] not in (0.0, 1.0) or np.ptp(bearings) != len(bearings) - 1:
                 self.table.values["angles"] = bearings
+            # A single angle beside a whole scan is the heading of the robot.
+            if (turn := self.columns.pop("angles", None)) is not None:
+                self.columns.setdefault("theta", turn)
+                units |= {"theta": unit} if (unit := units.pop("angles", "")) else {}
         elif at is not None and (extra := length - len(header)) > 0:
             # One name for all of them.
             intense = header[at + 1 : at + 2] == ["intensities"]
@@ -208,15 +215,21 @@ class Layout:
             self.columns = _by_length(form.sample, length)
             self.reason, self.beams = "the number of columns", None
         if not self.columns:
+            such = "angles:deg@1, ranges:mm@2"
+            if length > SHORT:
+                such = "stamp:us, x, y, theta, ranges:mm@25', or a preset, '" + "', '".join(PRESETS)
             places = [str(k + 1) for k in range(min(length, SHORT)) if rises(form.sample, k)]
             rising = f", number {', '.join(places)} rising as stamps do" if places else ""
             raise InputError(
                 f"{self.table.intake.path}: text of {length} columns{rising}; name them by"
-                " --format, such as 'stamp:us, x, y, theta, ranges:mm@25', or a preset: "
-                + ", ".join(PRESETS)
+                f" --format, such as '{such}'"
             )
         self.length = length if fixed and self.reason != "a count" else None
         found = ", ".join(f"{role} {column + 1}" for role, column in self.columns.items())
+        if self.reason == "the header" and len(form.header) == length:
+            used = {*self.columns.values(), *range(self.columns["ranges"], length)[: self.beams]}
+            if others := [name for k, name in enumerate(form.header) if name and k not in used]:
+                found += f"; not used: {one_line(', '.join(others), 100)}"
         self.table.intake.notes.append(
             f"columns found by {self.reason}: {found}; --format says otherwise"
         )
@@ -231,8 +244,8 @@ class Layout:
             for words in form.rows(text):
                 if not text or text.startswith("#") or not form.has(words):
                     continue
-                if not begun and (not mostly_numbers(words) or named(words) == form.header):
-                    # What comes before the numbers.
+                if named(words) == form.header or not (begun or mostly_numbers(words)):
+                    # What comes before the numbers, and headers of files that were joined.
                     continue
                 try:
                     found = self._values(words)
@@ -339,8 +352,16 @@ def _seconds(time: re.Match[str]) -> float:
 
 
 def named(words: list[str]) -> list[str]:
-    """The names in a header."""
-    return [word.strip().lower() for word in words]
+    """The names in a header, with words that a capital begins apart."""
+    return [re.sub("(?<=[a-z])(?=[A-Z])", "_", word.strip()).lower() for word in words]
+
+
+def _names(words: list[str]) -> bool:
+    """Whether words are the names of columns, most of which are numbers, such as bearings."""
+    first, *others = words
+    return not all(map(is_number, others)) or (
+        not is_number(first) and bool((np.diff(np.array(others, dtype=np.float64)) > 0.0).all())
+    )
 
 
 def is_number(word: str) -> bool:

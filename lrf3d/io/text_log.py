@@ -17,10 +17,9 @@ import re
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float
 from lrf3d.io.array_log import is_records, records
 from lrf3d.io.laser_log import Intake
-from lrf3d.io.table import ROLES, SETTINGS, Table
+from lrf3d.io.table import ROLES, SETTINGS, Table, padded
 from lrf3d.io.text_layout import PRESETS, Form, Layout
 
 MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
@@ -60,7 +59,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
         table.gather(begins, np.concatenate(ranges) if ranges else values["ranges"])
     else:
         spread = {"first", "last"} <= table.settings.keys() and "step" not in table.settings
-        values["ranges"] = _padded(ranges, notes, spread)
+        values["ranges"] = padded(ranges, notes, spread=spread)
         for role in SETTINGS.keys() & values.keys():
             table.settings[role] = float(np.median(values.pop(role)))
     if values["ranges"].shape[1] < 2:
@@ -68,25 +67,6 @@ def text_table(intake: Intake, format: str | None) -> Table:
     if preset == "lego":
         add_partner(table, MOTORS)
     return table
-
-
-def _padded(rows: list[Float], notes: list[str], spread: bool) -> Float:
-    """Ranges (k, n) of scans that may have fewer, between the same bearings if they are spread.
-
-    What is missing is not measured, −inf.
-    """
-    beams = int(np.median([len(row) for row in rows])) if spread else max(map(len, rows))
-    ranges = np.full((len(rows), beams), -np.inf)
-    for row, values in zip(ranges, rows, strict=True):
-        places = np.arange(len(values))
-        if spread and len(values) > 1:
-            places = np.rint(places * (beams - 1) / (len(values) - 1)).astype(np.int64)
-        row[places] = values
-    if short := sum(len(values) < beams for values in rows):
-        notes.append(
-            f"{short} scans with fewer than {beams} ranges: what is missing is not measured"
-        )
-    return ranges
 
 
 def add_partner(table: Table, spec: str = "") -> None:

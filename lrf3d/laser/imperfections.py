@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lrf3d.errors import check_names, expect
+from lrf3d.errors import check_names
 from lrf3d.geometry import Bool, Float, generator, number
 from lrf3d.laser.noise import (
     NO_SPREAD,
@@ -22,10 +22,12 @@ from lrf3d.laser.noise import (
     ProportionalNoise,
     Quantised,
     Rng,
+    Scan,
+    check_scan,
     known_range_max,
 )
 from lrf3d.laser.range_finder import ECHO_CHOICES, LaserRangeFinder
-from lrf3d.laser.scan import LaserScan
+from lrf3d.laser.scan import LaserScan, ScanBatch
 
 Echo = tuple[float, float, int]
 """Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
@@ -41,25 +43,27 @@ class AngleNoise:
 
     sigma: float
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
+    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.sigma, "sigma", "radians")
 
-    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan that beams at the deviating angles measure."""
-        expect(scan, LaserScan, "scan")
+        check_scan(scan)
         if self.sigma == 0.0 or len(scan.angles) < 2:
             return scan
-        angles = scan.angles + generator(rng).normal(0.0, self.sigma, len(scan.angles))
+        angles = scan.angles + generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
         after = np.clip(np.searchsorted(scan.angles, angles), 1, len(scan.angles) - 1)
         before = after - 1
         turn = scan.angles[after] - scan.angles[before]
         ahead = np.clip(angles - scan.angles[before], 0.0, turn)
-        ranges = scan.ranges[np.where(2.0 * ahead > turn, after, before)]
+        near, far = (np.take_along_axis(scan.ranges, beams, axis=-1) for beams in (before, after))
+        ranges = np.where(2.0 * ahead > turn, far, near)
         # At the beams themselves the measured ranges are kept, to the last bit.
-        known = on_one_wall(scan) & np.isfinite(scan.ranges[:-1]) & np.isfinite(scan.ranges[1:])
-        inside = known[before] & (ahead > 0.0) & (ahead < turn)
-        near, far = scan.ranges[before[inside]], scan.ranges[after[inside]]
+        inside = np.take_along_axis(on_one_wall(scan), before, axis=-1) & (ahead > 0.0)
+        inside &= (ahead < turn) & np.isfinite(near) & np.isfinite(far)
+        near, far = near[inside], far[inside]
         turn, ahead = turn[inside], ahead[inside]
         opposite = near * np.sin(ahead) + far * np.sin(turn - ahead)
         ranges[inside] = near * far * np.sin(turn) / opposite
@@ -80,18 +84,19 @@ class DropOuts:
     share: float = 0.0
     far: float = 0.0
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
+    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.share, "drop-outs: share", most=1.0)
         number(self.far, "drop-outs: far", most=1.0)
 
-    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan without the returns that are lost: +inf after REP 117."""
-        expect(scan, LaserScan, "scan")
-        kept = np.full(len(scan.ranges), 1.0 - self.share)
+        check_scan(scan)
+        kept = np.full(scan.ranges.shape, 1.0 - self.share)
         if self.far:
             kept *= 1.0 - self.far * np.clip(scan.ranges / known_range_max(scan), 0.0, 1.0) ** 2
-        lost = generator(rng).random(len(scan.ranges)) < 1.0 - kept
+        lost = generator(rng).random(scan.ranges.shape) < 1.0 - kept
         lost &= np.isfinite(scan.ranges)
         return replace(
             scan,
@@ -136,6 +141,7 @@ class MixedPixels:
     echo: str = "strongest"
     threshold: float = 0.0
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
+    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump", "pulse"):
@@ -143,24 +149,24 @@ class MixedPixels:
         number(self.threshold, "mixed pixels: threshold")
         check_names("mixed pixels: echo", [str(self.echo)], ECHO_CHOICES)
 
-    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan with mixed ranges, or two echoes, at its edges."""
-        expect(scan, LaserScan, "scan")
+        check_scan(scan)
         gaps = np.abs(np.diff(scan.angles))
-        offsets = generator(rng).random(len(scan.ranges))[1:] * gaps
+        offsets = generator(rng).random(scan.ranges.shape)[..., 1:] * gaps
         returned = np.isfinite(scan.ranges)
-        apart = np.abs(np.diff(np.where(returned, scan.ranges, 0.0))) > self.jump
-        edge = np.flatnonzero(returned[:-1] & returned[1:] & apart & ~on_one_wall(scan))
+        jumps = np.diff(np.where(returned, scan.ranges, 0.0))
+        edge = returned[..., :-1] & returned[..., 1:] & (np.abs(jumps) > self.jump)
+        edge &= ~on_one_wall(scan)
         # The shares of each beam that fall on the surface of the beam before it, and after it.
-        before, after = np.zeros((2, len(scan.ranges)))
-        after[edge] = self._beyond(offsets[edge])
-        before[edge + 1] = self._beyond((gaps - offsets)[edge])
+        before, after = np.zeros((2, *scan.ranges.shape))
+        after[..., :-1] = np.where(edge, self._beyond(offsets), 0.0)
+        before[..., 1:] = np.where(edge, self._beyond(gaps - offsets), 0.0)
         if scan.intensities is not None:
             return self._lit(scan, scan.intensities, before, after)
         ranges = scan.ranges.copy()
-        near, far = scan.ranges[edge], scan.ranges[edge + 1]
-        ranges[edge] += after[edge] * (far - near)
-        ranges[edge + 1] += before[edge + 1] * (near - far)
+        ranges[..., :-1] += after[..., :-1] * jumps
+        ranges[..., 1:] -= before[..., 1:] * jumps
         walls = np.where(ranges == scan.ranges, scan.walls, -1)
         return replace(scan, ranges=ranges, walls=walls)
 
@@ -168,16 +174,19 @@ class MixedPixels:
         """Share of a beam that falls beyond an edge at an angle (n,) from its middle [rad]."""
         return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
 
-    def _lit(self, scan: LaserScan, light: Float, before: Float, after: Float) -> LaserScan:
-        """The scan with intensities (beams,), with the light of both surfaces at its edges."""
+    def _lit(self, scan: Scan, light: Float, before: Float, after: Float) -> Scan:
+        """The scan with intensities (…, beams), with the light of both surfaces at its edges."""
         ranges, walls, lights = scan.ranges.copy(), scan.walls.copy(), light.copy()
         lit = scan.echoes is not None and scan.echo_intensities is not None
-        echoes = np.array(scan.echoes if lit else ranges[:, None])
-        echo_lights = np.array(scan.echo_intensities if lit else lights[:, None])
-        slots, nothing = echoes.shape[1], (np.inf, 0.0, -1)
-        for beam in np.flatnonzero(before + after).tolist():
+        echoes = np.array(scan.echoes if lit else ranges[..., None])
+        echo_lights = np.array(scan.echo_intensities if lit else lights[..., None])
+        slots, nothing = echoes.shape[-1], (np.inf, 0.0, -1)
+        for beam in zip(*np.nonzero(before + after), strict=True):
+            *row, number = beam
             own = 1.0 - (before[beam] + after[beam])
-            parts = (own, beam), (before[beam], beam - 1), (after[beam], beam + 1)
+            parts = (
+                (own, beam), (before[beam], (*row, number - 1)), (after[beam], (*row, number + 1))
+            )  # fmt: skip
             met = [
                 (float(scan.ranges[at]), float(part * light[at]), int(scan.walls[at]))
                 for part, at in parts
@@ -211,10 +220,10 @@ class MixedPixels:
         return found
 
 
-def on_one_wall(scan: LaserScan) -> Bool:
-    """Which beams (beams − 1,) hit the same wall as the next one."""
-    known = scan.walls >= 0
-    return np.asarray(known[:-1] & known[1:] & (scan.walls[:-1] == scan.walls[1:]))
+def on_one_wall(scan: LaserScan | ScanBatch) -> Bool:
+    """Which beams (…, beams − 1) hit the same wall as the next one."""
+    wall, following = scan.walls[..., :-1], scan.walls[..., 1:]
+    return np.asarray((wall >= 0) & (wall == following))
 
 
 def _degrees(angle: float, key: str) -> float:

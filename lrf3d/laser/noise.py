@@ -9,22 +9,27 @@ surface hit, the loss of beams, the range, its rounding and limits::
 Each draws a fixed number of random numbers for each beam. A noise whose measured ranges scatter
 about the true ones has an attribute ``spread``, for mappers: standard deviations [m] of the part
 that is the same at every distance, and of the part that grows with the distance, at range_max.
+
+A noise that computes along the last axis takes a `ScanBatch`, the scans of many robots, as well,
+and says so by an attribute ``batched`` that is true; others are given one scan at a time.
 """
 
 import inspect
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, generator, number
 from lrf3d.laser.range_finder import LaserRangeFinder, within_limits
-from lrf3d.laser.scan import LaserScan
+from lrf3d.laser.scan import LaserScan, ScanBatch
 
 Rng = np.random.Generator | int
+
+Scan = TypeVar("Scan", bound=LaserScan | ScanBatch)
 
 
 class Noise(Protocol):
@@ -86,6 +91,12 @@ def spread_of(noise: object) -> tuple[float, float] | None:
         return None
 
 
+def check_scan(scan: object) -> None:
+    """Check what a noise is given."""
+    if not isinstance(scan, ScanBatch):
+        expect(scan, LaserScan, "scan")
+
+
 def as_noise(noise: Any) -> Noise:
     """A noise that comes from outside, checked to be a function of a scan and an rng."""
     try:
@@ -128,6 +139,7 @@ class ProportionalNoise:
     """
 
     sigma: float
+    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.sigma, "sigma", "metres")
@@ -137,12 +149,12 @@ class ProportionalNoise:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return 0.0, self.sigma
 
-    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan with noise on each range."""
-        expect(scan, LaserScan, "scan")
+        check_scan(scan)
         if self.sigma == 0.0:
             return scan
-        draws = generator(rng).normal(0.0, self.sigma, len(scan.ranges))
+        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
         shares = np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / known_range_max(scan)
         return _measured(scan, scan.ranges + shares * draws)
 
@@ -155,6 +167,7 @@ class ConstantNoise:
     """
 
     sigma: float
+    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.sigma, "sigma", "metres")
@@ -164,22 +177,23 @@ class ConstantNoise:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return self.sigma, 0.0
 
-    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan with noise on each range; a beam without return stays without."""
-        expect(scan, LaserScan, "scan")
+        check_scan(scan)
         if self.sigma == 0.0:
             return scan
-        return _measured(scan, scan.ranges + generator(rng).normal(0, self.sigma, len(scan.ranges)))
+        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
+        return _measured(scan, scan.ranges + draws)
 
 
-def known_range_max(scan: LaserScan) -> float:
+def known_range_max(scan: LaserScan | ScanBatch) -> float:
     """The range_max [m] of a scan, which must not be unknown."""
     if not np.isfinite(scan.range_max):
         raise InputError("scan without range_max, by which its noise is scaled: give one")
     return scan.range_max
 
 
-def _measured(scan: LaserScan, ranges: Float) -> LaserScan:
+def _measured(scan: Scan, ranges: Float) -> Scan:
     """The scan with noisy ranges, raised to at least 0; infinities stay."""
     return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
 
@@ -190,11 +204,12 @@ class Quantised:
 
     step: float
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
+    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.step, "resolution", "metres", positive=True)
 
-    def __call__(self, scan: LaserScan, rng: Any) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Any) -> Scan:
         """Return the scan with rounded ranges; infinities stay."""
         return replace(scan, ranges=np.round(scan.ranges / self.step) * self.step)
 
@@ -207,8 +222,9 @@ class Limits:
     """
 
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
+    batched: ClassVar[bool] = True
 
-    def __call__(self, scan: LaserScan, rng: Any) -> LaserScan:
+    def __call__(self, scan: Scan, rng: Any) -> Scan:
         """Return the scan with +inf or −inf for the ranges beyond its limits."""
         return replace(scan, ranges=within_limits(scan.ranges, scan.range_min, scan.range_max))
 
@@ -252,14 +268,20 @@ class Chain:
         constant, growing = zip(*known, strict=True)
         return math.hypot(*constant), math.hypot(*growing)
 
-    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
+    @property
+    def batched(self) -> bool:
+        """Whether all its noises take many scans at once."""
+        return all(getattr(noise, "batched", False) is True for noise in self.noises)
+
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan after all noises."""
-        expect(scan, LaserScan, "scan")
+        check_scan(scan)
         rng = generator(rng)
+        noise: Any
         for noise in self.noises:
             before, scan = scan, noise(scan, rng)
             # What a user's noise returns is checked by who asked for the scan.
-            if not isinstance(scan, LaserScan):
+            if not isinstance(scan, type(before)):
                 return scan
             true, light = before.echoes, before.echo_intensities
             if true is not None and light is not None:
@@ -268,24 +290,24 @@ class Chain:
 
 
 def _with_echoes(
-    before: LaserScan, true_echoes: Float, light: Float, scan: LaserScan, noise: Noise,
+    before: Scan, true_echoes: Float, light: Float, scan: Scan, noise: Any,
     rng: np.random.Generator,
-) -> LaserScan:  # fmt: skip
-    """What a noise made of a scan with echoes and their light (beams, k), with noise on these."""
+) -> Scan:  # fmt: skip
+    """What a noise made of a scan with echoes and their light (…, k), with noise on these."""
     if scan.echoes is not None and not np.array_equal(scan.echoes, true_echoes):
         return scan
     echoes, lit = true_echoes.copy(), light.copy()
     bare = replace(before, echoes=None, echo_intensities=None)
-    for column in range(echoes.shape[1]):
-        alone = replace(bare, ranges=true_echoes[:, column], intensities=light[:, column])
-        echoes[:, column] = noise(alone, rng).ranges
-    chosen = np.isfinite(true_echoes) & (true_echoes == before.ranges[:, None])
+    for column in range(echoes.shape[-1]):
+        alone = replace(bare, ranges=true_echoes[..., column], intensities=light[..., column])
+        echoes[..., column] = noise(alone, rng).ranges
+    chosen = np.isfinite(true_echoes) & (true_echoes == before.ranges[..., None])
     # Two echoes at one place have one range as well.
-    echoes = np.where(chosen, scan.ranges[:, None], echoes)
+    echoes = np.where(chosen, scan.ranges[..., None], echoes)
     lost = ~np.isfinite(echoes)
     echoes[lost], lit[lost] = np.inf, 0.0
-    order = np.argsort(echoes, axis=1, kind="stable")
-    echoes, lit = (np.take_along_axis(values, order, axis=1) for values in (echoes, lit))
+    order = np.argsort(echoes, axis=-1, kind="stable")
+    echoes, lit = (np.take_along_axis(values, order, axis=-1) for values in (echoes, lit))
     return replace(scan, echoes=echoes, echo_intensities=lit)
 
 

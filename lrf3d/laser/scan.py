@@ -226,6 +226,35 @@ class LaserScan(Value, Pictured):
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanBatch:
+    """Scans (k,) of one range finder, which noises take at once.
+
+    Angles (beams,) and limits are those of `LaserScan`; ranges, walls, and light have an axis more
+    than there, of the scans. A noise changes it by ``dataclasses.replace`` as well.
+    """
+
+    angles: Float
+    ranges: Float
+    walls: Int
+    range_min: float
+    range_max: float
+    intensities: Float | None = None
+    echoes: Float | None = None
+    echo_intensities: Float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ranges", _within(self.ranges, self.range_max))
+
+    @classmethod
+    def of(cls, scans: Sequence[LaserScan]) -> "ScanBatch":
+        """Scans, at least one, as one value; their poses and times are left out."""
+        first, names = scans[0], ("ranges", "walls", *LIGHT)
+        known = [name for name in names if getattr(first, name) is not None]
+        rows = {name: np.array([getattr(scan, name) for scan in scans]) for name in known}
+        return cls(first.angles, range_min=first.range_min, range_max=first.range_max, **rows)
+
+
 def _within(ranges: Float, range_max: float) -> Float:
     """Ranges, in which NaN and what is not within range_max are no return, +inf.
 

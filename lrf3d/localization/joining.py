@@ -19,14 +19,14 @@ from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import LATER, NEAR, SelfCheck, self_check
 from lrf3d.slam.closures import (
-    CLOSURE_SHARE,
     FLOOR,
     LEAST_DISTANCE,
+    MATCHING_SHARE,
     Closure,
     closure_edges,
     fixed,
 )
-from lrf3d.slam.front_end import LEAST_SHARE, refined
+from lrf3d.slam.front_end import CERTAIN_SHARE, refined
 from lrf3d.slam.key_scans import MOST_THROUGH, Key, seen_through_both
 from lrf3d.slam.pose_graph import edges_of, optimised
 from lrf3d.slam.revisits import OFF
@@ -122,7 +122,7 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
     """The edge between a key scan, by its number among all, and the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
     found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
-    if found is None or found.evidence < EVEN or found.match.explained < LEAST_SHARE:
+    if found is None or found.evidence < EVEN or found.match.explained < CERTAIN_SHARE:
         return None
     pose, near = found.match.pose, places.around(key, guess).tolist()
     olds = [places.keys[k] for k in near]
@@ -131,7 +131,7 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
         return None
     old, *_ = near
     *_, heading = places.poses[old].tolist()
-    information = CLOSURE_SHARE * turned(fixed(found.match.information), -heading) + FLOOR
+    information = MATCHING_SHARE * turned(fixed(found.match.information), -heading) + FLOOR
     return Closure(old, number, between(places.poses[old], pose), information)
 
 

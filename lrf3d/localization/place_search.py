@@ -20,7 +20,7 @@ from lrf3d.planning.free_space import free_places
 from lrf3d.pose import between, compose, turned
 from lrf3d.run import Run
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN
-from lrf3d.slam.key_scans import Key, Sight, same_place
+from lrf3d.slam.key_scans import Key, ScanConverter, same_place
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.search import (
     CELL,
@@ -38,8 +38,8 @@ from lrf3d.world import World
 MOST_SCANS, MOST_CELLS = 3000, 80_000
 """Most scans that are cast, and cells that are searched: in a town both lie farther apart."""
 
-STRIDE, STEP = 2, 0.04
-"""Stride of the search in cells, and step of its headings [rad]."""
+STEP = 0.04
+"""Step of the headings of the search [rad]."""
 
 EVEN = 3.8
 """Evidence at which a place and no place are equally likely. At right places it is 5.4 ± 1.0 in
@@ -76,8 +76,8 @@ class KnownPlaces:
             length, turn = size_of(between(poses[chosen[-1]], poses[number]))
             if length >= KEY_DISTANCE or turn >= KEY_TURN:
                 chosen.append(number)
-        sight = Sight()
-        keys = [sight.seen(run.scans_at(number), number) for number in chosen]
+        converter = ScanConverter()
+        keys = [converter.candidate(run.scans_at(number), number) for number in chosen]
         return cls(run.world.name, keys, poses[chosen], np.array(chosen))
 
     @classmethod
@@ -93,8 +93,8 @@ class KnownPlaces:
         poses = np.column_stack([places[first], np.zeros(len(first))])
         step = 2.0 * np.pi / cast_beams
         lrf = LaserRangeFinder(-np.pi, np.pi - step, cast_beams, range_max=cast_reach)
-        caster, sight = PlanarCaster(world), Sight()
-        keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
+        caster, converter = PlanarCaster(world), ScanConverter()
+        keys = [converter.candidate(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
 
     @cached_property
@@ -105,7 +105,7 @@ class KnownPlaces:
     def _free(self) -> Int:
         """Columns and rows (s, 2) of the free cells that are searched."""
         cells = self._field.cells == FREE
-        stride = int(np.ceil(max(STRIDE, np.sqrt(cells.sum() / MOST_CELLS))))
+        stride = int(np.ceil(max(2, np.sqrt(cells.sum() / MOST_CELLS))))
         rows, columns = np.nonzero(cells[::stride, ::stride])
         return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
 

@@ -1,4 +1,4 @@
-"""LineMapper: unites the local map of each scan with the global map (section 3.1)."""
+"""LineMapper: merges the local map of each scan into the global map (section 3.1)."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -14,7 +14,7 @@ from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 
 
 class Thresholds(NamedTuple):
-    """The settings of a mapper, all of them known; see :class:`LineMapper`."""
+    """The settings of a mapper, with defaults filled in; see :class:`LineMapper`."""
 
     gap: float
     split: float
@@ -26,13 +26,13 @@ class Thresholds(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """A mode of the mapper: what makes it of thresholds, and those that depend on the mode."""
+    """A mode of the mapper: how it is made, and the defaults that depend on the mode."""
 
     make: Callable[[Thresholds], Any]
-    """Makes an object with `update`, `local_map` and `map` of a LineMapper."""
+    """Returns an object with the `update`, `local_map` and `map` of a LineMapper."""
     merge_length: float
     noise: float
-    """Share of sigma that the default merge_distance has in addition."""
+    """Deviations of sigma that are added to the default merge_distance."""
     min_points: int
 
 
@@ -57,7 +57,7 @@ MOST = {
     "gap": 1e6, "split": 1e6, "merge_length": 100.0, "merge_distance": 10.0, "floor": 1e3,
     "sigma": 1e3,
 }  # fmt: skip
-"""Largest values [m] of the settings: more would join all walls of a place."""
+"""Largest values [m] of the settings: larger ones would merge all walls of a place."""
 
 
 class LineMapper:
@@ -141,16 +141,16 @@ class LineMapper:
         return f"LineMapper({self._settings})"
 
     several = True
-    """It takes the scans of several lasers together, so that walls do not end where fans do."""
+    """It takes the scans of several lasers together, so that no wall ends where a fan does."""
 
     def update(self, scan: LaserScan | Sequence[LaserScan]) -> None:
-        """Unite the map with what a scan shows, or those of several lasers at one moment.
+        """Update the map with a scan, or with those of several lasers at one moment.
 
-        A scan that took some time is unrolled by its motion; where that is unknown the robot is
-        taken to move on as since the scan before.
+        A scan that took some time is unrolled by its motion; where that is unknown, the robot is
+        assumed to move on as it has since the scan before.
 
         Raises:
-            InputError: It is no scan.
+            InputError: It is not a scan.
         """
         scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
         if not scans or not all(isinstance(each, LaserScan) for each in scans):

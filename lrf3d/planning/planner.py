@@ -180,8 +180,9 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
         # The cells that the robot could be in if all doors were wide.
         roomy = int((small.gaps >= radius + MARGIN).sum())
         with suppress(InputError):
-            reached = find_free_space(ground, radius, where=where, start=start).allowed.sum()
-            if roomy and reached >= 2 / 3 * roomy:
+            # A wider one may be at home in another house.
+            space = find_free_space(ground, radius, where=where, start=start)
+            if roomy and (space.allowed & small.allowed).sum() >= 2 / 3 * roomy:
                 return radius
     return smallest
 

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation, maximum
 from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground
 from lrf3d.robot.kinematics import RADIUS
+from lrf3d.text import counted
 from lrf3d.world import World
 from lrf3d.world.pieces import groups
 
@@ -17,15 +18,19 @@ USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 """Radii of common robots [m], of which one is tried or proposed."""
 
 
-def true_rooms(ground: Ground, inside: Bool, closed: bool = False) -> Int:
+def true_rooms(ground: Ground, inside: Bool) -> Int:
     """The numbers of the rooms among some cells (columns, rows) that are no niche and no table.
 
-    A closed space may be a shaft, so it must be larger than a room with a door to count.
+    A space without a door to most of them may be a shaft, so it must be larger to count.
     """
     rooms = np.where(inside, ground.rooms, 0)
     number, area = np.arange(rooms.max() + 1), np.bincount(rooms.ravel()) * ground.size**2
-    found = (area >= (4.0 if closed else 2.0)) & (number > 0)
-    found &= maximum(ground.gaps, rooms, number) >= (0.9 if closed else 0.7)
+    pairs = ground.doorways[0]
+    one, other = pairs[np.isin(pairs, rooms).all(axis=1)].T
+    reach = groups(one, other, len(number))
+    closed = reach != np.argmax(np.bincount(reach, np.where(number > 0, area, 0.0)))
+    found = (area >= np.where(closed, 4.0, 2.0)) & (number > 0)
+    found &= maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, 0.7)
     # A space whose opening to the outside is wider than a door is a niche.
     entrance = binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
     found &= maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < 0.7
@@ -36,16 +41,25 @@ def true_rooms(ground: Ground, inside: Bool, closed: bool = False) -> Int:
 
 
 def rooms_of(world: World) -> list[tuple[float, Float]]:
-    """The areas [m²] of the rooms of a world, the largest first, and places (2,) [m] in them.
-
-    Furniture does not divide a room here, though it does for a robot.
-    """
-    walls = world.heights >= 0.5 * world.heights.max(initial=0.0)
-    ground = Ground(World(world.segments[walls], heights=world.heights[walls], free=world.free))
-    inside = ground.on_side("inside", None)
-    rooms = np.where(inside, ground.rooms, 0)
-    found = [_measured(ground, rooms == room) for room in true_rooms(ground, inside)]
+    """The areas [m²] of the rooms of a world, the largest first, and places (2,) [m] in them."""
+    ground = Ground(_unfurnished(world))
+    rooms, numbers = _numbered(ground)
+    found = [_measured(ground, rooms == room) for room in numbers]
     return sorted(found, key=lambda each: -each[0])
+
+
+def _unfurnished(world: World) -> World:
+    """A world without its furniture, which divides no room, though a robot has to go round it."""
+    tall = world.heights >= 0.5 * world.heights.max(initial=0.0)
+    if tall.all():
+        return world
+    return World(world.segments[tall], heights=world.heights[tall], free=world.free)
+
+
+def _numbered(ground: Ground) -> tuple[Int, Int]:
+    """The space (columns, rows) of each cell inside, and the numbers of those that are rooms."""
+    inside = ground.on_side("inside", None)
+    return np.where(inside, ground.rooms, 0), true_rooms(ground, inside)
 
 
 def _measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
@@ -57,24 +71,34 @@ def _measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
 def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
     """Lines that name the rooms without an entered cell (columns, rows), by the reason."""
     ground = space.ground
-    inside = ground.on_side("inside", None)
-    rooms = np.where(inside, ground.rooms, 0)
-    missed = np.setdiff1d(true_rooms(ground, inside), rooms[entered & ground.wide])
+    points = ground.places + ground.world.origin
+    walls = _unfurnished(ground.world)
+    bare = ground if walls is ground.world else Ground(walls, points[entered][0])
+    rooms, numbers = _numbered(bare)
+    missed = np.setdiff1d(numbers, rooms[bare.cells_at(points[entered]) & bare.wide])
     if not len(missed):
         return []
-    via = _widest_ways(ground, rooms, space.allowed)
-    large = true_rooms(ground, inside, closed=True)
-    missed = missed[(via[missed] != SHUT) | np.isin(missed, large)]
+    # In corners of the outside there are cells of the inside, but no way goes round outside.
+    outside = np.bincount(ground.rooms.ravel(), ground.swept.ravel()) > 0.5 * np.bincount(
+        ground.rooms.ravel()
+    )
+    own = np.where(ground.on_side("inside", None) & ~outside[ground.rooms], ground.rooms, 0)
+    ways = _widest_ways(ground, own, space.allowed)
     doors, far, shut = list[tuple[float, Float]](), [], []
     for room in missed.tolist():
-        area, (x, y) = _measured(ground, rooms == room)
+        area, (x, y) = _measured(bare, rooms == room)
         named = area, f"m² at ({x:.1f}, {y:.1f})"
-        if via[room] == REACHED:
+        # The widest place that furniture leaves in the room.
+        within = ground.cells_at(bare.places[rooms == room] + bare.world.origin) & (own > 0)
+        left = np.where(within, ground.gaps, 0.0)
+        via = ways[own.flat[np.argmax(left)]] if within.any() else SHUT
+        if via == REACHED:
             far.append(named)
-        elif via[room] == SHUT:
+        elif via == SHUT or ground.gaps.flat[via] >= space.radius + MARGIN:
+            # Where all doors are wide enough, something stands between two of them.
             shut.append(named)
         else:
-            width, middle = _door(ground, ground.places.reshape(-1, 2)[via[room]])
+            width, middle = _door(ground, ground.places.reshape(-1, 2)[via])
             if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
                 doors.append((width, middle))
     notes = []
@@ -89,15 +113,17 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
         ]
         what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
         wide = f"too narrow for a robot of {2.0 * space.radius:.2f} m"
-        behind = _count(len(missed) - len(far) - len(shut))
+        behind = _count(len(missed) - len(far) - len(shut), len(numbers))
         notes.append(f"{what} of {narrow} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
     if shut:
-        why = "no door leads there, or one that is drawn shut"
+        why = "no door leads there from inside, or it is drawn shut, or blocked"
         drawn = "`lrf3d world show` draws what was read"
-        notes.append(f"{_count(len(shut))} not reached, {_largest(shut, 1)}: {why}; {drawn}")
+        notes.append(
+            f"{_count(len(shut), len(numbers))} not reached, {_largest(shut, 1)}: {why}; {drawn}"
+        )
     if far:
         long = "the route would be too long, or shows little more"
-        notes.append(f"{_count(len(far))} not entered, {_largest(far, 1)}: {long}")
+        notes.append(f"{_count(len(far), len(numbers))} not entered, {_largest(far, 1)}: {long}")
     return notes
 
 
@@ -128,8 +154,8 @@ def _widest_ways(ground: Ground, rooms: Int, reached: Bool) -> Int:
     return via
 
 
-def _count(number: int) -> str:
-    return f"{number} rooms are" if number > 1 else "1 room is"
+def _count(number: int, of: int) -> str:
+    return f"{number} of {counted(of, 'room')} {'is' if number == 1 else 'are'}"
 
 
 def _largest(named: list[tuple[float, str]], digits: int) -> str:
@@ -170,7 +196,7 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
         one, other = pairs[ground.gaps.ravel()[cell] >= THINNEST + MARGIN].T
         reach = groups(one, other, int(ground.rooms.max()) + 1)
         near = np.isin(reach[rooms], reach[rooms[reached & (rooms > 0)]])
-        side = (near | np.isin(rooms, true_rooms(ground, side, closed=True))) & (rooms > 0)
+        side = (near | np.isin(rooms, true_rooms(ground, side))) & (rooms > 0)
     along = np.unique(ground.nearest[side])
     ends = np.full((len(world.segments), 2), np.nan)
     base, unit = world.segments[:, :2] - world.origin, directions(world.segments)

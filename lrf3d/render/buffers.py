@@ -1,4 +1,4 @@
-"""The context, buffers and textures of OpenGL, and the module ``GL`` for all that draws with it.
+"""The context, buffers, textures and programs of OpenGL, and its module ``GL`` for what draws.
 
 The context and the buffers are pyrender's. Its private members are used here and nowhere else: the
 ``_platform`` of its ``OffscreenRenderer``, to make the one context of a process current, and the
@@ -7,7 +7,7 @@ vertex attribute has a buffer that can be rewritten.
 """
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -15,19 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import MissingLibraryError
-from lrf3d.geometry import quad_indices
+from lrf3d.geometry import Single, quad_indices
 from lrf3d.render.gl import INSTALL_LINE, import_libraries
+from lrf3d.render.glsl import shader_source
+from lrf3d.scene.look import Setting
+from lrf3d.scene.shapes import Lens
 
 GL: Any
 pyrender: Any
 GL, pyrender = import_libraries()
+
+Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
 
 @cache
 def _context() -> Any:
     """The one OpenGL context of this process, current in the thread that asks first.
 
-    It is pyrender's, and stays: deleting one of them would end every other in the process.
+    It is pyrender's and is never deleted: that would end every other context of the process.
 
     Raises:
         MissingLibraryError: The libraries are there, but no driver that they could start.
@@ -110,7 +115,7 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
     def fill(self, columns: Sequence[NDArray[Any]], *, corners: int = 1) -> None:
         """Draw these from now on: an array (…, k) for each attribute, by the shader's locations.
 
-        Each row is that of so many corners: of one vertex, or of the four of a quad.
+        A row holds the attributes of one vertex, or of the four vertices of a quad.
         """
         rows = 0
         for place, values in enumerate(columns):
@@ -125,7 +130,7 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
             self.choose(quad_indices(rows))
 
     def choose(self, indices: NDArray[np.uint32]) -> None:
-        """Draw its triangles of these vertices from now on."""
+        """Draw only the triangles of these vertices from now on."""
         self.count, self._indexed = len(indices), True
         GL.glBindVertexArray(self._vaid)
         self._store(GL.GL_ELEMENT_ARRAY_BUFFER, -1, indices)
@@ -165,3 +170,89 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
         self._vaid = GL.glGenVertexArrays(1)
         self._buffers: list[int] = []
         self._named: dict[int, int] = {}
+
+
+class ShaderProgram:
+    """A linked pair of a vertex and a fragment shader, by their name: see :func:`shader_source`."""
+
+    def __init__(self, name: str, setting: Setting) -> None:
+        self.name = name
+        self._id = GL.glCreateProgram()
+        kinds = (GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER)
+        shaders = [_compile(name, kind, setting) for kind in kinds]
+        for shader in shaders:
+            GL.glAttachShader(self._id, shader)
+        GL.glLinkProgram(self._id)
+        if not GL.glGetProgramiv(self._id, GL.GL_LINK_STATUS):
+            log = GL.glGetProgramInfoLog(self._id)
+            raise RuntimeError(f"shader {name} does not link: {log!r}")
+        for shader in shaders:
+            GL.glDeleteShader(shader)
+        count = GL.glGetProgramiv(self._id, GL.GL_ACTIVE_UNIFORMS)
+        names = [GL.glGetActiveUniform(self._id, number)[0].decode() for number in range(count)]
+        places = {each: GL.glGetUniformLocation(self._id, each) for each in names}
+        # The picture is on the unit that is read where nothing is said.
+        self._places = {each: at for each, at in places.items() if at >= 0 and each != "picture"}
+        block = GL.glGetUniformBlockIndex(self._id, b"Camera")
+        if block != GL.GL_INVALID_INDEX:
+            GL.glUniformBlockBinding(self._id, block, CameraBlock.PLACE)
+        self._values: dict[str, Uniform] = {}
+
+    def use(self, uniforms: Mapping[str, Uniform]) -> None:
+        """Make this the program to draw with, and set those of its uniforms that have changed.
+
+        What the shader does not ask for is passed over.
+        """
+        GL.glUseProgram(self._id)
+        for name, place in self._places.items():
+            value, known = uniforms[name], self._values.get(name)
+            if value is known or (not isinstance(value, np.ndarray) and value == known):
+                continue
+            self._values[name] = value
+            if isinstance(value, int):
+                GL.glUniform1i(place, value)
+            elif isinstance(value, np.ndarray) and value.ndim == 2:
+                GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
+            else:
+                numbers = np.ravel(value).tolist()
+                getattr(GL, f"glUniform{len(numbers)}f")(place, *numbers)
+
+    def delete(self) -> None:
+        """Free what the driver holds of it."""
+        GL.glDeleteProgram(self._id)
+
+
+class CameraBlock:
+    """What all programs know of the camera, in one buffer: see ``common.glsl``."""
+
+    PLACE = 0
+
+    def __init__(self) -> None:
+        self._values: Single = np.zeros(24, np.float32)
+        self._buffer = GL.glGenBuffers(1)
+        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._buffer)
+        size = self._values.nbytes
+        GL.glBufferData(GL.GL_UNIFORM_BUFFER, size, self._values, GL.GL_DYNAMIC_DRAW)
+
+    def fill(self, lens: Lens, width: int, height: int) -> None:
+        """Make it the camera of all that is drawn from now on, in pixels."""
+        values = self._values
+        values[:16] = lens.matrix.T.ravel()
+        values[16:19], values[19] = lens.eye, lens.thick
+        values[20:] = width, height, lens.slack, lens.nearer
+        GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, self.PLACE, self._buffer)
+        rewrite(GL.GL_UNIFORM_BUFFER, values)
+
+    def delete(self) -> None:
+        """Free it."""
+        GL.glDeleteBuffers(1, [self._buffer])
+
+
+def _compile(name: str, kind: int, setting: Setting) -> int:
+    source = shader_source(name, setting, vertex=kind == GL.GL_VERTEX_SHADER)
+    shader: int = GL.glCreateShader(kind)
+    GL.glShaderSource(shader, f"#version 330 core\n{source}")
+    GL.glCompileShader(shader)
+    if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
+        raise RuntimeError(f"shader {name} does not compile: {GL.glGetShaderInfoLog(shader)!r}")
+    return shader

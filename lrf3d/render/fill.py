@@ -115,11 +115,11 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
 
 @borrower
 def plane(corners: Single, eye: Float, found: Float) -> None:
-    """What a ray from an eye meets a triangle (3, 9) by, for :func:`shade`, into found (10,).
+    """Fill in the numbers (10,) by which `shade` meets rays from an eye with a triangle (3, 9).
 
-    Its direction times the first three is a volume; times the next, and the next, divided by it,
-    how far towards the second and third corner it meets it (Möller and Trumbore, 1997); the last
-    number divided by it is how far away.
+    The product of a ray's direction with the first three is a volume. Its products with the next
+    three and the three after, divided by the volume, are the shares of the second and the third
+    corner (Möller and Trumbore, 1997); the last number divided by the volume is the distance.
     """
     found[9] = 0.0
     for k in range(3):
@@ -150,7 +150,7 @@ def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> No
 
 @borrower
 def grey(colour: Single) -> float:
-    """How bright a colour is."""
+    """The brightness of a colour."""
     bright: float = 0.3 * colour[0] + 0.55 * colour[1] + 0.15 * colour[2]
     return bright
 
@@ -175,10 +175,10 @@ def expose(seen: Single, when: Float, clock: Float, height: float, tones: Float)
 def shade(
     ways: Single, hits: NDArray[np.int32], fixed: Float, surfaces: Surfaces, laser: LaserLight
 ) -> tuple[Single, Single, Single]:
-    """Colours (n, 3), one over the depth, and how lit it is, of what rays (n, 3) from an eye see.
+    """Colours (n, 3), inverse depths and exposures (n,) of what rays (n, 3) from an eye meet.
 
-    They meet triangles by number (n,), or −1. Fixed are the eye, the pixels of a metre at a
-    distance of one, and the air.
+    The hits (n,) are numbers of triangles, or −1. The fixed values are the eye (3,), the number of
+    pixels in a metre at a distance of one, and the density of the air.
     """
     corners, ground, ground_levels, area, tones = surfaces
     eye, focus, thick, clock = fixed[:3], fixed[3], fixed[4], laser.clock
@@ -246,7 +246,7 @@ def shade(
 def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> None:
     """Fill triangles (t, 3, 7): x, y [pixels], one over the depth, colour and opacity.
 
-    What is nearer than what is there is drawn. What is solid hides what comes later.
+    A pixel is drawn where it is nearer than the one that is there; only solid ones set the depth.
     """
     height, width = near.shape
     for t in range(len(rows)):

@@ -25,7 +25,7 @@ weights of red, green and blue in brightness."""
 def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
     """The source of a shader without its version: ``common.glsl``, then ``name.glsl``.
 
-    What stands after colons in the name is defined in it, and ``VERTEX`` in the vertex shader.
+    Words after colons in the name are defined as macros, and ``VERTEX`` in the vertex shader.
     """
     file, *defined = name.split(":")
     lines = [f"#define {each}\n" for each in (["VERTEX"] * vertex + defined)]

@@ -13,15 +13,26 @@ from PIL import Image
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import LEFT, Float, Single
 from lrf3d.render import fill
-from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.scene import look
-from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
+from lrf3d.scene.shapes import (
+    Body,
+    Lens,
+    Lines,
+    Mark,
+    Pixels,
+    Points,
+    Reflection,
+    Seen,
+    Soft,
+    Tints,
+    reflections,
+    single,
+)  # fmt: skip
 from lrf3d.scene.stage.stage import Stage
 
 _LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6
-"""How much nearer to the eye translucent faces are than what they lie on, the depth before which
-lines and faces are cut and points are left out, and how far from a mirror what rays meet is it [m];
-and the most walls that a ray passes where these are open or glass."""
+"""Offset of translucent faces towards the eye from what they lie on; depth of the near plane;
+tolerance within which a hit of a ray is a mirror [m]; and the most openings and panes in a ray."""
 
 
 class _Canvas(NamedTuple):
@@ -123,10 +134,7 @@ class PlainRenderer:
     def _look_through(
         self, seen: Seen, lens: Lens, ways: Single, hits: Any, met: tuple[Single, Single, Single]
     ) -> None:
-        """Let rays pass what they met first, and what is behind it, where these are open or glass.
-
-        The colours and depths that they met are changed.
-        """
+        """Continue rays through openings and glass; changes the colours and depths they met."""
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         (found, depth, lit), rest, left = met, np.arange(len(ways)), np.ones(len(ways), np.float32)
         colours, near = found, depth
@@ -263,7 +271,7 @@ def _before_eye(triangles: Float, lens: Lens) -> Float:
 
 
 def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> Single:
-    """The opacity (n,) of what rays (n, 3) meet at one over a depth (n,), which is so lit (n,)."""
+    """The opacity (n,) of what rays (n, 3) meet, by its inverse depth (n,) and exposure (n,)."""
     if seen.glass:
         return np.where(lit < 0.5, np.float32(1.0 - seen.glass * look.GHOST_STRENGTH), 1.0)
     toward = np.array(seen.robot) - lens.eye
@@ -278,7 +286,7 @@ def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> S
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:
-    """Directions (n, 3) through all pixels of a picture, as long as a depth of 1 m."""
+    """Directions (n, 3) of the rays through all pixels of a picture, scaled to a depth of 1 m."""
     inverse = np.linalg.inv(lens.matrix)
 
     def ray(x: float, y: float) -> Float:

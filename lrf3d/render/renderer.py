@@ -11,12 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, quad_indices
-from lrf3d.render.buffers import GL, Buffer, Texture, make_current
+from lrf3d.render.buffers import GL, Buffer, CameraBlock, ShaderProgram, Texture, make_current
 from lrf3d.render.glsl import columns_of, ground_of, mesh
-from lrf3d.render.mirrors import Reflection, reflections
-from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
-from lrf3d.scene.shapes import Lens, Lines, Mark, Painted, Pixels, Plan, Points, Seen, Tints
+from lrf3d.scene.shapes import (
+    Lens,
+    Lines,
+    Mark,
+    Painted,
+    Pixels,
+    Plan,
+    Points,
+    Reflection,
+    Seen,
+    Tints,
+    reflections,
+)  # fmt: skip
 from lrf3d.scene.stage.stage import Stage
 
 
@@ -250,7 +260,7 @@ class Renderer:
             self._draw_mark(name, mark, plan.lens.focus)
 
     def _flatten(self) -> None:
-        """Have all so far drawn, and go on with one sample a pixel: what comes has soft edges.
+        """Draw all so far, and go on with one sample a pixel: what follows has its own soft edges.
 
         Translucent layers cost some times as much on several samples a pixel. With one sample
         nothing is sent off here: software OpenGL would write all pixels and read them again, which

@@ -1,33 +1,30 @@
-"""Films and pictures of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
+"""Films of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
-from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.files import as_path, replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, number, whole_number
 from lrf3d.interrupts import Progress, silent, stoppable
-from lrf3d.render.film import Film, FilmOptions
+from lrf3d.render.film import SLACK, FilmOptions
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
+from lrf3d.scene.cameras import margins
 from lrf3d.scene.moments import MARKS
 from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage.stage import stage_of
-from lrf3d.scene.story import margins
 from lrf3d.scene.timeline import Timeline
 
-_SLACK, _EFFORT, _EXAMPLES = 1e-6, 4, 24
-"""How far past its end a run can still be looked at [s], as sums of steps are rounded; compression
-of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller; and how many
-pictures of a film choose the colours of a GIF: more choose the same ones."""
+_EFFORT, _EXAMPLES = 4, 24
+"""Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller;
+and how many pictures of a film choose the colours of a GIF: more choose the same ones."""
 
 
 @stoppable()
@@ -108,42 +105,13 @@ def _frame_times(
     )
     timeline = Timeline(run, playback=options.playback)
     times = timeline.frame_times(fps, margins(str(options.view)))
-    chosen = times[(times >= low - _SLACK) & (times <= high + _SLACK)]
+    chosen = times[(times >= low - SLACK) & (times <= high + SLACK)]
     if not len(chosen):
         raise InputError(
             f"part from {low:g} to {high:g} s: the run goes from {timeline.start:g} to"
             f" {timeline.end:g} s, and no frame lies there"
         )
     return np.asarray(chosen)
-
-
-def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
-    """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    chosen = FilmOptions(**options).of(run)
-    if not is_finite(time):
-        raise InputError(f"time {shown(time)}: expected a finite number of seconds")
-    timeline = Timeline(run, playback=chosen.playback)
-    # The pictures of the opening and the end can be looked at, too.
-    before, after = (timeline.playback * margin for margin in margins(str(chosen.view)))
-    # Checked before anything is painted, which takes seconds.
-    if not timeline.start - before - _SLACK <= time <= timeline.end + after + _SLACK:
-        raise InputError(
-            f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
-        )
-    return np.array(_film(run, chosen).draw(time)[:, :, :3])
-
-
-_latest: list[tuple[Run, FilmOptions, Film]] = []
-
-
-def _film(run: Run, options: FilmOptions) -> Film:
-    """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
-    if not _latest or _latest[0][0] is not run or _latest[0][1] != options:
-        # The driver's memory is not freed by itself: environments draw a new run in each step.
-        while _latest:
-            _latest.pop()[2].close()
-        _latest.append((run, options, Film(run, **asdict(options))))
-    return _latest[0][2]
 
 
 def save_png(picture: Pixels, path: Path) -> None:

@@ -34,9 +34,9 @@ _OBSTACLE_COLOURS = np.array(
 )
 """Colours of dynamic obstacles: strong, and none is the robot's orange."""
 
-_OWN, _FOOT, _LEAST = 0.05, 0.10, 0.3
-"""How far from the robot's colour a colour counts as it, as the file rounds; height of the foot of
-an obstacle [m], and the least half size of one from above, in darts, so that it can be seen."""
+_FOOT, _LEAST = 0.10, 0.3
+"""Height of the foot of an obstacle [m], and the least half size of one from above, in darts, so
+that it can be seen."""
 
 _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
@@ -63,8 +63,9 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
     z = low * z + np.maximum(low * (z - deck), 0.0) * (stretch - 1.0)
     vertices = np.column_stack([size * x, -size * y, z])
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
-    own = np.abs(colours - ROBOT).max(axis=1) < _OWN
-    colours = np.where(own[:, None], colour, colours)
+    # Of the colours in the file, the one next to the robot's is its own.
+    off = np.abs(colours - ROBOT).max(axis=1)
+    colours = np.where((off == off.min())[:, None], colour, colours)
     return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
 
 

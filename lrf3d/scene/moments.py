@@ -14,10 +14,8 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import bodies, look
-from lrf3d.scene.beams import draw_beams
 from lrf3d.scene.camera import AIM, Look
-from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.estimate import DrawnEstimate, trail_lines
+from lrf3d.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
 from lrf3d.scene.stage.exposure import LiveExposure
 from lrf3d.scene.stage.stage import Stage, stage_of
@@ -266,7 +264,7 @@ class Scene:
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> "Window":
-        """What the plan shows: the whole world, or of a larger one what is round the robot."""
+        """The window of the plan: the whole world or, in a large one, what is around the robot."""
         path = self.run.trajectory.poses[:, :2] - self.origin
         points = np.concatenate([self.structures.places, path])
         low, high = points.min(axis=0), points.max(axis=0)
@@ -310,7 +308,7 @@ class _Snapshot(NamedTuple):
 def _from_above(middle: Float, size: Float) -> Lens:
     """A lens straight above a middle (2,), which shows a width and height (2,) [m].
 
-    A negative height puts what has the largest y into the first row.
+    With a negative height the first row of the picture has the largest y.
     """
     matrix = np.diag([*2.0 / size, 0.0, 1.0])
     matrix[:2, 3] = -2.0 * middle / size

@@ -11,7 +11,7 @@ import shapely
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look
-from lrf3d.scene.estimate import TRUTH, estimate_words
+from lrf3d.scene.marks import TRUTH, estimate_words
 from lrf3d.scene.shapes import Label
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import counted

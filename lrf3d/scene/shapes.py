@@ -6,13 +6,13 @@ mark in a scene needs no new code there. An array that is the same object as bef
 All places are in the film's frame [m], all colours are red, green, blue in 0…1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import LEFT, Float, Single
 
 Pixels = NDArray[np.uint8]
 
@@ -89,7 +89,7 @@ class Lines(NamedTuple):
 class Points(NamedTuple):
     """Round points: places (n, 3), colours and opacities (n, 4).
 
-    The sides (n, 2) are where the walls look that they lie on, or 0: from behind they are not seen.
+    The sides (n, 2) are normals of the walls that they lie on, which hide them from behind, or 0.
     """
 
     places: Single
@@ -153,7 +153,7 @@ class Tints(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """All that is to be seen in one picture: bodies and marks by name, in the order of drawing."""
+    """The content of one picture: bodies and marks by name, in the order of drawing."""
 
     lens: Lens
     bodies: tuple[tuple[str, Body], ...]
@@ -168,6 +168,50 @@ class Seen(NamedTuple):
     cut: float = 1e4
     """Height that walls are cut at [m]; no wall is as high as the default."""
     plan: Plan | None = None
+
+
+class Reflection(NamedTuple):
+    """What is seen in one mirror, through its rectangle.
+
+    The scene is drawn from the mirrored eye before all else; what does not lie past the mirror is
+    left out by shaders, and then the rectangle's depth alone closes it.
+    """
+
+    lens: Lens
+    """From the mirrored eye."""
+    uniforms: dict[str, tuple[float, ...]]
+    """The mirror, for shaders: an end and its direction, its length, height and distance [m]."""
+    turn: Float
+    """(4, 4) the matrix that mirrors places."""
+    seal: Single
+    """(2, 3, 3) the triangles that close it."""
+
+
+def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
+    """What is seen in mirrors (m, 5), walls and their heights, that stand in the picture."""
+    lens = seen.lens
+    nearer = 0.03  # How far before its wall a mirror stands [m].
+    for x1, y1, x2, y2, high in mirrors.tolist():
+        top, start, along = min(high, seen.cut), np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
+        length = float(np.hypot(*along))
+        along /= length
+        normal = along @ LEFT
+        off = float(normal @ (lens.eye[:2] - start))
+        foot = start + np.sign(off) * nearer * normal
+        ends = np.array([foot, foot + length * along])[[0, 1, 1, 0, 1, 0]]
+        corners = np.column_stack([ends, [0.0, 0.0, top, 0.0, top, top]])
+        clip = corners @ lens.matrix[:, :3].T + lens.matrix[:, 3]
+        sides = clip[:, 3:] + np.hstack([clip[:, :2], -clip[:, :2]])
+        if off == 0.0 or (sides < 0.0).all(axis=0).any() or (clip[:, 3] < 0.0).all():
+            continue
+        turn = np.eye(4)
+        turn[:2, :2] -= 2.0 * np.outer(normal, normal)
+        turn[:2, 3] = 2.0 * normal * (normal @ start)
+        lens_behind = lens._replace(
+            matrix=lens.matrix @ turn, eye=lens.eye - 2.0 * off * np.array([*normal, 0.0])
+        )
+        uniforms = {"mirror": (x1, y1, *along.tolist()), "mirror_size": (length, top, off)}
+        yield Reflection(lens_behind, uniforms, turn, single(corners.reshape(2, 3, 3)))
 
 
 def together(marks: Sequence[Any]) -> Any:

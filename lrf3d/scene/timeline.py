@@ -147,10 +147,9 @@ class DriveKeys(NamedTuple):
         return np.asarray(step <= _FASTEST * np.diff(self.times))
 
     def thinned(self, error: float = 0.005) -> "DriveKeys":
-        """The keys without those that the robot passes while it drives evenly, within an error [m].
+        """The keys without those that interpolation reproduces within an error [m].
 
-        Lines are simplified (Douglas and Peucker, 1973) that run as the robot does, and as its path
-        grows with time.
+        The path, and the distance over time, are simplified (Douglas and Peucker, 1973).
         """
         times, places = self.times, self.poses[:, :2]
         if len(times) < 3:
@@ -184,7 +183,7 @@ def _keys(timeline: Timeline, times: Float, poses: Float) -> DriveKeys:
 
 
 def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
-    """When each scan begins and ends to be visible [s].
+    """When each scan appears and disappears [s].
 
     A scan is seen half before and half after its moment: then the robot is never far from where
     it scanned. At a stop it is seen until the robot leaves.

@@ -5,7 +5,7 @@ the scans overlap, no beam of the one passes through what the other saw, no othe
 within all that the drive may have drifted, and enough closures of the same stretch agree.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,10 +14,10 @@ import numpy as np
 from lrf3d.geometry import Float, Records
 from lrf3d.pose import between, compose, turned
 from lrf3d.slam.front_end import (
+    CERTAIN_SHARE,
+    FOUND_SHARE,
     KEY_DISTANCE,
-    LEAST_FOUND,
     LEAST_POINTS,
-    LEAST_SHARE,
     WEAK,
     weakest_direction,
 )
@@ -31,7 +31,7 @@ LEAST_DISTANCE = 6.0
 """Least path length [m] over which a loop is closed, and between the old places that are tried."""
 
 NEAR = 4.0
-"""Largest distance of key scans that show the same walls [m]."""
+"""Largest distance between key scans that show the same walls [m]."""
 
 DRIFT, DRIFT_TURN = 0.01, 0.0015
 """Drift of the front end [m], [rad] per metre: twice the usual drift."""
@@ -47,28 +47,27 @@ STRETCH = 2.0 * LEAST_DISTANCE
 """Closures are compared if the old key scans of both are this near along the graph [m], and the new
 ones along the drive."""
 
-CLOSURE_SHARE = 0.3
-"""Factor on the information of an edge from matching: both maps were made by the same drifting
-front end, and are bent a little."""
-
-KNOWN = np.diag([1.5**2, 1.5**2, 1.0])
-"""Covariance of the search window of a closure given by the user [m²], [rad²]."""
+MATCHING_SHARE = 0.3
+"""Factor on the information that matching gives an edge: the scan and the map come from the same
+drifting front end, and are slightly bent."""
 
 FLOOR = np.diag([0.01, 0.01, 1.0])
-"""Information of a closure in any direction: 10 m and 1 rad, as it lay in the window."""
+"""Least information of a closure in any direction: 10 m and 1 rad, the size of the window."""
 
 
 @dataclass(frozen=True, eq=False)
 class Closure:
     """An old key scan and a new one, by their numbers, that show the same place.
 
-    The pose (3,) and its information (3, 3) are those of the new one, as seen from the old one.
+    The pose (3,) and its information (3, 3) are those of the new one, as seen from the old one. A
+    certain closure is one that the user gave.
     """
 
     old: int
     new: int
     relative: Float
     information: Float
+    certain: bool = False
 
     @cached_property
     def covariance(self) -> Float:
@@ -108,7 +107,7 @@ class LoopCloser:
     def drive(self, step: Float, lost: int) -> None:
         """Add a step and a number of lost scans to the distance, by the drift that they cause."""
         lost_length = 10.0  # Path length [m] with the same drift, 0.1 m, as one unmatched scan.
-        # A turn in place lets the robot drift like a path of the length of its lever.
+        # A turn of one radian lets the robot drift like a path of one metre.
         self.distance += sum(size_of(step)) + lost_length * lost
 
     def add_key(self, key: Key, *, apart: bool = False) -> None:
@@ -121,7 +120,7 @@ class LoopCloser:
     def search(self, poses: Float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
         self._poses = poses
-        closure = self._found(len(self.keys) - 1)
+        closure = self._best_closure(len(self.keys) - 1)
         if closure is None:
             return []
         self.unconfirmed.append(closure)
@@ -137,12 +136,16 @@ class LoopCloser:
             if closure in self.unconfirmed:
                 self._accept(closure, AGREEING_IN_THE_END, strict=True)
         votes = {closure: self._votes(closure, self.accepted) for closure in self.accepted}
-        wrong = [each for each, agree in votes.items() if 2 * sum(agree.values()) < len(agree)]
+        wrong = [
+            closure
+            for closure, agree in votes.items()
+            if not closure.certain and 2 * sum(agree.values()) < len(agree)
+        ]
         self.accepted = [closure for closure in self.accepted if closure not in wrong]
         self.unconfirmed += wrong
 
     def _votes(self, newest: Closure, closures: list[Closure]) -> dict[Closure, bool]:
-        """Which closures agree with another, of those that join the same two places.
+        """Whether each of the closures that join the same two places agrees with the newest one.
 
         Old key scans of several drives past a place are near each other along the graph.
         """
@@ -166,14 +169,14 @@ class LoopCloser:
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
         self.accepted += agreeing
         for closure in agreeing:
-            # A path over the graph from now on. Along a corridor it leaves the robot as uncertain
-            # as a long drive does.
+            # From now on paths over the graph may take it. Along a corridor it leaves the robot as
+            # uncertain as a long drive does.
             off = np.sqrt(np.linalg.norm(closure.covariance[:2, :2], 2)) / DRIFT
             length = max(KEY_DISTANCE, float(off))
             self.paths.link(closure.old, closure.new, length, closure.covariance)
         return agreeing
 
-    def _found(self, new: int) -> Closure | None:
+    def _best_closure(self, new: int) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
         places = self._all_places(new)
         there = [compose(self._poses[old], place.match.pose) for old, place in places]
@@ -184,7 +187,7 @@ class LoopCloser:
         old, (match, worth) = places[best]
         around = self._submap(old, new)
         why = ""
-        if worth <= 0.0 or match.explained < LEAST_FOUND:
+        if worth <= 0.0 or match.explained < FOUND_SHARE:
             why = "too little is explained"
         elif any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
             why = "ruled out"
@@ -198,7 +201,7 @@ class LoopCloser:
         return _closure(old, new, match)
 
     def _all_places(self, new: int) -> list[tuple[int, Place]]:
-        """Pairs of an old key scan that may be near, and a place of a new one as seen from it."""
+        """Pairs of an old key scan near a new one, and a place of the new one in its frame."""
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
             return []
@@ -208,9 +211,9 @@ class LoopCloser:
         away = (poses - poses[new])[:, :2]
         apart = np.hypot(*away.T)
         along = away / np.maximum(apart, 1e-9)[:, None]
-        sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
+        deviation = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
         (least, *_), (most, *_) = LEAST_SPREAD, MOST_SPREAD
-        fits &= apart < NEAR + DEVIATIONS * np.clip(sideways, least, most)
+        fits &= apart < NEAR + DEVIATIONS * np.clip(deviation, least, most)
         most_places = 20  # Most old places that are tried for a key scan, the nearest first.
         for _ in range(most_places):
             if not fits.any():
@@ -222,7 +225,7 @@ class LoopCloser:
             # in a wide one all are tried, so that a place that only looks right is not accepted.
             fits &= np.abs(self.driven - self.driven[old]) > LEAST_DISTANCE
             small = DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < LEAST_DISTANCE
-            if small and any(place.match.explained > LEAST_SHARE for _, place in places):
+            if small and any(place.match.explained > CERTAIN_SHARE for _, place in places):
                 break
         return places
 
@@ -268,13 +271,15 @@ class LoopCloser:
         return [*self.refused, *few]
 
     def known(self, old: int, new: int, poses: Float) -> Closure | None:
-        """The closure of two key scans of which somebody knows that they show the same place."""
+        """The closure of two key scans that the user knows to show the same place."""
         self._poses = poses
         guess = between(poses[old], poses[new]) * [0.0, 0.0, 1.0]
-        places = self._places(old, new, KNOWN, guess) if self._around(old, new) else ()
+        window = np.diag([1.5**2, 1.5**2, 1.0])  # Its covariance [m²], [rad²].
+        places = self._places(old, new, window, guess) if self._around(old, new) else ()
         if not places:
             return None
-        closure = _closure(old, new, max(places, key=lambda place: place.evidence).match)
+        best = max(places, key=lambda place: place.evidence)
+        closure = replace(_closure(old, new, best.match), certain=True)
         self.accepted.append(closure)
         self.paths.link(old, new, KEY_DISTANCE, closure.covariance)
         return closure
@@ -286,8 +291,10 @@ class LoopCloser:
         old = between(self._poses[first.old], self._poses[second.old])
         new = between(self.keys[first.new].pose, self.keys[second.new].pose)
         error = between(compose(first.relative, new), compose(old, second.relative))
-        place, turn = 0.05 + DRIFT * length, 0.015 + DRIFT_TURN * length
-        lever, _ = size_of(0.015 * old)
+        # Errors of a submap [m], [rad], to which the drift over the length is added.
+        bent_place, bent_turn = 0.05, 0.015
+        place, turn = bent_place + DRIFT * length, bent_turn + DRIFT_TURN * length
+        lever, _ = size_of(bent_turn * old)
         covariance = np.diag(np.square([place, place, turn]) + np.square([lever, lever, 0.0]))
         for closure in (first, second):
             covariance = covariance + turned(closure.covariance, -float(second.relative[2]))
@@ -297,17 +304,17 @@ class LoopCloser:
 def _closure(old: int, new: int, match: Match) -> Closure:
     """The closure of a match of a new key scan around an old one."""
     relative = between(np.zeros(3), match.pose)
-    return Closure(old, new, relative, CLOSURE_SHARE * fixed(match.information) + FLOOR)
+    return Closure(old, new, relative, MATCHING_SHARE * fixed(match.information) + FLOOR)
 
 
-def closure_edges(closures: list[Closure], *, robust: bool = True) -> Records:
-    """Closures as edges of the pose graph."""
+def closure_edges(closures: list[Closure]) -> Records:
+    """Closures as edges of the pose graph, which are robust unless they are certain."""
     return edges_of(
         [closure.old for closure in closures],
         [closure.new for closure in closures],
         np.array([closure.relative for closure in closures]),
         np.array([closure.information for closure in closures]),
-        FLOOR, robust=robust,
+        FLOOR, robust=[not closure.certain for closure in closures],
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.pose import Pose, between, compose, turned
-from lrf3d.slam.key_scans import BEHIND, Key, MixedPixels, views_of
+from lrf3d.slam.key_scans import BEHIND, PASSED, Key, MixedPixels, views_of
 from lrf3d.slam.motion import DOUBTFUL, FORGETTING, Coasting, Prediction, Wheels, size_of
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.search import CLEARLY, Submap, clearest
@@ -24,27 +24,28 @@ KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """Distance [m] or turn [rad] to the next key scan. Errors hardly change from 0.4 to 0.6 m."""
 
 LOCAL_KEYS = 8
-"""Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
+"""The last key scans, with which a scan is matched: more cost time, fewer let the robot drift."""
 
-LEAST_EXPLAINED, LEAST_FOUND, LEAST_SHARE = 0.1, 0.3, 0.6
-"""Minimum inlier ratios of a match near the prediction, of a match near a place where the robot may
-have been before (in woods it is hardly half at the right one), and of a place beyond doubt."""
+TRACKED_SHARE, FOUND_SHARE, CERTAIN_SHARE = 0.1, 0.3, 0.6
+"""Minimum inlier ratios: of a match near the prediction, of one that a search for a known place
+found (in woods the right one has hardly half), and of one that is beyond doubt."""
 
 LEAST_POINTS = 8
-"""Fewest points of a scan that is searched: among trees and cars there are a dozen."""
+"""Fewest points of a scan for which a window is searched: among trees and cars it has a dozen."""
 
 ENOUGH, RECENT = 150, 32
-"""Points that show walls well; a key scan of fewer adds some of the last few scans."""
+"""Points that show walls well; a key scan with fewer adds those of some of the last scans."""
 
 WATCHED, THROUGH = 12, 2
-"""Number of last key scans, and of those among them whose beams must have passed a point for it to
-belong to a dynamic obstacle."""
+"""A point belongs to a dynamic obstacle if beams of at least the second number of the last key
+scans, of which the first number is kept, passed it."""
+
+SLIP_LIMIT = 3.0
+"""Standard deviations of a match from the prediction beyond which the places around are searched: a
+slip turns the robot, which walls show, and moves it aside, which they may not."""
 
 WEAK = 2500.0
 """Information [1/m²] below which scans leave a direction to the odometry: 0.02 m."""
-
-REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
-"""Information of a pose that is refined: 0.02 m and 0.01 rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,7 @@ class FrontEnd:
         self._certain: deque[Key] = deque(maxlen=adjacent)
         # Running mean of a scan's hits, and whether the last scan has far fewer.
         self._hits, self._broken = 0.0, False
-        # What the last scan saw that stands still, in the frame of the robot.
+        # The surface of the last scan without dynamic obstacles, in the frame of the robot.
         self.surface = np.empty(0, SURFACE)
         # And the last few scans since the key scan, with their poses.
         self._recent: deque[tuple[Float, Records]] = deque(maxlen=RECENT)
@@ -105,7 +106,10 @@ class FrontEnd:
         self._lost = False
         # Largest speeds [m/s], [rad/s] lately, at first those of a fast robot.
         self._speeds = np.array([3.0, 3.0])
-        # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
+        # Whether the last scan fitted clearly better elsewhere than where the wheels put it.
+        self._contradicted = False
+        # The motion since the last key scan, a sum of increments by the wheels and by matching, and
+        # whether the walls in view fixed its turn and its distance ahead.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
 
@@ -126,12 +130,15 @@ class FrontEnd:
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
+            slipping, self._contradicted = self._contradicted, False
             other, fits, seen = self._placed(scan, coasting)
             worth = self._map.place(still, match).evidence if accepted else -np.inf
             best = self._map.place(seen, other).evidence + CLEARLY if fits else -np.inf
-            jumped = best >= worth and (far or other.explained > LEAST_SHARE)
+            jumped = best >= worth and (far or other.explained > CERTAIN_SHARE)
             if jumped:
                 expected, match, accepted, still, increment = coasting, other, fits, seen, None
+            else:
+                self._contradicted = slipping
         guess = compose(self.pose, expected.step)
         self.surface = still.surface
         if self._lost or not accepted:
@@ -181,8 +188,8 @@ class FrontEnd:
             hits=self._standing(scan.hits, guess, expected),
         )
         match, accepted = self._match(still, expected)
-        if not accepted and (turned_to := self._in_any_turn(scan, expected)):
-            match, accepted, still = turned_to, True, scan
+        if not accepted and (relocated := self._at_any_heading(scan, expected)):
+            match, accepted, still = relocated, True, scan
         return match, accepted, still
 
     def _passed(self, scan: Key, pose: Float) -> bool:
@@ -198,15 +205,13 @@ class FrontEnd:
         match = self._map.match(scan, guess, prior)
         if match is None:
             return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
-        # Standard deviations of a match from the prediction beyond which the places around are
-        # searched: a slip turns the robot, which walls show, and moves it aside, which they may
-        # not.
-        slip_limit = 3.0
-        slipped = self._slip(match, expected) > slip_limit**2
+        slipped = self._slip(match, expected) > SLIP_LIMIT**2
         searched = len(scan.surface) >= LEAST_POINTS and not self._broken
-        if searched and (slipped or match.explained < expected.doubtful):
+        doubtful = slipped or self._contradicted or match.explained < expected.doubtful
+        if searched and doubtful:
             return self._searched(scan, match, expected)
-        return match, match.explained > LEAST_EXPLAINED
+        self._contradicted = False
+        return match, match.explained > TRACKED_SHARE
 
     def _slip(self, match: Match, expected: Prediction) -> float:
         """Squared distance of a match from the prediction in units of the variance."""
@@ -224,29 +229,40 @@ class FrontEnd:
         places = self._map.places(scan, guess, np.diag(expected.window**2))
         places.append(self._map.place(scan, match))
         odds = np.array([place.evidence for place in places])
-        # Log odds against a slip: one step in twenty is off by more than the wheels' noise.
-        rare = 3.0
+        worth = odds.copy()
+        # Log odds against a slip: one step in twenty is off by more than the wheels' noise, but
+        # wheels that spin go on, and few beams show it by several scans alone.
+        rare = 0.0 if self._contradicted else 3.0
         if expected.trusted:
             poses = np.array([place.match.pose for place in places])
             slips = between(guess, poses) / expected.window
-            noise = [self._slip(place.match, expected) for place in places]
+            noise = np.array([self._slip(place.match, expected) for place in places])
+            if self._contradicted:
+                coasting = self._coasting.predict()
+                noise = np.minimum(noise, [self._slip(each.match, coasting) for each in places])
             odds -= np.minimum(np.log1p(noise), rare + np.log1p((slips**2).sum(axis=1)))
-        best = places[int(np.argmax(odds))]
+        best, fits = places[int(odds.argmax())], places[int(worth.argmax())]
+        clearly = 1.0  # A difference of log odds.
+        # In a corridor of glass little is explained, and most where the robot has been.
+        slipped = self._slip(fits.match, expected) > SLIP_LIMIT**2
+        better = fits is best or fits.evidence > best.evidence + clearly
+        self._contradicted = slipped and better and fits.match.explained > CERTAIN_SHARE
         return best.match, best.evidence > 0.0
 
-    def _in_any_turn(self, scan: Key, expected: Prediction) -> Match | None:
-        """The place that a lost scan fits clearly best, whichever way it is turned."""
+    def _at_any_heading(self, scan: Key, expected: Prediction) -> Match | None:
+        """The place where a lost scan clearly fits best, whatever its heading."""
         if not self._map.keys or self._broken or len(scan.surface) < LEAST_POINTS:
             return None
-        turn = np.pi / 3.0  # Standard deviation of a window of all turns [rad].
+        turn = np.pi / 3.0  # Standard deviation of a window of all headings [rad].
         guess, window = compose(self.pose, expected.step), np.array([*expected.window[:2], turn])
         places = self._map.places(scan, guess, np.diag(window**2))
         best = clearest([place.match.pose for place in places], [each.evidence for each in places])
         if best is None:
             return None
         match, worth = places[best]
-        found = worth > 0.0 and match.explained > LEAST_SHARE and not self._passed(scan, match.pose)
-        return match if found else None
+        if worth <= 0.0 or match.explained <= CERTAIN_SHARE or self._passed(scan, match.pose):
+            return None
+        return match
 
     def _standing(self, points: Records, guess: Float, expected: Prediction) -> Records:
         """The points of a scan without dynamic obstacles, which beams of key scans passed."""
@@ -257,7 +273,7 @@ class FrontEnd:
         far = np.hypot(points["x"], points["y"])
         known = 3.0 * (max(x, y) + turn * far) < BEHIND
         poses = between(np.array([key.pose for key in self._keys]), guess)
-        gone = known & ((views_of(points, poses, self._keys) == 2).sum(axis=0) >= THROUGH)
+        gone = known & ((views_of(points, poses, self._keys) == PASSED).sum(axis=0) >= THROUGH)
         # If beams passed most of the points, the guess is wrong.
         return points if 2 * gone.sum() >= len(gone) else points[~gone]
 
@@ -309,16 +325,18 @@ def refined(
     While the robot drove, a scan was matched with the key scans before it; now all drives past a
     place show its surroundings. The key scans are those around the last of the anchored scans (m,).
     """
+    surrounding = 12  # Key scans with which a scan is matched, the nearest.
+    prior = np.diag([2500.0, 2500.0, 10000.0])  # Information of its pose: 0.02 m and 0.01 rad.
     refined_poses, grid, anchors = poses.copy(), None, set(anchored.tolist())
     for scan, (surface, pose) in enumerate(zip(surfaces, poses, strict=True)):
         if scan in anchors:
             apart = np.hypot(*(key_poses[:, :2] - pose[:2]).T)
-            nearest = np.argsort(apart, kind="stable")[:WATCHED]
+            nearest = np.argsort(apart, kind="stable")[:surrounding]
             grid = Submap([keys[k] for k in nearest.tolist()], key_poses[nearest]).grid
         if grid is None:
             continue
         *_, heading = pose.tolist()
-        match = match_scan(surface, grid, pose, turned(REFINED_PRIOR, heading))
-        if match.explained > LEAST_FOUND:
+        match = match_scan(surface, grid, pose, turned(prior, heading))
+        if match.explained > FOUND_SHARE:
             refined_poses[scan] = match.pose
     return refined_poses

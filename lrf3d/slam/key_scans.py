@@ -1,8 +1,8 @@
 """Key scans: the scans of all lasers at one moment, and how they agree with other points.
 
-Scans enter, and become key scans. A point as seen from a key scan is out of view, hidden, hit, or
-passed by beams. At the right place most of what a scan hit was hit by others, or is new, and hardly
-any of it lies where their beams went through.
+Scans enter, and become key scans. A point is out of view of a key scan, hidden behind what its
+beams hit, passed by them, or hit. At the right place most of what a scan hit was hit by others, or
+is new, and hardly any of it lies where their beams passed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -31,15 +31,14 @@ from lrf3d.slam.surface import (
     thinned,
 )
 
+OUT_OF_VIEW, HIDDEN, PASSED, HIT = range(4)
+"""How a key scan sees a point. Of several lasers the highest value counts."""
+
 BEHIND, AT = 0.3, 0.05
 """A beam passed a point if it ends this far behind it [m], and hit it if within the second [m]."""
 
 MOST_THROUGH = 0.04
 """Largest share of points that beams may pass through: doors open and people walk."""
-
-FARTHER_OFF, ENOUGH_SEEN = 2.0, 1000
-"""Factor on the rate of mixed pixels, as more beams meet edges from farther off, and number of
-points from which that rate counts fully."""
 
 Moment = tuple[LaserScan, ...]
 """The scans of all lasers at one moment."""
@@ -71,8 +70,8 @@ class Key:
     noise: float
 
 
-class Sight:
-    """Converts scans to key scans, and learns their range noise.
+class ScanConverter:
+    """Converts scans to candidates for key scans, and learns their range noise.
 
     Lasers without a mount are a distance [m] ahead of the robot's centre.
     """
@@ -81,8 +80,8 @@ class Sight:
         self._laser = Pose(float(laser_offset), 0.0, 0.0)
         self._noise = 0.0
 
-    def seen(self, scan: LaserScan | Moment, number: int = 0) -> Key:
-        """Convert the scans of a moment to a key-scan candidate at the origin."""
+    def candidate(self, scan: LaserScan | Moment, number: int = 0) -> Key:
+        """Convert the scans of a moment to a candidate for a key scan, at the origin."""
         scans = (scan,) if isinstance(scan, LaserScan) else scan
         for each in scans:
             kept = FORGETTING if self._noise else 0.0
@@ -111,22 +110,21 @@ class Sight:
 
 
 def views_of(points: Records, poses: Float, keys: Sequence[Key]) -> NDArray[np.uint8]:
-    """How key scans (k,) saw points (m,), whose frame is at poses (k, 3) as seen from them.
+    """How each of the key scans (k,) sees points (m,): `OUT_OF_VIEW`, …, `HIT`, as (k, m).
 
-    Walls that beams run along are out of view. Each of (k, m) is 0 for a point out of view, 1 in
-    view, 2 where beams pass through, and 3 where they hit something.
+    The frame of the points is at poses (k, 3), as seen from the key scans. Walls that beams run
+    along are out of view.
     """
     views = np.zeros((len(keys), len(points)), np.uint8)
     for row, key in enumerate(keys):
         for fan in key.fans:
-            # Of several lasers the highest value counts: a hit outweighs a beam that passed.
             np.maximum(views[row], _view(points, poses[row], fan, key.noise), out=views[row])
     return views
 
 
 @compiled
 def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.uint8]:
-    """How a scan saw points (m,), whose frame is at a pose (3,).
+    """How the beams of a laser see points (m,), whose frame is at a pose (3,).
 
     A beam counts with the smallest range of itself and its neighbours, so that one that slips past
     an edge is no free-space violation. A point between two hits on one surface is a hit, too.
@@ -142,7 +140,12 @@ def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.ui
         dy = at.y + at.sin * point.x + at.cos * point.y - fan.y
         away = np.arctan2(dy, dx) - begin
         away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-        beam = int(away / step + 0.5)
+        # The beam nearest to the point. Those of several lasers together are not spread evenly.
+        beam, bearing = max(min(int(away / step + 0.5), len(angles) - 1), 0), begin + away
+        while beam > 0 and bearing - angles[beam - 1] < angles[beam] - bearing:
+            beam -= 1
+        while beam < len(angles) - 1 and angles[beam + 1] - bearing < bearing - angles[beam]:
+            beam += 1
         if beam < 1 or beam > len(angles) - 2:
             continue
         least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
@@ -153,12 +156,12 @@ def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.ui
         # A post has no normal.
         if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
             continue
-        views[i] = 2 if least > distance + passed else 1
+        views[i] = PASSED if least > distance + passed else HIDDEN
         for side in range(-1, 2):
             one, other = ranges[beam], ranges[beam + side]
             joined = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
             if joined and min(one, other) - hit < distance < max(one, other) + hit:
-                views[i] = 3
+                views[i] = HIT
     return views
 
 
@@ -172,8 +175,8 @@ def evidence(hits: Records, explained: float, poses: Float, keys: Sequence[Key])
         return -np.inf
     counted = 120  # Most points of a scan that count as evidence.
     views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, keys)
-    hit = (views == 3).any(axis=0)
-    passed = float(((views == 2).any(axis=0) & ~hit).mean())
+    hit = (views == HIT).any(axis=0)
+    passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
     shares = np.array([float(hit.mean()), explained])
     # Share of points that agree or disagree by chance, and share of new points that count as
     # disagreeing.
@@ -192,21 +195,22 @@ def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
 
 
 def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int, int]:
-    """The number of points of a key scan and of others that the other's beams pass, and views.
+    """Count the points that beams of the other side pass, and all in view of the other side.
 
-    The poses (k, 3) are those of the key scan as seen from the others.
+    The sides are a key scan, at poses (k, 3) as seen from older ones, and these. A point counts for
+    each key scan that has it in view.
     """
     views = [views_of(new.surface, poses, olds).ravel()]
     for old, back in zip(olds, between(poses, np.zeros(3)), strict=True):
         views.append(views_of(old.surface, back[None], [new])[0])
-    _, in_view, passed, hit = np.bincount(np.concatenate(views), minlength=4).tolist()
-    return passed, in_view + passed + hit
+    _, hidden, passed, hit = np.bincount(np.concatenate(views), minlength=4).tolist()
+    return passed, hidden + passed + hit
 
 
 class MixedPixels:
-    """The share of points that beams pass at right places, learnt from adjacent key scans.
+    """The share of points that beams pass although the pose is right, by adjacent key scans.
 
-    Beams that meet two surfaces, hedges and glass set this rate for each recording.
+    It differs between recordings, by beams that meet two surfaces, hedges and glass.
     """
 
     def __init__(self) -> None:
@@ -221,15 +225,17 @@ class MixedPixels:
 
     @property
     def rate(self) -> float:
-        """The share; 0 before anything was learnt."""
-        return self._through / max(self._seen, ENOUGH_SEEN)
+        """The share; 0 at first."""
+        enough = 1000  # Points from which the rate counts fully.
+        return self._through / max(self._seen, enough)
 
     def contradict(self, olds: Sequence[Key], new: Key, poses: Float) -> bool:
-        """Whether beams pass more points than at a right place; arguments as above."""
+        """Whether beams pass more points than at a right place: see `seen_through_both`."""
         through, seen = seen_through_both(olds, new, poses)
         return through > most_through(self.rate) * max(seen, 1)
 
 
 def most_through(rate: float) -> float:
     """Largest share of points that beams may pass, by the rate of mixed pixels."""
-    return MOST_THROUGH + FARTHER_OFF * rate
+    farther_off = 2.0  # Factor on the rate: from farther off more beams meet edges.
+    return MOST_THROUGH + farther_off * rate

@@ -18,14 +18,11 @@ import numpy as np
 from lrf3d.geometry import Float
 
 WINDOW, WINDOW_SHARE = np.array([0.4, 0.4, 0.7]), 0.3
-"""Largest slip of wheels between two scans [m], [rad], and the share of their step that is added:
-the window that is searched. A bump turns a robot by half a radian."""
+"""Largest slip of wheels between two scans [m], [rad], and the share of their step that is added to
+it: the window that is searched. A bump turns a robot by half a radian."""
 
 DOUBTFUL = 0.65
 """Least share of a scan that a match must explain; otherwise the places around it are searched."""
-
-COAST_WINDOW = np.array([0.5, 0.5, 0.6])
-"""Largest standard deviations [m], [rad] of the window that is searched without wheels."""
 
 FORGETTING = 0.98
 """Weight of the past in running means, at each scan."""
@@ -72,10 +69,10 @@ def slip_window(step: Float) -> Float:
 
 
 class Excess:
-    """Running mean of squared prediction errors in units of their variance.
+    """Running means of squared prediction errors in units of their variance.
 
-    It has a factor for places and one for headings, and neither falls below its floor: predictions
-    that were right for a while may still be wrong.
+    One is for places and one for headings. Neither falls below its floor: predictions that were
+    right for a while may still be wrong.
     """
 
     def __init__(self, heading: float = 1.0) -> None:
@@ -91,6 +88,7 @@ class Excess:
     def update(self, prediction: Prediction, found: Float) -> None:
         """Update the mean with a prediction and the step (3,) that matching found."""
         error = found - prediction.step
+        # The variances of the prediction are already multiplied by the scale.
         x, y, heading = error**2 / prediction.covariance.diagonal() * self.scale
         # A slip counts as at most ten deviations, so that its effect fades.
         now = np.minimum([0.5 * (x + y), heading], 100.0 * self._mean)
@@ -117,7 +115,8 @@ class Coasting:
         deviations = coast + coast_share * np.array([length, length, turn])
         variances = deviations**2 * self._excess.scale
         window = np.maximum(slip_window(self._step), np.sqrt(variances))
-        spread, window = np.diag(variances), np.minimum(window, COAST_WINDOW)
+        largest_window = [0.5, 0.5, 0.6]  # Standard deviations [m], [rad].
+        spread, window = np.diag(variances), np.minimum(window, largest_window)
         return Prediction(self._step, spread, spread, window, np.inf, trusted=False)
 
     def found(self, prediction: Prediction, step: Float) -> None:
@@ -164,7 +163,8 @@ class Wheels:
         covariance = self._covariance(step)
         # At first a and b are several times less certain than the random errors. A prior without
         # that would turn the first few scans, and with them the whole drive.
-        row = np.roll(increment, 1) * [1.0, 1.0, 0.0]
+        measured_ahead, _, measured_turn = increment
+        row = np.array([measured_turn, measured_ahead, 0.0])
         _, information = self._fit()
         unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(information, row)])
         # Encoders that stand still may have failed, and carry no information.

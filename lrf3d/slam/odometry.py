@@ -18,7 +18,7 @@ from lrf3d.geometry import Bool, Float, Int, usual_step
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import bent, between, compose
-from lrf3d.slam.key_scans import Sight
+from lrf3d.slam.key_scans import ScanConverter
 from lrf3d.slam.search import Submap
 from lrf3d.text import counted
 
@@ -26,18 +26,9 @@ FASTEST = 3.0
 """Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
 [rad/s] where there is more than a second between them; all else is a jump."""
 
-FASTER, VEHICLE = 3.0, 15.0
-"""Factor on the usual speed that is no jump either, up to the speed of a vehicle [m/s]."""
-
-SHORTER = 0.5
-"""The order of the stamps is taken where the path is shorter in it by this [m]."""
-
 OUT, BACK = 0.25, 0.3
 """Least step to a corrupted line [m], [rad], and largest share of it that remains at the next
 line."""
-
-MOST_JUMPS = 0.1
-"""Share of lines that may jump: in other units than metres and radians they do so everywhere."""
 
 STAMPED = 0.25
 """Share of lines that must have a stamp of their own, for stamps to be of any use."""
@@ -51,9 +42,6 @@ in the other. Residuals beyond the turn count linearly."""
 
 PAIR = np.diag([0.1**2, 0.1**2, 0.2**2])
 """Covariance of the window that is searched for the turn of a pair."""
-
-LEAST_EXPLAINED = 0.5
-"""Minimum inlier ratio of the scans of a pair."""
 
 LAGS, LATEST = np.array([-1.0, 2.0]), np.array([-0.5, 0.5])
 """Bounds of the lag, in lines and [s], whichever is wider."""
@@ -69,9 +57,6 @@ LATE = 0.03
 
 CLEARLY = 3.0
 """Factor by which turns must fit better in another sense or unit, for the odometry to be in it."""
-
-HUGE = 0.5
-"""Turn between two scans [rad] that is rare, except where odometry is in degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +114,9 @@ def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: In
     _, first, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
     lines = np.sort(first)
     by_stamp = lines[np.argsort(times[lines], kind="stable")]
-    shorter = _length(wheels[by_stamp]) < _length(wheels[lines]) - SHORTER
+    # The order of the stamps is taken where the path is shorter in it by more than this [m].
+    detour = 0.5
+    shorter = _length(wheels[by_stamp]) < _length(wheels[lines]) - detour
     sort = bool(shorter or 2 * (np.diff(times[lines]) < 0.0).sum() > max(len(lines) - 1, 1))
     if sort:
         lines = by_stamp
@@ -143,7 +130,8 @@ def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: In
         stamps = np.array([scan.time for scan in scans])
         chosen = chosen[np.lexsort([stamps[chosen], rows[places[chosen]]])]
     straightened, jumps = without_jumps(wheels[lines], times[lines])
-    if len(jumps) > max(MOST_JUMPS * len(lines), 2):
+    most_jumps = 0.1  # Share of the lines; in other units than metres and radians all jump.
+    if len(jumps) > max(most_jumps * len(lines), 2):
         raise InputError(
             f"the odometry jumps at {len(jumps)} of {len(lines)} lines, first at line"
             f" {lines[jumps[0]]}; expected poses in metres and radians, line by line"
@@ -170,7 +158,9 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
     x, y, turns = steps.T
     speeds = np.hypot(x, y) / time
     usual = float(np.quantile(speeds, 0.8)) if len(speeds) else 0.0
-    most = min(max(FASTEST, FASTER * usual), VEHICLE)
+    # Factor on the usual speed that is no jump either, up to the speed of a vehicle [m/s].
+    faster, vehicle = 3.0, 15.0
+    most = min(max(FASTEST, faster * usual), vehicle)
     jumped = np.asarray((speeds > most) | (np.abs(turns) > FASTEST * time))
     good, number = np.flatnonzero(~jumped), np.arange(len(steps), dtype=np.float64)
     smooth = wheels.copy()
@@ -240,7 +230,9 @@ class WheelPath:
         return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
 
 
-def turns_between(sight: Sight, scans: Sequence[LaserScan], path: WheelPath, places: Int) -> Float:
+def turns_between(
+    converter: ScanConverter, scans: Sequence[LaserScan], path: WheelPath, places: Int
+) -> Float:
     """Turn (k − 1,) from each of scans (k,) to the next [rad] as they show it; NaN where unknown.
 
     All headings around are searched, not those near the odometry, which may count them the other
@@ -250,11 +242,12 @@ def turns_between(sight: Sight, scans: Sequence[LaserScan], path: WheelPath, pla
     x, y, turn = path.increments(places)[1:].T
     chosen = np.flatnonzero((np.abs(turn) > LEAST_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
-        seen, following = (sight.seen(unrolled(scan)) for scan in scans[number : number + 2])
-        before = Submap([seen], np.zeros((1, 3)))
+        pair = scans[number : number + 2]
+        first, following = (converter.candidate(unrolled(scan)) for scan in pair)
+        before = Submap([first], np.zeros((1, 3)))
         guess = np.array([x[number], y[number], 0.0])
         for match, _ in before.places(following, guess, PAIR)[:1]:
-            if match.explained > LEAST_EXPLAINED:
+            if match.explained > 0.5:  # Minimum inlier ratio of a pair.
                 *_, turns[number] = match.pose
     return turns
 
@@ -269,8 +262,9 @@ def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
         float(np.median(np.abs(turns[known] - share * wheels[known])))
         for share in (1.0, -1.0, np.pi / 180.0)
     )
-    # Scans that seem to stand still may show a bare corridor: in degrees most turns are huge.
-    if CLEARLY * degrees < alike and np.quantile(np.abs(wheels), 0.9) > HUGE:
+    # Scans that seem to stand still may show a bare corridor: in degrees most turns are huge [rad].
+    huge = 0.5
+    if CLEARLY * degrees < alike and np.quantile(np.abs(wheels), 0.9) > huge:
         raise InputError("the odometry turns in degrees, by its scans; expected radians")
     return CLEARLY * mirrored < alike
 

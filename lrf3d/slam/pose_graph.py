@@ -35,7 +35,7 @@ ROBUST_SCALE = 3.0
 
 def edges_of(
     first: ArrayLike, second: ArrayLike, measured: Float, information: Float, prior: Float,
-    *, robust: bool = False,
+    *, robust: ArrayLike = False,
 ) -> Records:  # fmt: skip
     """Edges (e,) between key scans (e,), of relative poses (e, 3) with information (e, 3, 3)."""
     edges = np.zeros(len(measured), EDGE)

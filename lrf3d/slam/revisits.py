@@ -14,10 +14,10 @@ from lrf3d.geometry import Float, wrap_angle
 from lrf3d.pose import between, compose
 from lrf3d.slam.closures import LEAST_DISTANCE, LoopCloser
 from lrf3d.slam.front_end import (
+    CERTAIN_SHARE,
     KEY_DISTANCE,
     KEY_TURN,
     LEAST_POINTS,
-    LEAST_SHARE,
     LOCAL_KEYS,
     WEAK,
     weakest_direction,
@@ -74,7 +74,7 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
     match = around.match(scan, guess, np.diag(1.0 / OFF**2))
     if (
         match is None
-        or match.explained < LEAST_SHARE
+        or match.explained < CERTAIN_SHARE
         or not (np.abs(between(guess, match.pose)) < OFF).all()
         or closer.mixed_pixels.contradict(around.keys, scan, around.seen_from(match.pose))
     ):

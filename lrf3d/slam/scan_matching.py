@@ -5,8 +5,10 @@ information matrix enter; the pose leaves that minimises
 
     ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
-over x, y, θ, by Gauss-Newton, with the information matrix of the second part. In a direction that
-the walls in view do not fix, as along a corridor, the guess stands.
+over x, y, θ, by Gauss-Newton, with the information matrix of the sum. T₀ is the guess and Ω₀ its
+information, weighted by Cauchy's ρ₀; a point p of the surface lies at n·(T p − q) from its wall,
+weighted by Geman and McClure's ρ. In a direction that the walls in view do not fix, as along a
+corridor, the guess stands.
 """
 
 from typing import NamedTuple
@@ -30,10 +32,6 @@ PRIOR_SCALE = 4.0
 SIGMA = 0.06
 """Standard deviation of a point's distance to its wall [m]. The noise of a range is about 0.01 m,
 but points of one wall share the errors of its normal and of the map."""
-
-ITERATIONS = 20
-"""Most Gauss-Newton steps of a match; six are usual."""
-
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
 
@@ -52,15 +50,14 @@ class Match(NamedTuple):
 
 
 def match_scan(
-    surface: Records, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = ITERATIONS
+    surface: Records, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = 20
 ) -> Match:
     """Match a surface, in the frame of the robot, with a map, from a guess (3,) on.
 
-    The prior (3, 3) is the information of the guess.
+    The prior (3, 3) is the information of the guess. Six iterations are usual.
     """
-    # Largest distance between a point and its wall [m]; at most a cell of the grid.
-    cast_reach = 0.3
-    return Match(*_matched(surface, grid, guess, prior, iterations, cast_reach, SIGMA))
+    reach = 0.3  # Largest distance between a point and its wall [m]; at most a cell of the grid.
+    return Match(*_matched(surface, grid, guess, prior, iterations, reach, SIGMA))
 
 
 @compiled
@@ -89,7 +86,7 @@ def _matched(
         at = placement(pose)
         for i in range(0, len(surface), stride):
             point = surface[i]
-            # The lever of the turn: where the point lies from the robot, in the map's axes.
+            # The point as seen from the robot, in the map's axes: the lever of a turn.
             u, v = at.cos * point.x - at.sin * point.y, at.sin * point.x + at.cos * point.y
             nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
             near, x, y, distance = _near(grid, at.x + u, at.y + v, nx, ny, reach)

@@ -26,13 +26,14 @@ DEVIATIONS = 3.0
 """Size of a window in standard deviations to each side."""
 
 WALL, FREE = 2, -2
-"""Score of a hit in the cell of a wall, and in a free one; next to a wall it is one."""
+"""Score of a hit in the cell of a wall, and in a free one. It falls by one for each cell away from
+a wall, which therefore reaches `WALL` cells to each side."""
 
 LOOSE = np.diag([4.0, 4.0, 25.0])
-"""Information of a peak that is refined: 0.5 m and 0.2 rad, which leaves it free."""
+"""Prior of the refinement of a peak: 0.5 m and 0.2 rad, which hardly constrain it."""
 
 HELD = np.diag([1e6, 1e6, 1e7])
-"""The same where it would slide away: a millimetre."""
+"""Prior of a peak that would slide away: 1 mm and 0.3 mrad."""
 
 CLEARLY = 0.8
 """Margin of the evidence by which a place must beat all others elsewhere."""

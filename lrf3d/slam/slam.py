@@ -1,8 +1,8 @@
 """Slam: poses and map from scans and odometry increments alone, current after every scan.
 
-A scan and the odometry increment since the last one enter. The front end places the scan. Each key
-scan is searched for loop closures; where a loop closes, the pose graph is optimised, the poses move
-and the map is drawn again.
+A scan and the odometry increment since the last one enter. The front end places the scan. Every
+half metre it becomes a key scan, which is added to the pose graph and searched for loop closures.
+Where a loop closes, the graph is optimised, the poses move, and the map is drawn again.
 """
 
 from collections.abc import Sequence
@@ -20,9 +20,9 @@ from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
 from lrf3d.slam.checks import SelfCheck, self_check
-from lrf3d.slam.closures import CLOSURE_SHARE, Closure, LoopCloser, closure_edges
+from lrf3d.slam.closures import MATCHING_SHARE, Closure, LoopCloser, closure_edges
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
-from lrf3d.slam.key_scans import Key, Moment, Sight
+from lrf3d.slam.key_scans import Key, Moment, ScanConverter
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.pose_graph import (
     EDGE,
@@ -35,13 +35,9 @@ from lrf3d.slam.pose_graph import (
 from lrf3d.slam.revisits import Anchor, in_known_place
 from lrf3d.slam.scan_matching import SIGMA
 
-NEGLIGIBLE = np.array([0.02, 0.02, 0.005])
-"""Errors of new closures [m], [rad] below which the poses are not optimised, which saves a tenth of
-the time in an office."""
-
-DRAWN = 2
-"""Key scans that are drawn again for each scan, on average, which takes as long as tracking the
-robot. On a long drive the map lags behind the poses by some seconds."""
+REDRAWN_PER_SCAN = 2
+"""Key scans that may be drawn again for each new scan, on average: this takes as long as tracking
+the robot. On a long drive the map lags behind the poses by some seconds."""
 
 
 class Slam:
@@ -92,7 +88,7 @@ class Slam:
             )
         self._lasers = () if lrf is None else lasers_of(lrf)
         self._time: float | None = None
-        self.sight = Sight(laser_offset)
+        self.converter = ScanConverter(laser_offset)
         self._front = FrontEnd(as_pose(start), key_distance, wheels)
         self.closer = LoopCloser(self._front.mixed_pixels)
         self.closer.ruled_out = [*apart]
@@ -105,10 +101,10 @@ class Slam:
         self.key_poses = np.empty((0, 3))
         self.edges = np.empty(0, EDGE)
         self._key_scans: list[Moment] = []
-        # The map, its poses (k, 3), the number of key scans in it, and of those that could have
-        # been drawn again since.
+        # The map, the poses (k, 3) of the key scans that it is to show, the number of these that
+        # were mapped so far, and the number that may be mapped again.
         self._mapper, self._map_poses = LineMapper(), self.key_poses
-        self._drawn = self._spare = 0
+        self._mapped = self._redraw_budget = 0
 
     def __repr__(self) -> str:
         return (
@@ -121,7 +117,7 @@ class Slam:
         scan: LaserScan | Sequence[LaserScan],
         odometry: Sequence[float] | Float | None = None,
     ) -> None:
-        """Take in the next scan, whose pose is not looked at.
+        """Add the next scan; the pose that it carries is ignored.
 
         A scan that took some time is unrolled by its own motion, or by that of the odometry.
 
@@ -131,25 +127,17 @@ class Slam:
                 [m], turn [rad]; None where there is no odometry.
 
         Raises:
-            InputError: It is no scan, has no beams or another number than the laser range finder,
+            InputError: It is not a scan, its number of beams is 0 or not that of the range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
         scans, increment, since = self._checked(scan, odometry)
-        key = self.sight.seen(scans, len(self.tracked))
-        self.tracked.append(self._front.track(key, increment, since))
+        candidate = self.converter.candidate(scans, len(self.tracked))
+        self.tracked.append(self._front.track(candidate, increment, since))
         if self._front.key_due():
-            key = self._front.key(key)
+            key = self._front.key(candidate)
             self._front.add_key(key)
-            self._add(key, scans)
-        # A mapper cannot remove a scan: once key scans have moved, all are mapped again.
-        self._spare += DRAWN
-        drawn = self._map_poses
-        moved_by = 0.02  # The map is drawn again once a key scan has moved by more than this [m].
-        moved = np.abs(self.key_poses[: len(drawn)] - drawn)[:, :2].max(initial=0.0) > moved_by
-        if moved and self._spare >= len(drawn):
-            self._redraw()
-        else:
-            self._map_poses = np.concatenate([drawn, self.key_poses[len(drawn) :]])
+            self._add_to_graph(key, scans)
+        self._update_map_poses()
 
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
@@ -186,8 +174,8 @@ class Slam:
         # Without stamps, scans are taken to come at equal times.
         return scans, increment, since if since > 0.0 else 1.0
 
-    def _add(self, key: Key, scans: Moment) -> None:
-        """Attach a scan to a known place, or add it to the graph and close loops."""
+    def _add_to_graph(self, key: Key, scans: Moment) -> None:
+        """Attach a scan to a known place, or make it a vertex of the graph and close loops."""
         closer, pose, apart = self.closer, self._robot, False
         if self._anchors:
             last, lost = self._anchors[-1], self._lost()
@@ -195,7 +183,9 @@ class Slam:
             if place := in_known_place(closer, key, last, self.key_poses):
                 self._anchors.append(place)
                 return
-            edge, apart = self._edge_to_last(), last.scan != closer.keys[last.key].scan or lost > 0
+            edge = self._edge_to_last()
+            # A scan in a known place, or a lost one, ends the stretch of adjacent key scans.
+            apart = last.scan != closer.keys[last.key].scan or lost > 0
             self.edges = np.concatenate([self.edges, edge])
             covariance = np.linalg.inv(edge["information"][-1])
             drifted = last.drifted + closer.distance - last.driven
@@ -209,7 +199,9 @@ class Slam:
         if closures := closer.search(self.key_poses):
             edges = closure_edges(closures)
             self.edges = np.concatenate([self.edges, edges])
-            if (np.abs(edge_errors(self.key_poses, edges)) > NEGLIGIBLE).any():
+            # Errors [m], [rad] for which the poses stay: a tenth of the time in an office.
+            negligible = [0.02, 0.02, 0.005]
+            if (np.abs(edge_errors(self.key_poses, edges)) > negligible).any():
                 self.key_poses = optimised(self.key_poses, self.edges, 1)
 
     def _close_known(self) -> None:
@@ -224,7 +216,7 @@ class Slam:
                     f"close {names}: these scans show nothing in common, or what lies between them"
                     " is no loop but a few metres"
                 )
-            self.edges = np.concatenate([self.edges, closure_edges([closure], robust=False)])
+            self.edges = np.concatenate([self.edges, closure_edges([closure])])
             self.key_poses = optimised(self.key_poses, self.edges)
 
     def _edge_to_last(self) -> Records:
@@ -236,7 +228,7 @@ class Slam:
         covariance = sum(since, last.covariance)
         # The information is along the axes of the new pose; the edge's is along the old one's.
         wheels = turned(np.diag(1.0 / covariance.diagonal()), turn)
-        information = turned(CLOSURE_SHARE * tracked.information, turn) + wheels
+        information = turned(MATCHING_SHARE * tracked.information, turn) + wheels
         return edges_of(last.key, len(self._key_scans), relative[None], information, wheels)
 
     def _lost(self) -> int:
@@ -261,7 +253,7 @@ class Slam:
         return Pose(*self._robot.tolist())
 
     def covariance(self) -> Float:
-        """Covariance (3, 3) of the last scan's pose since the start; steps over the whole graph."""
+        """Covariance (3, 3) of the last scan's pose, relative to the first; solves the graph."""
         poses, edges = self.key_poses, self.edges
         if self.tracked and self.closer.keys[-1].scan < len(self.tracked) - 1:
             poses = np.vstack([poses, self._robot])
@@ -280,7 +272,10 @@ class Slam:
         return self._covariances(self.key_poses, self.edges, np.array(checked, dtype=np.int64))
 
     def _covariances(self, poses: Float, edges: Records, numbers: Int) -> Float:
-        """Covariances (m, 3, 3) of some poses by number (m,), as large as the closures' errors."""
+        """Covariances (m, 3, 3) of some poses by number (m,).
+
+        They are scaled down where closures err less than matching assumes, and never up.
+        """
         deviations = [scan.deviation for scan in self.tracked if scan.matched]
         deviation = float(np.median(deviations)) / SIGMA if deviations else 1.0
         variance = min(variance_factor(poses, edges, deviation), 1.0)
@@ -289,17 +284,31 @@ class Slam:
     @property
     def map(self) -> LineMap:
         """The map of the key scans, computed when it is read."""
-        for number in range(self._drawn, len(self._map_poses)):
+        for number in range(self._mapped, len(self._map_poses)):
             robot = Pose(*self._map_poses[number].tolist())
             for scan in self._key_scans[number]:
-                self._mapper.update(replace(scan, pose=robot @ self.sight.mount(scan)))
-        self._drawn = len(self._map_poses)
+                self._mapper.update(replace(scan, pose=robot @ self.converter.mount(scan)))
+        self._mapped = len(self._map_poses)
         return self._mapper.map
 
+    def _update_map_poses(self) -> None:
+        """Add new key scans to the map, or draw it again where older ones have moved.
+
+        A mapper cannot remove a scan: all are mapped again, when the budget allows it.
+        """
+        self._redraw_budget += REDRAWN_PER_SCAN
+        mapped = self._map_poses
+        moved_by = 0.02  # The map is drawn again once a key scan has moved by more than this [m].
+        moved = np.abs(self.key_poses[: len(mapped)] - mapped)[:, :2].max(initial=0.0) > moved_by
+        if moved and self._redraw_budget >= len(mapped):
+            self._redraw()
+        else:
+            self._map_poses = np.concatenate([mapped, self.key_poses[len(mapped) :]])
+
     def _redraw(self) -> None:
-        """Draw the map again, once it is read."""
+        """Draw the map again the next time that it is read."""
         self._mapper, self._map_poses = LineMapper(), self.key_poses
-        self._drawn = self._spare = 0
+        self._mapped = self._redraw_budget = 0
 
     def trajectory(self) -> Float:
         """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous.
@@ -315,7 +324,7 @@ class Slam:
 
     @property
     def _anchored(self) -> Int:
-        """The numbers (m,) of key scans and of scans in known places among all scans."""
+        """The numbers (m,), among all scans, of key scans and of scans in known places."""
         return np.array([anchor.scan for anchor in self._anchors], dtype=np.int64)
 
     @property
@@ -351,7 +360,7 @@ class Slam:
         self._close_known()
         self.closer.settle(self.key_poses)
         self.edges = self.edges[~self.edges["robust"]]
-        if closed := self.closer.accepted:
+        if closed := [closure for closure in self.closer.accepted if not closure.certain]:
             self.edges = np.concatenate([self.edges, closure_edges(closed)])
         if len(self.edges):
             self.key_poses = optimised(self.key_poses, self.edges)
@@ -369,7 +378,7 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self.tracked)}"
             )
-        surfaces, keys = map(self.sight.surface, scans), self.closer.keys
+        surfaces, keys = map(self.converter.surface, scans), self.closer.keys
         poses = refined(surfaces, self.trajectory(), keys, self.key_poses, self._anchored)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses

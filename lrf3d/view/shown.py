@@ -14,13 +14,12 @@ import numpy as np
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Camera, Look, SmoothPath, Track, Tracked
-from lrf3d.scene.cameras import First, behind, chase, overview, top
-from lrf3d.scene.estimate import TRUTH, estimate_words
+from lrf3d.scene.cameras import First, Story, behind, chase, margins, overview, top
+from lrf3d.scene.marks import TRUTH, estimate_words
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.panel import panel
 from lrf3d.scene.shapes import Lens
 from lrf3d.scene.stage.stage import Stage
-from lrf3d.scene.story import Story, margins
 from lrf3d.scene.timeline import Moment, Timeline
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import Part, Sender, part_of, times_part

@@ -1,17 +1,17 @@
-"""Annotations of plans, by how they are drawn: dimensions, axes, leaders and section marks.
+"""What a sheet adds to a plan: dimensions, axes, leaders, frames and legends, as they are drawn.
 
-Each is a line that ends at a marker: an arrowhead, a slanted tick, a dot or a bubble. Extension
-lines, which lead from a wall to a dimension, end a little beyond it.
+An annotation is a line that ends at a marker: an arrowhead, a slanted tick, a dot or a bubble.
+Extension lines, which lead from a wall to a dimension, end a little beyond it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
-from lrf3d.world.pieces import members_of
+from lrf3d.world.pieces import connected, groups, members_of, pairs_within
 
 LARGEST, BUBBLE = 0.6, 0.8
 """Largest size [m] of a tick, an arrowhead or a dot, and largest radius of a bubble: those on a
@@ -19,6 +19,15 @@ plan of 1:100 are 3 mm and 5 mm, and on one of 1:200 twice as large."""
 
 OVERSHOOT = 0.4
 """Length [m] by which a dimension, or an extension line, may go on beyond their crossing."""
+
+LEAST_PLAN = 20.0
+"""Least area [m²] of a plan in a frame, as in a hall there may be tables."""
+
+ASIDE, THICKEST_WALL = 1.0, 0.3
+"""Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces."""
+
+MARGIN = 0.6
+"""Width [m] of the rim of a sheet in which the lines of a frame are."""
 
 
 class _Markers(NamedTuple):
@@ -48,7 +57,7 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     Lines of the same mark (n,) were one; strokes of a pattern (n,) may look like ticks.
     """
     found = np.zeros(len(segments), dtype=bool)
-    line = np.unique(line, return_inverse=True)[1]
+    line = _parted(segments, line)
     markers = _markers(segments, line)
     hosts = np.flatnonzero(_is_alone(line) & (lengths(segments) > 0.25))
     if not len(hosts) or not len(markers.place):
@@ -78,6 +87,14 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     dimension = chosen[host] & (markers.kind[marker] != RING)
     found[_extensions(segments, hosts, host[dimension], station[dimension], found)] = True
     return found
+
+
+def _parted(segments: Float, line: Int) -> Int:
+    """The lines (n,), from 0; a dimension that is drawn with its arrowhead is parted there."""
+    long, along = lengths(segments), directions(segments)
+    back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(np.radians(130.0))
+    uneven = np.minimum(long[1:], long[:-1]) < 0.5 * np.maximum(long[1:], long[:-1])
+    return np.cumsum(np.append(0, (line[1:] != line[:-1]) | (back & uneven)))[: len(line)]
 
 
 def _is_alone(line: Int) -> Bool:
@@ -208,3 +225,81 @@ def _extensions(segments: Float, hosts: Int, host: Int, place: Float, found: Boo
     joined = cKDTree(segments.reshape(-1, 2)).query_ball_point(tip, 2e-3, return_length=True)
     kept = (np.abs(across) < 0.05) & (away.min(axis=1) < OVERSHOOT) & (np.asarray(joined) == 1)
     return np.unique(lines[other[kept]])
+
+
+def is_frame(segments: Float, sheet: bool) -> Bool:
+    """Which segments (n, 4) are the frame of a sheet and its title block.
+
+    A frame is the box around all, has a plan within that does not touch it, and is that of a sheet
+    for another reason: by its proportions, or by a title block at its sides.
+    """
+    framed = np.zeros(len(segments), dtype=bool)
+    while not framed.all():
+        left = np.flatnonzero(~framed)
+        ends = segments[left].reshape(-1, 2, 2)
+        low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+        sides = high - low
+        reach = np.concatenate([ends - low, high - ends], axis=2)
+        off = reach.max(axis=1)
+        for side, long in enumerate(sides[[1, 0, 1, 0]]):
+            on = left[off[:, side] < 2e-3 * sides.max()]
+            if not lengths(segments[on]).sum() > 0.98 * long > 0.0:
+                return framed
+        rim = (off < MARGIN).any(axis=1)
+        inner = left[~rim]
+        part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
+        if not len(hulls):
+            return framed
+        part, area = near[part], shapely.area(hulls)
+        block = np.zeros(len(hulls), dtype=bool)
+        block[part[reach[~rim].min(axis=(1, 2)) < 1.01 * MARGIN]] = True
+        # Proportions of sheets of paper.
+        known = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
+        paper = np.abs(known - sides.max() / sides.min()).min() < 0.02
+        plan, titles = (float(area[each].max(initial=0.0)) for each in (~block, block))
+        held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
+        if not (held and (paper or block.any() or sheet)):
+            return framed
+        framed[left[rim]] = framed[inner[block[part]]] = True
+    return framed
+
+
+def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
+    """The part (n,) that touches, of each segment (n, 4), and the hulls of the parts.
+
+    Then the group of each part, in which hulls are within a gap [m], and the hulls of the groups.
+    """
+    part = connected(segments)
+    owned = [segments[each].reshape(-1, 2) for each in members_of(part)] if len(segments) else []
+    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in owned], dtype=object))
+    near = groups(*pairs_within(hulls, gap, "parts"), len(hulls)) if len(hulls) else part
+    close = [shapely.union_all(hulls[each]) for each in members_of(near)] if len(hulls) else []
+    return part, hulls, near, shapely.convex_hull(np.array(close, dtype=object))
+
+
+def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
+    """Which segments (n, 4) are of parts beside the plan: a legend, a scale bar, a north arrow.
+
+    Where nothing else shows that a drawing is a sheet, such a part encloses nothing.
+    """
+    part, hulls, _, whole = _parts(segments, ASIDE)
+    area = shapely.area(whole)
+    if not len(hulls) or area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
+        return part < 0
+    # Walls that are called so are of the plan.
+    known = hulls[np.unique(part[named])]
+    plan = shapely.convex_hull(shapely.union_all([whole[int(np.argmax(area))], *known]))
+    apart = shapely.disjoint(hulls, plan)
+    if sheet:
+        # Another building may stand there, but none is as narrow as a title bar.
+        narrow = 8.0 * shapely.area(hulls) < shapely.length(hulls) ** 2 / 4.0
+        return np.asarray(apart & (narrow | (shapely.area(hulls) < 0.3 * plan.area)))[part]
+    _, node, met = np.unique(
+        segments.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
+    )
+    owner, times = np.repeat(part, 2), met[node.reshape(-1)]
+    # Lines end, and meet: the side of a wall does not.
+    loose, star = (np.bincount(owner, each) > 0 for each in (times == 1, times > 2))
+    long = lengths(segments)
+    few = np.array([len(each) > 2 and np.median(long[each]) < MARGIN for each in members_of(part)])
+    return np.asarray(apart & loose & star & few)[part]

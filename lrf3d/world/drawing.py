@@ -39,6 +39,8 @@ class Mark(NamedTuple):
     contrast: float = 1.0
     """Difference to the colour of the paper, from 0 to 1; such as the paper it only hides."""
     opaque: bool = True
+    dashed: bool = False
+    """Whether it shows what is above, such as a beam, or a way, and nothing that stands."""
 
 
 class Drawing(NamedTuple):
@@ -113,7 +115,7 @@ class Canvas:
         """
         contrast, alpha, winding = fill
         if alpha > 0.02:
-            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98)
+            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98, dashed=False)
             self.area(lines, solid, clip, winding)
         contrast, alpha, width, square = stroke
         if alpha > 0.02:

@@ -74,7 +74,8 @@ class _Walker(Frontend):
     def __init__(
         self, context: RenderContext, canvas: Canvas, scale: float, config: Configuration
     ) -> None:
-        super().__init__(context, _Painter(canvas, scale), config)
+        self.painter = _Painter(canvas, scale)
+        super().__init__(context, self.painter, config)
         self.canvas = canvas
 
     def draw_entity(self, entity: Any, properties: Any) -> None:
@@ -85,6 +86,7 @@ class _Walker(Frontend):
         elif kind in LEFT_OUT:
             canvas.left_out[LEFT_OUT[kind]] += 1
         else:
+            self.painter.dashed = bool(properties.linetype_pattern)
             super().draw_entity(entity, properties)
 
     def skip_entity(self, entity: Any, msg: str) -> None:
@@ -98,12 +100,12 @@ class _Painter(Backend):
 
     def __init__(self, canvas: Canvas, scale: float) -> None:
         super().__init__()
-        self.canvas, self.scale = canvas, scale
+        self.canvas, self.scale, self.dashed = canvas, scale, False
 
     def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
         names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
         own = (properties.layer, next(names, ""))
-        return Mark(None, properties.layer, own, contrast=contrast)
+        return Mark(None, properties.layer, own, contrast=contrast, dashed=self.dashed)
 
     def draw_line(self, start: Any, end: Any, properties: Any) -> None:
         self.canvas.line(np.array([tuple(start), tuple(end)]) * self.scale, self._mark(properties))

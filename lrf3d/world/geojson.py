@@ -111,7 +111,8 @@ def _parse(path: Path) -> dict[str, Any]:
         raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):
         raise WorldError(f"expected a GeoJSON object, found a JSON {type(data).__name__}")
-    if isinstance(kind := data.get("type"), str) and kind in _FOREIGN:
+    kind = data.get("type", "elements" if "elements" in data else None)
+    if isinstance(kind, str) and kind in _FOREIGN:
         raise WorldError(_FOREIGN[kind])
     return data
 
@@ -131,6 +132,7 @@ _FOREIGN = {
         ("CityJSON", "CityJSONFeature"),
         "CityJSON, which is not read; make a mesh of it, as by `cjio FILE export obj city.obj`",
     ),
+    "elements": "JSON of Overpass, which is not read; ask it for [out:xml], and name that .osm",
     "Topology": "TopoJSON, which is not read; make GeoJSON of it, as by `topo2geo`",
 }
 """Messages for other kinds of JSON with coordinates, by type."""

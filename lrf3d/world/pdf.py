@@ -1,8 +1,8 @@
 """Drawings in PDF: the paths of a page, by pdfium, in metres on paper.
 
 The lower left corner of the page as it is shown is (0, 0). Layers are those of optional content;
-what they hide, and what clips cut off, is left out. Texts and pictures are counted. A page that
-holds pictures alone was scanned, and is read as a picture.
+what they hide, and what clips cut off, is left out. Texts, pictures and other pages are counted. A
+page that pictures fill, with hardly a line, was scanned, and is read as a picture.
 """
 
 import ctypes
@@ -15,12 +15,15 @@ import shapely
 
 from lrf3d.errors import WorldError, missing_extra
 from lrf3d.geometry import Float
-from lrf3d.world.drawing import Canvas, Mark, area_of, curve_points
+from lrf3d.world.drawing import PALEST, Canvas, Mark, area_of, curve_points
 from lrf3d.world.pictures import plan_of_picture
 from lrf3d.world.plan import Plan
 
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 """Objects that are not read, by pdfium's number of their type."""
+
+MOST_ON_SCAN = 10
+"""Number of lines and areas up to which a page with large pictures is a scanned one."""
 
 
 def draw(
@@ -50,11 +53,19 @@ def draw(
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
     painter = _Painter(raw, canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
-    if not canvas.marks and canvas.left_out["picture"]:
+    others = len(document) - 1
+    lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
+    # A scan may have a border, and white paper below it.
+    few = lines <= MOST_ON_SCAN and painter.pictured > 0.5 * float(size.prod())
+    if painter.pictured and (few or not lines):
         # Pixels of two centimetres, or 6,000 along a side.
         side = max(0.02, float(size.max()) / 6000)
         picture = handle.render(scale=unit / side).to_pil().convert("RGB")
-        return plan_of_picture(np.asarray(picture), side, threshold)
+        plan = plan_of_picture(np.asarray(picture), side, threshold)
+        return plan._replace(said=f"page {page} of {others + 1}, scanned: {plan.said}")
+    if not lines and others:
+        raise WorldError(f"page {page} of {others + 1} shows no line; --page chooses another")
+    canvas.left_out["other page"] = others
     if threshold is not None:
         raise WorldError("is no scanned page: threshold is for pictures")
     return canvas
@@ -77,6 +88,8 @@ class _Painter:
     def __init__(self, raw: Any, canvas: Canvas, hidden: set[str]) -> None:
         self.raw, self.canvas, self.hidden = raw, canvas, hidden
         self._clips = dict[bytes, Any]()
+        self.pictured = 0.0
+        """Area [m²] of the pictures."""
 
     def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
@@ -97,6 +110,10 @@ class _Painter:
                 held = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
                 self.paint(held, inner, visible, depth + 1)
             else:
+                if kind == raw.FPDF_PAGEOBJ_IMAGE:
+                    # It fills the unit square.
+                    across = (matrix @ self._matrix(each))[:2, :2]
+                    self.pictured += abs(float(np.linalg.det(across)))
                 self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
@@ -111,7 +128,7 @@ class _Painter:
         stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
         self.canvas.shape(
             self._lines(segments, matrix),
-            Mark(None, layer, (layer,)),
+            Mark(None, layer, (layer,), dashed=raw.FPDFPageObj_GetDashCount(each) > 0),
             clip,
             (*fill, rule.value == raw.FPDF_FILLMODE_WINDING),
             (*stroke, wide, bool(raw.FPDFPageObj_GetLineCap(each))),

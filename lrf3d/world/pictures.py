@@ -17,18 +17,21 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label, maximum
 
 from lrf3d.errors import WorldError
-from lrf3d.files import opened
-from lrf3d.geometry import Bool, Float, Int, Single, directions, lengths, number
+from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
-from lrf3d.world.free_cells import MOST_CELLS
+from lrf3d.world.annotations import is_frame
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
-from lrf3d.world.symbols import is_frame
 
 THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
 and outlines of furniture are drawn thinner."""
+
+SHORT = 12
+"""Length [pixels] below which most pieces of walls are in photographs, lettering and patterns; in
+plans they are half of the length at most."""
 
 MOST_PIXELS = 12_500_000
 """Number of pixels above which a picture is made smaller."""
@@ -49,14 +52,8 @@ def read_picture(
     pixels = pixels_of(path)
     # Large pictures would need gigabytes as a whole.
     rows = np.array_split(pixels, max(1, len(pixels) // 256))
-    colours = np.concatenate([_on_paper(each) for each in rows])
+    colours = np.concatenate([on_paper(each) for each in rows])
     return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
-
-
-def _on_paper(pixels: Any) -> Any:
-    """The colours of pixels (rows, columns, 2 or 4), composited on white paper."""
-    alpha = pixels[..., -1:] / np.float32(255.0)
-    return np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
 
 
 def plan_of_picture(colours: Any, resolution: float, threshold: float | None) -> Plan:
@@ -72,6 +69,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         rows = stays(colours[:-1:2], colours[1::2])
         colours, resolution = stays(rows[:, :-1:2], rows[:, 1::2]), 2.0 * resolution
         coarse = f"; read at {resolution:g} m a pixel"
+    even = evened(colours, 2.0 * THICKEST / resolution)
+    if even is not None:
+        colours, coarse = even, f"{coarse}; uneven light is evened, as on a photograph"
     contrast, lightness, key = contrast_of(colours)
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
@@ -86,12 +86,23 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    ragged = ""
+    long = lengths(segments)
+    if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
+        ragged = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        if even is not None and threshold is None:
+            remedy = "cut the picture to the plan, or choose --threshold"
+            raise WorldError(
+                f"a photograph in which no plan is found, as half of the length of what is {darker}"
+                f" is in pieces of under {SHORT} pixels; {remedy} and look at it by `lrf3d world"
+                " show`"
+            )
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
         rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
-        said=f"walls are {darker}{how}{coarse}",
+        said=f"{ragged}walls are {darker}{how}{coarse}",
         gap=0.5 * resolution,
     )
 
@@ -101,56 +112,6 @@ def _rows(cells: Bool) -> Float:
     steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
     (row, begin), (_, end) = np.nonzero(steps > 0), np.nonzero(steps < 0)
     return np.column_stack([begin, row + 0.5, end, row + 0.5])
-
-
-def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
-    """Differences (rows, columns) from the paper, of a channel and of lightness; the colours.
-
-    They are from 0 to 1, the first the largest of a channel; colours are numbered.
-    """
-    # Sixteen steps of each channel: the noise of a scan is one colour.
-    red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
-    key = red << 8 | green << 4 | blue
-    light = np.minimum(np.minimum(red, green), blue) >= 11
-    # The paper of a blueprint is dark.
-    usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
-    paper = np.median(colours[key == usual], axis=0).astype(np.float32)
-    most: Any = np.zeros(key.shape, dtype=np.float32)
-    scale = np.float32(255.0)
-    for channel in range(3):
-        np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
-    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
-    return most / scale, lightness / scale, key
-
-
-def threshold_of(contrast: Single) -> float:
-    """The contrast that separates walls best from paper and floors.
-
-    While what is above it is much of the picture, and of two colours, it holds floors and is
-    separated again.
-    """
-    counts = np.bincount(np.round(contrast * 255.0).astype(np.int64).ravel(), minlength=256)
-    first, _ = _separated(counts)
-    while counts[first:].sum() > 0.2 * counts.sum():
-        more, apart = _separated(counts[first:])
-        if apart < 40.0:
-            break
-        first += more
-    return (first - 0.5) / 255.0
-
-
-def _separated(counts: Int) -> tuple[int, float]:
-    """The first of the upper of two groups of levels, and the difference of their means.
-
-    The variance between the groups is the largest; between two colours it is the middle.
-    """
-    levels = np.arange(len(counts))
-    below, sums = np.cumsum(counts)[:-1], np.cumsum(counts * levels)[:-1]
-    with np.errstate(all="ignore"):
-        apart = (counts @ levels - sums) / (counts.sum() - below) - sums / below
-    variance = np.nan_to_num((counts.sum() - below) * below.astype(np.float64) * apart**2)
-    best = round(float(np.flatnonzero(variance == variance.max()).mean()))
-    return best + 1, float(np.nan_to_num(apart)[best])
 
 
 def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool:
@@ -169,6 +130,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     There are so many pixels in a metre.
     """
     drawn = drawn & ~_frame(drawn, pixels, left_out)
+    drawn = drawn & ~_doors(drawn, pixels, left_out)
     dark = _filled(drawn, pixels, left_out)
     solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
@@ -223,6 +185,44 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
     left_out["frame part"] = int(framed.sum())
     return np.asarray(np.append(False, framed)[parts])
+
+
+def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels of leaves, arcs and thresholds that enclose quarters of discs: doors swing there.
+
+    The space between two thresholds is as long as the door is wide.
+    """
+    # Fine arcs have gaps.
+    parts, count = label(~grown(drawn, 2.0))
+    boxes, sides = find_objects(parts), _sides(parts)
+    least, most = sides.min(axis=1), sides.max(axis=1)
+    opened = np.zeros(count + 1, dtype=bool)
+    door = (least > 0.5 * pixels) & (most < 1.4 * pixels) & (least > 0.8 * most)
+    for place in np.flatnonzero(door):
+        own = parts[boxes[place]] == place + 1
+        y, x = ((np.arange(side) + 0.5) / side for side in own.shape)
+        quarters = [np.hypot(*np.meshgrid(b, a)) < 1.0 for a in (y, 1 - y) for b in (x, 1 - x)]
+        # A label may lie in it; beyond the arc, a square shaft goes on.
+        if any(own[each].mean() > 0.75 and own[~each].mean() < 0.3 for each in quarters):
+            left_out["door symbol"] += 1
+            away = LEAST + 4
+            window = tuple(slice(max(s.start - away, 0), s.stop + away) for s in boxes[place])
+            near = np.unique(parts[window])
+            near = near[near > 0]
+            long = most[near - 1] / most[place]
+            strip = (least[near - 1] < THICKEST * pixels) & (long > 0.85) & (long < 1.15)
+            opened[[place + 1, *near[strip]]] = True
+    if not opened.any():
+        return np.zeros_like(drawn)
+    inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
+    parts, count = label(~drawn)
+    radius = maximum(distance_transform_edt(~drawn), parts, np.arange(count + 1))
+    walls = radius < 0.5 * THICKEST * pixels
+    walls[np.unique(parts[inside | drawn])] = False
+    solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    return np.asarray(
+        drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, 1.5)
+    )
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
@@ -324,14 +324,21 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         np.inf, maximum(distance_transform_edt(~dark), parts, np.arange(1, count + 1))
     )
     radius[on_border(parts)] = np.inf
-    within = (radius <= 0.5 * THICKEST * pixels)[parts]
+    narrow = radius <= 0.5 * THICKEST * pixels
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
-    if not len(rows) or within.sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
+    if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
         return dark
+    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    # Between a solid wall and a line is no wall: both of its faces are lines.
+    rim = grown(dark, 1.0) & narrow[parts]
+    by_solid = np.bincount(parts[rim & grown(solid, 1.5)], minlength=count + 1)
+    share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
+    narrow &= (share < 0.2) | (share > 0.8)
+    area = np.bincount(parts.ravel(), minlength=count + 1)
     # Tiles and stairs that fill a place are no wall. The space in a wall is long.
-    small = np.bincount(parts.ravel(), minlength=count + 1) < 24.0 * np.minimum(radius, 1e6) ** 2
-    compact: Bool = within & small[parts]
+    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
+    compact: Bool = (narrow & small)[parts]
     room = _opened(dark | compact, 0.55 * THICKEST * pixels)
     pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
     places, most = parts_of(pattern)
@@ -339,6 +346,14 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
     many = np.bincount(gaps, minlength=most + 1) >= 5
     left_out["floor pattern"] = int(many[1:].sum())
+    # Of two spaces that are too thick together, the wider one is beside a wall.
+    thick, most = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
+    held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
+    for place in np.unique(held[0]):
+        own = held[1, held[0] == place]
+        if len(own) > 1:
+            narrow[own[np.argmax(radius[own])]] = False
+    within = narrow[parts]
     return np.asarray((dark | (within & ~(compact & pattern))) & ~many[places])
 
 
@@ -348,7 +363,7 @@ def _opened(cells: Bool, radius: float) -> Bool:
     return grown(core, radius)[1:-1, 1:-1] & cells
 
 
-def _sides(parts: Int) -> Int:
+def _sides(parts: Any) -> Int:
     """Height and width (count, 2) [pixels] of the box around each part."""
     boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
     return np.array(boxes, dtype=np.int64).reshape(-1, 2)
@@ -358,42 +373,3 @@ def _extent(cells: Bool) -> float:
     """The larger side [pixels] of the box around some cells."""
     sides = (np.flatnonzero(cells.any(axis=axis)) for axis in (0, 1))
     return float(max((np.ptp(side) + 1 for side in sides if len(side)), default=0))
-
-
-def pixels_of(picture: Path, *, deep: bool = False) -> Any:
-    """The colours and the opacity of the pixels of a picture (rows, columns, 2 or 4).
-
-    They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
-    """
-    from PIL import ImageOps
-
-    with opened(picture, what="a picture", largest=1 << 28) as file:
-        try:
-            with Image.open(file, formats=["PNG", "PPM", "BMP", "JPEG"]) as image:
-                if image.width * image.height > MOST_CELLS:
-                    raise WorldError(f"{picture}: {image.size} cells, over {MOST_CELLS:,}; cut it")
-                _check_size(picture, image)
-                if image.mode.startswith("I"):
-                    grey = np.asarray(image).clip(0, 65535).astype(np.uint16)
-                    grey = grey if deep else (grey >> 8).astype(np.uint8)
-                    return np.stack([grey, np.full_like(grey, np.iinfo(grey.dtype).max)], axis=-1)
-                plain = image.convert("RGB") if image.mode in ("CMYK", "YCbCr", "LAB") else image
-                upright = ImageOps.exif_transpose(plain)
-                return np.asarray(upright.convert("LA" if upright.mode in ("1", "L") else "RGBA"))
-        except WorldError:
-            raise
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-            raise WorldError(f"{picture}: not a PGM, PNG, JPEG or BMP picture ({reason})") from None
-
-
-def _check_size(picture: Path, image: Any) -> None:
-    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
-    (codec, _, begin, mode), *_ = image.tile
-    if image.format == "PPM" and codec == "raw":
-        expected = image.width * image.height * (2 if "16" in str(mode) else len(image.getbands()))
-        found = picture.stat().st_size - begin
-        # A line break behind the pixels is harmless.
-        if not expected <= found <= expected + 2:
-            sizes = f"{found:,} bytes of pixels, {expected:,} by its header"
-            raise WorldError(f"{picture}: {sizes}; save the picture again")

@@ -22,16 +22,21 @@ import shapely
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
+from lrf3d.world.annotations import THICKEST_WALL
 from lrf3d.world.drawing import Drawing, Mark, is_area
-from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
-from lrf3d.world.symbols import Door, Strokes, find_doors, find_leaves, symbols
+from lrf3d.world.symbols import SIDE, Door, Strokes, cleared, find_doors, find_leaves, symbols
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
 
-THICKEST = 0.6
-"""Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour."""
+SLIVER = 0.02
+"""Largest thickness [m] of what is left of a wall beside a doorway that is painted on it."""
+
+THICKEST, PALE = 0.6, 0.25
+"""Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
+below which one that parts a dark wall is a doorway."""
 
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
@@ -44,12 +49,12 @@ WORDS = {
         " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
         " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
         " podzial masstab schaal flooring tile paving pavim fliese"
-        " parket parquet carpet projec ovhd"
+        " fluchtweg rettungsplan evac egress landscap plnt parket parquet carpet projec ovhd"
         " текст размер штрих оси штамп легенд масштаб"
         " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
     ),
     "furniture": (
-        "furn eqpm equip mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
+        "furn eqpm equip fitting mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
         " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
         " stair strs trepp trap escal schod scala scale мебел лестн 家具 洁具 楼梯 가구"
     ),
@@ -84,8 +89,8 @@ NOT_DOORS = ("indoor", "outdoor", "ovid")
 def role_of(*names: str) -> str:
     """The role that the first recognised name gives: a key of WORDS, or ``other``.
 
-    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("axes_1")
-    ('wall', 'door', 'furniture', 'other')
+    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("L-PLNT")
+    ('wall', 'door', 'furniture', 'annotation')
     """
     for name in names:
         plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
@@ -132,7 +137,7 @@ class Plan(NamedTuple):
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
-        doors = [Door(door.opening * factor, door.width * factor) for door in self.doors]
+        doors = [Door(door.corners * factor, door.width * factor) for door in self.doors]
         segments, rest = self.segments * factor, self.rest * factor
         return self._replace(segments=segments, rest=rest, doors=doors, gap=self.gap * factor)
 
@@ -171,27 +176,33 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     ]
     pieces += [(shape.boundary, role) for shape, role in solids]
     segments, line, mark, role = _segments(pieces)
-    drawn = np.isin(role, [*STANDS, "door"])
+    drawn = np.isin(role, [*STANDS, "door", "dashed"])
     doors, opened = find_doors(segments, line, drawn)
     more, leaves = find_leaves(segments, line, drawn & ~opened)
     doors, opened = doors + more, opened | leaves
     # Partitions are found on layers of doors, too; they are longer than leaves.
     stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
     stands &= ~opened
-    left = drawing.left_out + Counter(floor=roles.count("floor"))
-    known = np.flatnonzero(stands)
+    left = drawing.left_out + Counter(
+        {each: roles.count(each.split()[0]) for each in ("dashed line", "doorway", "floor")}
+    )
+    # On a drawing that is as large as its paper symbols have other sizes, and far more neighbours.
+    small = not len(segments) or np.ptp(segments.reshape(-1, 2), axis=0).max() < SHEET
+    known = np.flatnonzero(stands & (not small))
     strokes = Strokes(segments[known], line[known], mark[known], role[known] == "other")
     for what, found in symbols(strokes, sheet="annotation" in roles):
         stands[known[found]] = False
         left[what] += int(found.sum())
+    walls, own, left["doorway line"] = cleared(segments[stands], doors)
+    role = role[stands][own]
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
     hidden = {name for name, role in layered if role == "left out"}
     hidden |= {name for name, role in dict(layered).items() if role in ("annotation", "door")}
     words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
     words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
     return Plan(
-        segments[stands],
-        np.where(role[stands] == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
+        walls,
+        np.where(role == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
         doors,
         segments[~stands],
         _listed(marks, layered),
@@ -213,7 +224,11 @@ def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> 
             role = "wall"
         chosen = (not layers or _fits(name, layers)) and not _fits(name, without)
         kinds[name] = role if chosen else "left out"
-    return [kinds[mark.layer, mark.names] for mark in marks]
+    roles = [kinds[mark.layer, mark.names] for mark in marks]
+    return [
+        "dashed" if mark.dashed and role in ("other", "furniture") else role
+        for mark, role in zip(marks, roles, strict=True)
+    ]
 
 
 def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
@@ -225,7 +240,7 @@ def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
 def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
     """The roles, where areas that are floors are said to be that: thick, and pale or drawn on."""
     shapes = [mark.shape for mark in marks]
-    tree, roles = shapely.STRtree(shapes), list(roles)
+    tree, roles, thin = shapely.STRtree(shapes), list(roles), list[int]()
     for number, (mark, role) in enumerate(zip(marks, roles, strict=True)):
         area, edge = mark.shape.area, mark.shape.length
         stands = role in STANDS and role != "furniture" and is_area(mark.shape)
@@ -234,19 +249,47 @@ def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
             pale = mark.contrast < 0.45 and role != "wall"
             if pale or (tree.query(mark.shape, predicate="contains_properly") > number).any():
                 roles[number] = "floor"
+        elif stands and mark.contrast < PALE and 2.0 * area < THICKEST_WALL * edge:
+            thin.append(number)
+    for number in thin:
+        _open_doorway(marks, roles, number, tree.query(shapes[number], "dwithin", distance=SLIVER))
     return roles
+
+
+def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -> None:
+    """Note in the roles that an area is a doorway: it is far paler than the wall that it parts.
+
+    Lines that end in it are its leaf; without one, it has floors on both sides.
+    """
+    shape = marks[number].shape
+    dark = [marks[n].shape for n in near if is_area(marks[n].shape) and marks[n].contrast > 0.6]
+    wall = shapely.union_all(shapely.intersection(dark, shape.buffer(2.0 * SIDE)))
+    # Along its sides a sliver of the wall may be left.
+    ends = shape.boundary.intersection(wall.buffer(-SLIVER).buffer(1.5 * SLIVER))
+    if ends.length > 0.5 * shape.length or len(shapely.get_parts(shapely.line_merge(ends))) < 2:
+        return
+    lines = [n for n in near if roles[n] == "other" and not is_area(marks[n].shape)]
+    short = [n for n in lines if marks[n].shape.length < 2.0]
+    leaf = [n for n in short if shape.distance(marks[n].shape.boundary) < SLIVER]
+    if leaf or sum(roles[n] == "floor" for n in near) > 1:
+        roles[number] = "doorway"
+        for each in leaf:
+            roles[each] = "door"
 
 
 def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
     """The areas that stand, joined where they touch, each with its role."""
     solids = list[tuple[Any, str]]()
     areas = [(mark.shape, r) for mark, r in zip(marks, roles, strict=True) if is_area(mark.shape)]
+    doorways = shapely.union_all([shape for shape, role in areas if role == "doorway"])
+    open_ = doorways.buffer(1.5 * SLIVER, join_style="mitre")
     for name, group in (("wall", ("wall", "window", "other")), ("furniture", ("furniture",))):
         members = [(shape, role) for shape, role in areas if role in group]
         if not members:
             continue
         shapes = np.array([shape for shape, _ in members])
-        parts = [each for each in shapely.get_parts(shapely.union_all(shapes)) if is_area(each)]
+        whole = shapely.union_all(shapes).difference(open_)
+        parts = [each for each in shapely.get_parts(whole) if is_area(each)]
         known = shapely.STRtree(shapes[[role != "other" for _, role in members]])
         named = set(known.query(parts, predicate="intersects")[0].tolist())
         solids += [(part, name if n in named else "other") for n, part in enumerate(parts)]

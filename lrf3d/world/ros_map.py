@@ -26,8 +26,8 @@ from lrf3d.pose import Pose
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
-from lrf3d.world.pictures import pixels_of
 from lrf3d.world.pieces import connected
+from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import Converter, accepting, row, text
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254

@@ -32,8 +32,8 @@ UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "em": 16.0 * PI
 """Metres in the units of lengths."""
 
 INHERITED = frozenset(
-    "fill stroke stroke-width stroke-linecap visibility color fill-rule clip-rule fill-opacity"
-    " stroke-opacity".split()
+    "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
+    " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
 SHAPES = {
     "path": svgelements.Path,
@@ -180,8 +180,12 @@ class _Painter(NamedTuple):
 
     def _shape(self, element: Element, state: State) -> None:
         style, canvas = state.style, self.canvas
+        if any("url(" in style.get(f"marker-{end}", "") for end in ("start", "mid", "end")):
+            canvas.left_out["arrow"] += 1
+            return
         rings = _outline(_tag(element), state, canvas.tolerance)
-        mark = Mark(None, state.layer, state.names)
+        dashed = style.get("stroke-dasharray", "none")
+        mark = Mark(None, state.layer, state.names, dashed=re.search("[1-9]", dashed) is not None)
         if not {"fill", "stroke"} & set(style):
             for ring in rings:
                 canvas.line(ring, mark, state.clip)

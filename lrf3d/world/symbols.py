@@ -1,6 +1,7 @@
 """Symbols of plans, by how they are drawn: doors that stand open, and text."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +9,8 @@ import shapely
 from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
-from lrf3d.world.annotations import is_annotation
-from lrf3d.world.pieces import connected, groups, members_of, pairs_within
+from lrf3d.world.annotations import THICKEST_WALL, is_annotation, is_aside, is_frame
+from lrf3d.world.pieces import connected, groups, members_of
 
 CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 130.0])
 """Turn [rad] between two segments above which they are no chords of one arc; least and largest
@@ -22,22 +23,23 @@ width: it has a thickness."""
 MOST_DOORS = 5000
 """Most arcs that are looked at."""
 
-LEAST_PLAN = 20.0
-"""Least area [m²] of a plan in a frame, as in a hall there may be tables."""
+SIDE = 0.05
+"""Distance [m] within which a line runs along a doorway or a leaf."""
 
-ASIDE, THICKEST_WALL = 1.0, 0.3
-"""Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces."""
-
-MARGIN, MOST_ALIKE = 0.6, 5
-"""Width [m] of the rim of a sheet in which the lines of a frame are; number from which on parallels
-are a pattern."""
+MOST_ALIKE = 5
+"""Number from which on parallels are a pattern."""
 
 
 class Door(NamedTuple):
-    """A door that stands open: its opening (2, 2), from the hinge on, and its width [m]."""
+    """A door that stands open: hinge, other side and end of the leaf (3, 2), and its width [m]."""
 
-    opening: Float
+    corners: Float
     width: float
+
+    @property
+    def opening(self) -> Float:
+        """Its ends (2, 2), from the hinge on."""
+        return self.corners[:2]
 
 
 def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool]:
@@ -60,7 +62,8 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
             continue
         # Where a line closes the opening, too, the leaf has a thickness or comes first.
         leaf = int(np.argmin(off.min(axis=1)))
-        doors.append(Door(np.stack([hinge, tips[int(np.argmax(off[leaf]))]]), radius))
+        far = int(np.argmax(off[leaf]))
+        doors.append(Door(np.stack([hinge, tips[far], tips[1 - far]]), radius))
         opened[run] = True
         opened[straight[near[off.min(axis=1) < NEAR * radius] // 2]] = True
         for tip in tips[(off < NEAR * radius).any(axis=0)]:
@@ -104,10 +107,55 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
             back = max(abs(along[each // 2] @ gap) for each in near[at]) > 0.99 * width
             between = shapely.linestrings([hinge + 0.05 * gap, hinge + 0.95 * gap])
             if on and back and not len(around.query(between, predicate="intersects")):
-                doors.append(Door(np.stack([hinge, ends[end]]), width))
+                doors.append(Door(np.stack([hinge, ends[end], tip]), width))
                 found[leaf] = True
                 break
     return doors, found
+
+
+def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
+    """What is left of segments (n, 4) outside of doorways: pieces (k, 4), and of which they are.
+
+    Then the number of segments that reached into doorways. The line of a tile or of a threshold
+    closes no door that stands open between two ends of walls, nor does a wall that goes on behind a
+    door: its author did not break it.
+    """
+    lines, ends, ways = _lines(segments), segments.reshape(-1, 2), directions(segments)
+    ends_near, near = cKDTree(ends), partial(shapely.STRtree(lines).query, predicate="dwithin")
+    ways, boxes = np.stack([ways, -ways], axis=1).reshape(-1, 2), list[Any]()
+    tips = np.array([door.corners[1] for door in doors])
+    for hinge, other, leaf in (door.corners for door in doors):
+        width = float(np.hypot(*(other - hinge)))
+        axis, posts = (other - hinge) / width, list[Float]()
+        for place, way in ((hinge, -0.98), (other, 0.98)):
+            at = np.array(ends_near.query_ball_point(place, NEAR * width), dtype=np.int64)
+            posts.append((ends[at[ways[at] @ axis / way > 1.0]] - hinge) @ axis)
+        # Of two leaves, each ends where the other does.
+        met = np.hypot(*(tips - other).T) < NEAR * width
+        if not (len(posts[0]) and (len(posts[1]) or met.sum() > 1)):
+            base, free = shapely.linestrings([[hinge, other], [0.7 * hinge + 0.3 * leaf, leaf]])
+            # The hinge is at a face of the wall, or in its middle.
+            behind = ends.reshape(-1, 2, 2)[near(base, distance=0.5 * THICKEST_WALL + SIDE)] - hinge
+            reach = np.sort(behind @ axis, axis=1)
+            passes = (reach[:, 0] < -SIDE) & (reach[:, 1] > width + SIDE)
+            # A shower in a corner is drawn alike, but has walls on both sides.
+            if not passes.any() or len(near(free, distance=SIDE)):
+                continue
+        across = (THICKEST_WALL + SIDE) * np.array([-axis[1], axis[0]])
+        low = hinge + (posts[0].max(initial=0.0) + 0.01) * axis
+        high = hinge + (posts[1].min(initial=width) - 0.01) * axis
+        boxes.append(shapely.Polygon([low - across, high - across, high + across, low + across]))
+    shut = np.array(boxes, dtype=object)
+    box, line = shapely.STRtree(lines).query(shut, predicate="intersects")
+    cut = np.unique(line)
+    while len(line):
+        # All boxes at once would be slow: one after the other for each line.
+        own, first = np.unique(line, return_index=True)
+        lines[own] = shapely.difference(lines[own], shut[box[first]])
+        box, line = np.delete(box, first), np.delete(line, first)
+    parts, number = shapely.get_parts(lines, return_index=True)
+    points, part = shapely.get_coordinates(parts, return_index=True)
+    return points.reshape(-1, 4), number[part[::2]], len(cut)
 
 
 def _lines(segments: Float) -> Any:
@@ -236,56 +284,6 @@ def is_lettering(segments: Float) -> Bool:
     return text[part]
 
 
-def is_frame(segments: Float, sheet: bool) -> Bool:
-    """Which segments (n, 4) are the frame of a sheet and its title block.
-
-    A frame is the box around all, has a plan within that does not touch it, and is that of a sheet
-    for another reason: by its proportions, or by a title block at its sides.
-    """
-    framed = np.zeros(len(segments), dtype=bool)
-    while not framed.all():
-        left = np.flatnonzero(~framed)
-        ends = segments[left].reshape(-1, 2, 2)
-        low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
-        sides = high - low
-        reach = np.concatenate([ends - low, high - ends], axis=2)
-        off = reach.max(axis=1)
-        for side, long in enumerate(sides[[1, 0, 1, 0]]):
-            on = left[off[:, side] < 2e-3 * sides.max()]
-            if not lengths(segments[on]).sum() > 0.98 * long > 0.0:
-                return framed
-        rim = (off < MARGIN).any(axis=1)
-        inner = left[~rim]
-        part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
-        if not len(hulls):
-            return framed
-        part, area = near[part], shapely.area(hulls)
-        block = np.zeros(len(hulls), dtype=bool)
-        block[part[reach[~rim].min(axis=(1, 2)) < 1.01 * MARGIN]] = True
-        # Proportions of sheets of paper.
-        known = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
-        paper = np.abs(known - sides.max() / sides.min()).min() < 0.02
-        plan, titles = (float(area[each].max(initial=0.0)) for each in (~block, block))
-        held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
-        if not (held and (paper or block.any() or sheet)):
-            return framed
-        framed[left[rim]] = framed[inner[block[part]]] = True
-    return framed
-
-
-def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
-    """The part (n,) that touches, of each segment (n, 4), and the hulls of the parts.
-
-    Then the group of each part, in which hulls are within a gap [m], and the hulls of the groups.
-    """
-    part = connected(segments)
-    owned = [segments[each].reshape(-1, 2) for each in members_of(part)] if len(segments) else []
-    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in owned], dtype=object))
-    near = groups(*pairs_within(hulls, gap, "parts"), len(hulls)) if len(hulls) else part
-    close = [shapely.union_all(hulls[each]) for each in members_of(near)] if len(hulls) else []
-    return part, hulls, near, shapely.convex_hull(np.array(close, dtype=object))
-
-
 def is_pattern(segments: Float) -> Bool:
     """Which segments (n, 4) are of six or more parallels at one distance: tiles or hatching."""
     found = np.zeros(len(segments), dtype=bool)
@@ -328,31 +326,3 @@ def is_pattern(segments: Float) -> Bool:
     corners = segments[~found].reshape(-1, 2) @ [1.0, 1.0j]
     found &= ~np.isin(segments.reshape(-1, 2, 2) @ [1.0, 1.0j], corners).all(axis=1)
     return np.asarray(found & (np.bincount(member, found)[member] >= MOST_ALIKE - 1))
-
-
-def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
-    """Which segments (n, 4) are of parts beside the plan: a legend, a scale bar, a north arrow.
-
-    Where nothing else shows that a drawing is a sheet, such a part encloses nothing.
-    """
-    part, hulls, _, whole = _parts(segments, ASIDE)
-    area = shapely.area(whole)
-    if not len(hulls) or area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
-        return part < 0
-    # Walls that are called so are of the plan.
-    known = hulls[np.unique(part[named])]
-    plan = shapely.convex_hull(shapely.union_all([whole[int(np.argmax(area))], *known]))
-    apart = shapely.disjoint(hulls, plan)
-    if sheet:
-        # Another building may stand there, but none is as narrow as a title bar.
-        narrow = 8.0 * shapely.area(hulls) < shapely.length(hulls) ** 2 / 4.0
-        return np.asarray(apart & (narrow | (shapely.area(hulls) < 0.3 * plan.area)))[part]
-    _, node, met = np.unique(
-        segments.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
-    )
-    owner, times = np.repeat(part, 2), met[node.reshape(-1)]
-    # Lines end, and meet: the side of a wall does not.
-    loose, star = (np.bincount(owner, each) > 0 for each in (times == 1, times > 2))
-    long = lengths(segments)
-    few = np.array([len(each) > 2 and np.median(long[each]) < MARGIN for each in members_of(part)])
-    return np.asarray(apart & loose & star & few)[part]

@@ -20,7 +20,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
-from lrf3d.scene.estimate import DrawnEstimate
+from lrf3d.scene.marks import DrawnEstimate
 from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.world import World, save_world
 

@@ -3,6 +3,7 @@
 import importlib
 import sys
 import warnings
+from dataclasses import replace
 
 import gymnasium
 import matplotlib
@@ -204,19 +205,24 @@ def test_settings_that_make_no_sense_are_refused():
                 made(world=CORRIDOR, **settings)
 
 
-def test_the_noise_is_that_of_the_scenario():
-    scenario = CORRIDOR.changed(noise=lrf3d.ProportionalNoise(0.5))
-    env, exact = DriveEnv(scenario), DriveEnv(scenario, sigma=0.0)
-    # The draws that follow those of the place are those of any simulation of the scenario.
-    truth, same = exact.reset(seed=4)
-    draws = exact.np_random
-    seen, info = env.reset(seed=4)
-    assert np.array_equal(info["pose"], same["pose"])
-    scan = lrf3d.PlanarCaster(scenario.world).cast(scenario.lrf, info["pose"])
-    measured = scenario.noise(scan, draws)
+def own_noise(scan, rng):
+    """Longer ranges where the laser stands farther to the left: it reads the pose of its scan."""
+    return replace(scan, ranges=scan.ranges * (1.0 + rng.random() * abs(scan.pose.y)))
+
+
+@pytest.mark.parametrize("noise", [lrf3d.ProportionalNoise(0.5), own_noise])
+def test_the_noise_is_that_of_the_scenario(noise):
+    scenario = CORRIDOR.changed(noise=noise)
+    envs, exact = DriveVectorEnv(3, scenario), DriveVectorEnv(3, CORRIDOR, sigma=0.0)
+    # The draws that follow those of the places are those of any simulation of the scenario.
+    truth, draws = exact.reset(seed=4)[0], exact.np_random
+    seen, _ = envs.reset(seed=4)
+    assert np.array_equal(envs.poses, exact.poses)
     assert not np.array_equal(seen["ranges"], truth["ranges"])
-    assert np.array_equal(seen["ranges"], np.clip(measured.ranges, 0, scenario.lrf.range_max,
-                                                  dtype=np.float32))  # fmt: skip
+    caster, lrf = lrf3d.PlanarCaster(scenario.world), scenario.lrf
+    for ranges, pose in zip(seen["ranges"], envs.poses, strict=True):
+        measured = noise(caster.cast(lrf, pose), draws).ranges
+        assert np.array_equal(ranges, np.clip(measured, 0, lrf.range_max, dtype=np.float32))
 
 
 def test_dynamic_obstacles_are_seen_and_run_into():

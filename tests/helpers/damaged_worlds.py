@@ -127,6 +127,10 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "list.geojson": ("[1, 2]", "expected a GeoJSON object, found a JSON list"),
     "city.geojson": ('{"type": "CityJSONFeature"}', "CityJSON, which is not read; make.*cjio"),
     "topology.geojson": ('{"type": "Topology"}', "TopoJSON, which is not read; make"),
+    "overpass.json": (
+        '{"version": 0.6, "elements": []}',
+        "JSON of Overpass, which is not read; ask",
+    ),
     "bare.geojson": ('{"type": "FeatureCollection"}', "without a list of features"),
     "empty.geojson": ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no"),
     "three.geojson": ('{"type": "FeatureCollection", "features": [3]}', "0: expected a Feature"),

@@ -52,6 +52,13 @@ KINDS = {
     "a header": lambda t, p, r: text(
         [1e3 * t, r, p], ",", ",".join([named("range_{}", ",", "time_ms"), "x", "y", "yaw"])
     ),
+    "German": lambda t, p, r: text(
+        [t, p, r], ";", named("Abstand_{}", ";", "Zeit", "x", "y", "Winkel")
+    ).replace(".", ","),
+    "two files that were joined": lambda t, p, r: "".join(
+        text([t[k], p[k], r[k]], ",", named("r{}", ",", "Time", "x", "y", "theta"))
+        for k in (slice(0, 9), slice(9, None))
+    ),
     "a comment": lambda t, p, r: text([t, p, r], " ", "# t x y theta " + "r " * BEAMS),
     "millimetres, degrees": lambda t, p, r: text(
         [1e6 * t, 1e3 * p[:, :2], np.degrees(p[:, 2:]), 1e3 * r],
@@ -115,7 +122,7 @@ def test_a_format_names_columns_and_a_preset_is_one(drive, tmp_path):
 @pytest.mark.parametrize(
     "lines, form, reason",
     [
-        ("1 2 3\n4 5 6\n", None, r"text of 3 columns.*--format"),
+        ("1 2 3\n4 5 6\n", None, r"text of 3 columns.*--format, such as 'angles:deg@1, ranges"),
         ("hello\nworld\n", None, "no lines of numbers"),
         ("1 5\n2 5\n", "stamp,ranges", "one beam"),
         ("1 5 5 5\n2 5 5 5\n", "stamp,ranges", "all are 5"),
@@ -153,6 +160,11 @@ def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
     log = load_log(path)
     assert not log.placed and "20 scans with fewer than 181" in " ".join(log.notes)
     assert np.isneginf(log.scans[1].ranges[170:]).all()
+    records = [
+        json.dumps({"ranges": row[:n]}) for n, row in zip(counts, ranges.tolist(), strict=True)
+    ]
+    path.write_text("\n".join(records))
+    assert "20 scans with fewer than 181" in " ".join(load_log(path).notes)
 
 
 def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
@@ -229,6 +241,14 @@ MESSAGES = {
         "angle_min": ANGLES[0], "angle_increment": ANGLES[1] - ANGLES[0],
         "ranges": [None, *map(float, r.split())][1:],
     }),
+    "python.txt": lambda r, p, t: str({
+        "header": {"stamp": {"secs": int(t), "nsecs": int(1e9 * (t % 1))}, "frame_id": "laser"},
+        "pose": dict(zip("x y theta".split(), map(float, p.split()), strict=True)),
+        "angle_min": ANGLES[0].item(), "angle_max": ANGLES[-1].item(),
+        "ranges": [float("inf"), *map(float, r.split())][1:],
+    }),
+    "quoted.csv": lambda r, p, t: f"2024/05/01 11:06:36.445,\"{{'stamp': {t}, 'frame_id': 'b'}}\","
+    f'"[{", ".join(r.split())}]","[]",{",".join(p.split())}',
     "lists.csv": lambda r, p, t: f"{t},[{', '.join(r.split())}],,{','.join(p.split())}",
     "bag.csv": lambda r, p, t: ",".join([
         "2023/01/02/03:04:05.6", f"{int(t)},{int(1e9 * (t % 1))},9", *p.split()[:2], "0,0",
@@ -239,6 +259,7 @@ MESSAGES = {
 """A scan, its pose and its time, as programs write them."""
 
 HEADS = {
+    "quoted.csv": ["time,header,ranges,intensities,x,y,theta"],
     "lists.csv": ["time,ranges,other,x,y,theta"],
     "bag.csv": [
         "time,.header.stamp.secs,.header.stamp.nsecs,.twist.x,.pose.position.x,.pose.position.y,"
@@ -314,9 +335,64 @@ def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, tmp_path):
         assert known.sum() == 181
 
 
+@pytest.mark.parametrize(
+    "begin, line",
+    [
+        ("AngleInDegrees,DistInMM,Intensity,ErrorCodeHEX", "{a},{mm:.0f},200,803a"),
+        ("angle(rad) range(m) intensity", "{rad:.6f} {m:.4f} 100"),
+    ],
+)
+def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualities(
+    begin, line, drive, tmp_path
+):
+    lines = [
+        "\n".join([begin, *(line.format(a=a, rad=np.radians(a), m=row[a], mm=1e3 * row[a])
+                            for a in range(BEAMS))])
+        for row in drive[2]
+    ]  # fmt: skip
+    (tmp_path / "lds.csv").write_text("\n".join(lines))
+    log = load_log(tmp_path / "lds.csv")
+    assert len(log) == 40 and log.bad_count == 0
+    assert np.allclose([scan.ranges for scan in log.scans], drive[2], atol=1e-3)
+    assert np.allclose(np.degrees(log.scans[0].angles), range(BEAMS), atol=1e-3)
+
+
+def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_path):
+    ranges = drive[2][:, :180]
+    head = ",".join(["time", *map(str, range(180))])
+    (tmp_path / "a.csv").write_text(text([drive[0], ranges], ",", head))
+    np.save(tmp_path / "a.npy", 1e3 * ranges)
+    by_header = load_log(tmp_path / "a.csv")
+    by_format = load_log(tmp_path / "a.npy", format="ranges:mm, first=90deg, step=-1deg")
+    assert by_header.times == pytest.approx(drive[0], abs=1e-3)
+    assert np.degrees(by_format.scans[0].angles[[0, -1]]) == pytest.approx([90, -89])
+    for one, other in zip(by_header.scans, by_format.scans, strict=True):
+        assert one.ranges == pytest.approx(other.ranges, abs=1e-3)
+    np.save(tmp_path / "a.npy", np.array([{}]), allow_pickle=True)
+    with pytest.raises(InputError, match="no file of arrays of numbers"):
+        load_log(tmp_path / "a.npy")
+
+
+def test_telegrams_of_sick_are_read(drive, tmp_path):
+    """Their bearings are in ten thousandths of a degree, and ahead is 90°."""
+    times, _, ranges = drive
+    lines = [
+        f"\x02sSN LMDscandata 0 1 89A27F 0 0 1 1 {round(1e6 * t):X} 0 0 0 3F 0 0 1388 168 0 1 DIST1"
+        f" 40000000 00000000 FFFFF63C 2710 {BEAMS:X} "
+        + " ".join(f"{round(500 * each):X}" for each in row) + " 0 0\x03"
+        for t, row in zip(times - times[0], ranges, strict=True)
+    ]  # fmt: skip
+    (tmp_path / "tim.txt").write_text("\n".join([*lines, "sSN LMDscandata DIST1 0 1 2 3 4"]))
+    log = load_log(tmp_path / "tim.txt")
+    assert len(log) == 40 and not log.placed and log.bad_count == 1
+    assert np.allclose(log.times, times - times[0])
+    assert np.allclose(log.scans[0].angles, ANGLES - np.radians(0.25))
+    assert np.allclose([scan.ranges for scan in log.scans], ranges, atol=2e-3)
+
+
 def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(tmp_path):
     for data, reason in ((b"\x89PNG\r\n", "a picture"), (b"ply\nformat", "a point cloud"),
-                         (b"\0\1\2", "no text")):  # fmt: skip
+                         (b"\xff\xfe1\0", "UTF-16"), (b"\0\1\2", "no text")):  # fmt: skip
         path = tmp_path / "what.xyz"
         path.write_bytes(data)
         with pytest.raises(InputError, match=f"what.xyz: not a log: it looks like .*{reason}"):

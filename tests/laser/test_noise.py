@@ -18,6 +18,7 @@ from lrf3d.laser import (
     imperfect,
 )
 from lrf3d.laser.noise import at_sigma
+from lrf3d.laser.scan import ScanBatch
 
 LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
 WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))
@@ -129,6 +130,22 @@ def test_a_chain_works_in_its_order_and_an_empty_one_not_at_all():
     assert np.array_equal(coarse_last.ranges * 2, np.round(coarse_last.ranges * 2))
     coarse_first = Chain([Quantised(0.5), ConstantNoise(0.3)])(scan, np.random.default_rng(1))
     assert not np.array_equal(coarse_first.ranges * 2, np.round(coarse_first.ranges * 2))
+
+
+def test_a_chain_for_many_scans_at_once_has_the_distribution_of_one_after_the_other():
+    chain, count = Chain(EVERY), 1500
+    rows = (np.tile(values, (count, 1)) for values in (GAP.ranges, GAP.walls))
+    together = chain(ScanBatch(GAP.angles, *rows, GAP.range_min, GAP.range_max), 1).ranges
+    alone = repeated(chain, GAP, count)
+    lost = [np.isinf(ranges).mean(axis=0) for ranges in (together, alone)]
+    assert np.abs(lost[0] - lost[1]).max() < 5.0 * np.sqrt(2.0 * 0.3 * 0.7 / count)
+    returned = [np.where(np.isinf(ranges), np.nan, ranges) for ranges in (together, alone)]
+    spreads = [np.nanstd(ranges, axis=0) for ranges in returned]
+    # At the edge a few beams that look past it decide on the spread.
+    away = np.abs(np.arange(101) - 50) > 4
+    assert spreads[0][away] == pytest.approx(spreads[1][away], rel=0.15)
+    off = np.nanmean(returned[0], axis=0) - np.nanmean(returned[1], axis=0)
+    assert (np.abs(off) < 5.0 * np.maximum(*spreads) * np.sqrt(2.0 / (0.7 * count))).all()
 
 
 def test_another_sigma_goes_to_the_noise_that_grows_with_the_range():

@@ -91,7 +91,7 @@ def test_walls_are_one_object_unless_a_beam_passed_between_them(walls, world, po
     assert len(set(objects_of(walls, seen_from(world, poses)))) == objects
 
 
-@pytest.mark.parametrize("step", ["choose_walls", "replace_walls", "link_walls"])
+@pytest.mark.parametrize("step", ["walls_to_refit", "replace_walls", "link_walls"])
 def test_a_mapper_goes_on_after_an_interrupted_update(step, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt

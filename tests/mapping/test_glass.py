@@ -12,6 +12,8 @@ from synthetic_run import box
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, ProportionalNoise, World
 from lrf3d.errors import InputError, Lrf3dWarning
+from lrf3d.mapping.robust.glass.optics import Optics, image_lines
+from lrf3d.mapping.robust.glass.surfaces import IS_GLASS, IS_MIRROR
 from lrf3d.world import Material
 
 ALONG = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.zeros(60)])
@@ -196,3 +198,29 @@ def test_scans_of_lit_points_that_are_no_walls_are_kept(scans):
         for one in scans[:9]
     ]  # fmt: skip
     assert len(map_of(lone)) == 0 < len(map_of([*lone, *scans]))
+
+
+@pytest.mark.parametrize(("kind", "ends"), [(IS_GLASS, (5.125, 6.875)), (IS_MIRROR, (5.0, 7.0))])
+def test_a_pane_ends_within_its_last_pieces_and_a_mirror_behind_them(kind, ends):
+    optics = Optics()
+    # Eight pieces of a line at y = 2, whose middle is at x = 5; a short stretch is none.
+    optics._lines[0], optics._votes[0].kind = (0.0, 1.0, 2.0, 5.0), kind
+    optics._pieces[0, [*range(128, 136), 150]] = True
+    assert optics._stretches().tolist() == [[ends[0], 2.0, ends[1], 2.0, kind == IS_MIRROR]]
+
+
+def test_a_wall_and_its_image_show_the_line_of_the_mirror_between_them():
+    real, image = np.array([[4.0, 1.0, 8.0, 3.0]]), np.array([[16.0, 3.0, 20.0, 1.0]])
+    for x in (6.0, 18.0):
+        lines = image_lines(np.array([x, 5.0]), image, real)
+        assert lines == pytest.approx(np.array([[-1.0, 0.0, -12.0]]) if x < 12.0 else lines[:0])
+
+
+def test_what_is_known_of_glass_is_in_the_map_at_once():
+    mapper = lrf3d.LineMapper()
+    for scan in mapped(glass_front(), ALONG).scans:
+        mapper.update(scan)
+        optics = mapper._mapper._optics
+        # A line that is averaged further moves by less than a cell.
+        assert optics.surfaces == pytest.approx(optics._stretches(), abs=0.05)
+    assert len(optics.surfaces) == 1

@@ -1,7 +1,9 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from map_objects import map_of
 
 import lrf3d
@@ -19,8 +21,11 @@ from lrf3d import (
 )
 from lrf3d.geometry import lengths
 from lrf3d.laser.free_space import free_cells
-from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.beams import Beams, widen
 from lrf3d.mapping.robust.extraction import SPAN, segment_cluster
+from lrf3d.mapping.robust.pieces import PIECE
+from lrf3d.mapping.robust.refitting import _misfit
+from lrf3d.mapping.robust.walls import FIT
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
@@ -199,3 +204,39 @@ def test_corners_do_not_tilt_walls_and_no_segment_is_left_of_what_others_took_th
     score = lrf3d.score_run(lrf3d.load_scenario("corridor").run(rng=0, snapshots=1))
     # The noise of a range is 1 to 4 mm here, and each wall has hundreds of them.
     assert score.perpendicular_rms < 0.0008 and score.length_precision == 1.0
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3, -1.2])
+def test_pieces_misfit_by_what_they_lie_off_their_best_line_wherever_and_however_it_runs(tilt):
+    rng = np.random.default_rng(3)
+    x, weights = rng.uniform(4.0, 9.0, 40), rng.uniform(0.5, 2.0, 40)
+    y = 2.0 + tilt * x + rng.normal(0.0, 0.1, 40)
+    sums = np.zeros(2, PIECE)
+    names = "weight", "along", "aside", "along_along", "along_aside", "aside_aside"
+    for name, values in zip(names, (1.0, x, y, x * x, x * y, y * y), strict=True):
+        # What came before the first of them changes nothing.
+        sums[name] = [3.0, 3.0 + (weights * values).sum()]
+    due = weights @ (y - np.polyval(np.polyfit(x, y, 1, w=np.sqrt(weights)), x)) ** 2
+    assert _misfit.py_func(*sums) == pytest.approx(due, rel=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_the_local_map_of_a_scan_lies_in_the_world(mode):
+    [scan] = scans_of(WORLD, [(10, 2, 3.1)])
+    local = LineMapper(mode).local_map(scan)
+    whole = shapely.multilinestrings(WORLD.segments.reshape(-1, 2, 2))
+    places = shapely.points(local.segments.reshape(-1, 2))
+    assert len(local) == 4 and shapely.distance(places, whole).max() < 0.02
+
+
+def test_a_fit_weighs_no_more_than_the_pose_of_its_scan_is_known():
+    [scan] = scans_of(WORLD, [(10, 2, 0.0)])
+    fits = np.zeros(2, FIT)
+    fits["weight"], fits["x"], fits["y"], fits["yy"] = [100.0, 400.0], [3.0, 0.0], [4.0, 0.0], 8.0
+    before = fits.copy()
+    widen(fits, scan)
+    assert np.array_equal(fits, before)
+    widen(fits, replace(scan, pose_covariance=np.diag([0.02, 0.04, 0.001])))
+    less = np.array([1.0 + 100.0 * (0.03 + 0.001 * 25.0), 1.0 + 400.0 * 0.03])
+    assert fits["weight"] == pytest.approx(before["weight"] / less)
+    assert fits["yy"] == pytest.approx(8.0 / less)

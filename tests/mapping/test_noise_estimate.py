@@ -5,7 +5,13 @@ import pytest
 
 import lrf3d
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import NoiseEstimate
+from lrf3d.mapping.robust.beams import (
+    NOISE_UNIT,
+    PER_DECADE,
+    RESIDUAL_BINS,
+    NoiseEstimate,
+    count_residuals,
+)  # fmt: skip
 
 ROOM = lrf3d.World(
     [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [5, 3, 6, 3], [6, 3, 6, 5]]
@@ -73,3 +79,19 @@ def test_a_map_is_as_good_with_a_wrong_sigma(sigma):
     score = lrf3d.score_run(scenario.run(rng=0, mapper=lrf3d.LineMapper(sigma=sigma)))
     assert score.length_f1 > right.length_f1 - 0.01
     assert score.segment_f1 > right.segment_f1 - 0.05
+
+
+def test_deviations_are_standard_normal_times_the_noise_however_beams_are_spread():
+    rng, sigma, counts = np.random.default_rng(0), 0.02, np.zeros((1, RESIDUAL_BINS), np.int64)
+    for _ in range(40):
+        # A wall at x = 5, and one at 9 m on both sides, seen by pairs of beams.
+        angles = np.linspace(-0.8, 0.8, 81)
+        angles[::2] += 0.012
+        ranges = np.where(np.abs(angles) < 0.4, 5.0, 9.0) / np.cos(angles)
+        ranges += sigma * rng.normal(size=81)
+        count_residuals(angles, ranges, RangeNoise(sigma, 0.0), np.array([0.1, 8.0]), counts)
+    sizes = NOISE_UNIT * 10.0 ** ((np.arange(RESIDUAL_BINS) + 0.5) / PER_DECADE)
+    within = np.cumsum(counts[0]) / counts.sum()
+    assert counts.sum() > 800
+    assert sizes[np.searchsorted(within, 0.5)] == pytest.approx(0.6745 * sigma, rel=0.08)
+    assert sizes[np.searchsorted(within, 0.95)] == pytest.approx(1.96 * sigma, rel=0.08)

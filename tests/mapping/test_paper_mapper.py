@@ -11,6 +11,7 @@ from lrf3d.mapping.paper import (
     PaperMapper,
     SegmentTable,
     SplitMergeExtractor,
+    _merge,
     clusters,
     merges,
     ordered_returns,
@@ -44,6 +45,14 @@ def test_split_and_merge_finds_a_corner():
     table = split_and_merge(np.array(corner), 0.1)
     expected = [[0, 0, 10, 0], [10, 0, 10, 7]]
     assert table.ends == pytest.approx(np.array(expected, float), abs=1e-9)
+
+
+def test_neighbours_are_merged_only_if_the_last_of_their_points_lies_on_one_line_too():
+    points = np.array([[x, 0.0] for x in range(10)] + [[9.5, 0.9]])
+    assert _merge(points, [0, 9, 10], 0.1) == [0, 9, 10]
+    # The line is fitted to that point, too, and so passes nearer to it.
+    assert _merge(points, [0, 9, 10], 0.75) == [0, 10]
+    assert _merge(points[:10], [0, 4, 9], 0.1) == [0, 9]
 
 
 def eq9(segment, other, length=0.1, distance=0.1):

@@ -149,8 +149,8 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
     assert distance_to_walls(house(0.0, 0.0), found.waypoints) >= 0.4
     (note,) = found.notes
     assert re.match(
-        r"doors? of 0\.84 m at \(.+\).* too narrow for a robot of 0\.80 m; 3 rooms are not reached;"
-        r" --set robot\.radius=0\.28$",
+        r"doors? of 0\.84 m at \(.+\).* too narrow for a robot of 0\.80 m; 3 of 4 rooms are not"
+        r" reached; --set robot\.radius=0\.28$",
         note,
     )
     smaller = find_route(house(0.75, 0.0), lookahead=0.4)
@@ -158,6 +158,10 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
     assert "the robot's radius is 0.28 m instead of 0.35 m" in smaller.notes[0]
     assert len(rooms_of(smaller.waypoints)) >= 3
     assert find_route(house(1.0, 0.0), lookahead=0.4).notes == ()
+    # A hall next to the house has room for the wider robot, but far fewer walls.
+    walls = np.vstack([house(0.75, 0.0).segments, box(20, 0, 13, 9)])
+    beside = find_route(World(walls), lookahead=0.4)
+    assert beside.radius == smaller.radius and inside_the_house(beside.waypoints).all()
 
 
 @pytest.mark.parametrize(
@@ -197,8 +201,7 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
     if mapped:
         save_world(world, tmp_path / "map.yaml")
         world = load_world(tmp_path / "map.yaml")
-    notes: list[str] = []
-    scenario = Scenario(world).with_route(say=notes.append)
+    scenario = Scenario(world).with_route(say=(notes := list[str]()).append)
     assert (scenario.planned, scenario.radius, notes) == ("inside", 0.35, [])
     drive = scenario.trajectory(scans=1000)
     assert find_collision(drive, world, 0.35) is None
@@ -208,14 +211,16 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
 def test_rooms_without_a_door_are_named(tmp_path):
     for door in (0.0, 0.2):
         (note,) = find_route(house(door, 0.0), radius=0.35, lookahead=0.4).notes
-        assert re.match(r"3 rooms are not reached, 2\d\.\d m² at \(.+\): no door", note)
+        assert re.match(r"3 of 4 rooms are not reached, 2\d\.\d m² at \(.+\): no door", note)
     # A flat that one enters from outside alone is one, a table and a pillar are none.
-    doors = [[0, 0, 2.5, 0], [3.5, 0, 8.5, 0], [9.5, 0, 12, 0], [6, 0, 6, 9]]
+    doors = [[0, 0, 2.5, 0], [3.5, 0, 8.5, 0], [9.5, 0, 12, 0], [6, 0, 6, 9], [3, 0, 3, -0.9]]
     (note,) = find_route(World(np.vstack([doors, box(0, 0, 12, 9)[1:]]))).notes
-    assert note.startswith("1 room is not reached, 5")
+    assert re.match(r"1 of 2 rooms is not reached, 5.*: no door leads there from inside", note)
     hall = [box(0, 0, 12, 9), box(2, 2, 3, 2), box(8, 4, 0.6, 0.6)]
     furnished = World(np.concatenate(hall), heights=[2.5] * 4 + [0.8] * 4 + [2.5] * 4)
     assert find_route(furnished).notes == ()
+    # A robot may be thinner than those that doors are looked for with.
+    assert find_route(furnished, radius=1e-3).notes == ()
 
 
 def test_rooms_are_told_apart_by_their_open_doors():
@@ -224,10 +229,24 @@ def test_rooms_are_told_apart_by_their_open_doors():
     world = World(np.vstack([across, box(0, 0, 20, 8)]))
     (note,) = find_route(world, radius=0.35).notes
     assert (
-        note.startswith("door of 0.50 m at (12.0, 3.2) is too narrow") and "; 2 rooms are" in note
+        note.startswith("door of 0.50 m at (12.0, 3.2) is too narrow")
+        and "; 2 of 3 rooms are" in note
     )
     (note,) = find_route(World(np.vstack([across[2:], box(0, 0, 20, 8)])), radius=0.6).notes
-    assert "1 room is not reached" in note
+    assert "1 of 2 rooms is not reached" in note
+
+
+def test_rooms_are_counted_in_the_same_way_where_furniture_divides_them():
+    # A counter divides the first of three rooms, the second has no door.
+    walls = [*box(0, 0, 12, 6), [4, 0, 4, 6], [8, 0, 8, 2.5], [8, 3.5, 8, 6], [0, 3, 4, 3]]
+    counted = rooms.rooms_of(world := World(np.array(walls), heights=[2.5] * 7 + [0.8]))
+    (note,) = find_route(world).notes
+    assert len(counted) == 3 and note.startswith("1 of 3 rooms is not reached")
+    assert any(f" {area:.1f} m² at" in note for area, _ in counted)
+    # Where a cupboard stands in the way no door is too narrow.
+    walls = [*box(0, 0, 12, 6), [4, 0, 4, 2.5], [4, 3.5, 4, 6], [5.2, 0, 5.2, 5.5]]
+    (note,) = find_route(World(np.array(walls), heights=[2.5] * 6 + [0.8]), radius=0.35).notes
+    assert "or blocked" in note
 
 
 def test_every_room_with_a_door_is_entered():
@@ -258,10 +277,6 @@ def test_no_walls_and_no_room_are_clear_errors():
         plan_route(STREETS, radius=float("nan"))
     with pytest.raises(InputError, match="away from all walls"):
         plan_route(room(9.0, 7.0), radius=60.0)
-
-
-def test_a_robot_thinner_than_those_that_doors_are_looked_for_with_has_a_route():
-    assert find_route(room(9.0, 7.0), radius=1e-3).notes == ()
 
 
 HOUSE = house(1.0, 2.0)

@@ -8,23 +8,19 @@ from estimates import estimated
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
-from test_render import city_run, needs_gl
+from test_render import city_run, drawn, needs_gl
 
 from lrf3d.plot import CLOSED, DROPPED, estimate
 from lrf3d.render.figures import draw_map
-from lrf3d.render.film import Film
 from lrf3d.scene.look import ESTIMATE_COLOUR
 
-SIZE = (480, 270)
 RENDERERS = [pytest.param("gl", marks=needs_gl), "embree"]
 
 
-def drawn(run, time, *, view="chase", renderer="gl"):
+def shown(run, **options):
     """Which pixels show the estimate, and which the trail of the truth."""
-    pictures = []
-    for layers in ((), ("trail", "estimate")):
-        film = Film(run, size=SIZE, view=view, samples=0, layers=layers, renderer=renderer)
-        pictures.append(film.draw(time)[:, :, :3].astype(int))
+    trails = (), ("trail", "estimate")
+    pictures = [drawn(run, 3.9, size=(480, 270), layers=layers, **options) for layers in trails]
     red, green, blue = np.moveaxis(pictures[1], 2, 0)
     changed = np.abs(pictures[1] - pictures[0]).max(axis=2) > 20
     return changed & (red > green + 60) & (blue > green + 30), changed & (green > blue + 50)
@@ -34,12 +30,12 @@ def drawn(run, time, *, view="chase", renderer="gl"):
 @pytest.mark.parametrize("view", [pytest.param("chase", marks=pytest.mark.slow), "top"])
 def test_the_film_shows_truth_and_estimate_in_two_colours(renderer, view):
     run = city_run()
-    believed, true = drawn(run, 3.9, view=view, renderer=renderer)
+    believed, true = shown(run, view=view, renderer=renderer)
     assert not believed.any() and true.any()
-    believed, true = drawn(estimated(run), 3.9, view=view, renderer=renderer)
+    believed, true = shown(estimated(run), view=view, renderer=renderer)
     assert believed.sum() > 50 and true.sum() > 15
     # Of a recorded drive the truth is not known.
-    believed, true = drawn(estimated(run, (0.0, 0.0, 0.0)), 3.9, view=view, renderer=renderer)
+    believed, true = shown(estimated(run, (0.0, 0.0, 0.0)), view=view, renderer=renderer)
     assert believed.sum() > 50 and not true.any()
 
 

@@ -8,8 +8,7 @@ import pytest
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
 from lrf3d.errors import InputError
-from lrf3d.render.film import Film
-from lrf3d.render.video import frame
+from lrf3d.render.film import Film, frame
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city

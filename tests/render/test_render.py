@@ -13,8 +13,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.render.film import Film
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.beams import draw_beams
-from lrf3d.scene.estimate import trail_lines
+from lrf3d.scene.marks import draw_beams, trail_lines
 from lrf3d.scene.shapes import Body, Faces
 from lrf3d.scene.timeline import Timeline, drive_keys
 from lrf3d.world import World

@@ -14,7 +14,7 @@ from PIL import Image
 from test_render import city_run, needs_gl, room_run
 
 from lrf3d.errors import InputError
-from lrf3d.render import video
+from lrf3d.render import film, video
 from lrf3d.world.cameras import FilmPlan
 
 
@@ -39,7 +39,7 @@ def test_a_film_has_its_frames_in_order_from_all_workers(tmp_path):
     assert len(frames) == 21 and {frame.shape for frame in frames} == {(180, 320, 3)}
     assert seen[-1] == (21, 21) and [done for done, _ in seen] == sorted(done for done, _ in seen)
     for index in (0, 10, 11, 20):
-        alone = video.frame(run, index / 10, size=size, samples=0).astype(int)
+        alone = film.frame(run, index / 10, size=size, samples=0).astype(int)
         others = [np.abs(frame.astype(int) - alone).mean() for frame in frames]
         assert int(np.argmin(others)) == index
         assert others[index] < 6.0
@@ -52,8 +52,8 @@ def film_by(worker, path, monkeypatch):
     script.write_text(f"#!/usr/bin/env bash\n{worker}\n")
     script.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(script))
-    film = {"size": (64, 36), "fps": 4, "renderer": "embree", "workers": 1}
-    video.render_video(room_run(), path, **film)
+    small = {"size": (64, 36), "fps": 4, "renderer": "embree", "workers": 1}
+    video.render_video(room_run(), path, **small)
 
 
 def test_a_failing_worker_leaves_no_file(tmp_path, monkeypatch):
@@ -148,7 +148,7 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
     ends = np.cumsum(times)
     assert np.abs(ends - np.arange(1, count + 1) * 1000.0 / fps).max() <= unit
     for index in (0, count // 2, count // 2 + 1, count - 1):
-        alone = video.frame(run, moments[index], size=size, samples=0).astype(int)
+        alone = film.frame(run, moments[index], size=size, samples=0).astype(int)
         others = [np.abs(picture.astype(int) - alone).mean() for picture in pictures]
         assert others[index] < unlike
         assert others[index] == min(others)
@@ -162,25 +162,25 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending):
     run, path = room_run().part(np.arange(1)), tmp_path / f"run{ending}"
     fps = 0.5 / (video.Timeline(run).end - video.Timeline(run).start)
     video.render_video(run, path, size=(128, 72), fps=fps, samples=0, workers=1)
-    with av.open(str(path)) as film:
-        [picture] = [each.to_ndarray(format="rgb24").astype(int) for each in film.decode(video=0)]
-    alone = video.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
+    with av.open(str(path)) as stream:
+        [picture] = [each.to_ndarray(format="rgb24").astype(int) for each in stream.decode(video=0)]
+    alone = film.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
     assert np.abs(picture - alone).mean() < 8.0
 
 
 def test_a_picture_that_cannot_be_drawn_is_refused():
     for wrong in ({"size": (64,)}, {"playback": "slow"}, {"goal": (1.0, 2.0)}, {"samples": 3}):
         with pytest.raises(InputError):
-            video.frame(room_run(), 1.0, **wrong)
+            film.frame(room_run(), 1.0, **wrong)
     with pytest.raises(InputError):
-        video.frame(room_run(), "now")
+        film.frame(room_run(), "now")
 
 
 def test_a_time_past_the_run_is_refused_before_anything_is_painted(monkeypatch):
     def painted(*arguments):
         raise AssertionError("painted")
 
-    monkeypatch.setattr(video, "_film", painted)
+    monkeypatch.setattr(film, "_film", painted)
     run = replace(room_run(), film=FilmPlan("story", 2.0))
     with pytest.raises(InputError, match=r"time 999 s: the run goes from 0 to 2\.75 s"):
-        video.frame(run, 999.0)
+        film.frame(run, 999.0)

@@ -9,13 +9,11 @@ import av
 import numpy as np
 import pytest
 from PIL import Image
-from test_render import city_run, needs_gl, room_run
+from test_render import city_run, drawn, needs_gl, room_run
 
 from lrf3d.io import save_run
-from lrf3d.render.film import Film
 from lrf3d.world.cameras import FilmPlan
 
-SIZE = (256, 144)
 NO_GL = """
 import ctypes
 
@@ -39,13 +37,6 @@ def without_gl(tmp_path):
     return {**os.environ, "PYTHONPATH": path}
 
 
-def drawn(run, time=1.0, *, renderer="embree", view="chase", samples=0, size=SIZE, **options):
-    film = Film(run, size=size, view=view, samples=samples, renderer=renderer, **options)
-    picture = film.draw(time)[:, :, :3].astype(int)
-    film.close()
-    return picture
-
-
 @needs_gl
 @pytest.mark.parametrize(
     ("view", "time"),
@@ -54,7 +45,8 @@ def drawn(run, time=1.0, *, renderer="embree", view="chase", samples=0, size=SIZ
 @pytest.mark.parametrize("make", [city_run, room_run])
 def test_both_renderers_draw_much_the_same_picture(make, view, time):
     run = replace(make(), film=FilmPlan("story", 1.0))
-    pictures = [drawn(run, time, renderer=name, view=view) for name in ("gl", "embree")]
+    shape = {"size": (256, 144), "view": view}
+    pictures = [drawn(run, time, renderer=name, **shape) for name in ("gl", "embree")]
     apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
     # Lines have soft edges in one of them only, and copies of textures are chosen otherwise.
     assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
@@ -64,7 +56,8 @@ def test_both_renderers_draw_much_the_same_picture(make, view, time):
 def test_what_lies_on_the_ground_on_both_sides_of_the_eye_is_seen_up_to_it(renderer):
     goal = (1.5, 3.0, 20.0)
     marked, bare = (
-        drawn(room_run(), goal=goal, renderer=renderer, layers=layers) for layers in (("goal",), ())
+        drawn(room_run(), 1.0, size=(256, 144), goal=goal, renderer=renderer, layers=layers)
+        for layers in (("goal",), ())
     )
     assert (np.abs(marked - bare).max(axis=2)[-24:-4] > 0).mean() > 0.9
 
@@ -85,7 +78,8 @@ def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_pa
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert len(frames) == 6
     # Packing a film loses something, but far less than what passes from one frame to the next.
-    alone = [drawn(city_run(seconds=1.0), t, samples=4, size=(128, 72)) for t in (0.2, 0.4, 0.6)]
+    small = {"samples": 4, "size": (128, 72), "renderer": "embree"}
+    alone = [drawn(city_run(seconds=1.0), time, **small) for time in (0.2, 0.4, 0.6)]
     before, own, after = (np.abs(frames[2] - picture).mean() for picture in alone)
     assert own < 0.8 * min(before, after) and own < 8.0
     picture = tmp_path / "at.png"

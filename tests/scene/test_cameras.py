@@ -7,9 +7,21 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
-from lrf3d.scene.cameras import Fixed, chase, orbit, overview, top
+from lrf3d.scene.camera import Track
+from lrf3d.scene.cameras import (
+    CLOSING,
+    HELD,
+    OPENING,
+    Fixed,
+    Story,
+    chase,
+    margins,
+    orbit,
+    overview,
+    top,
+)
+from lrf3d.scene.moments import Scene
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.story import CLOSING, HELD, OPENING, Story, margins
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
@@ -68,6 +80,35 @@ def test_the_shots_of_a_story_are_of_some_seconds_and_show_all_that_there_is():
     assert (lengths > 3.9).all() and (lengths < 6.5).all()
 
 
+def test_a_story_rises_from_the_dark_in_time_and_ends_only_after_the_run():
+    timeline, structures = filmed(city_run(seconds=80.0), 4.0)
+    story = Story(timeline, structures)
+    first = 4.0 * float(story._cuts[1])
+    low, *high = (story.look(share * first, 1.5).away for share in (0.3, 0.6, 0.9))
+    assert low < 0.9 * high[0] and high[0] == pytest.approx(high[1])
+    assert story.look(timeline.end, 1.5).shot != "end"
+    assert story.look(timeline.end + 1e-9, 1.5).shot == "end"
+    assert story.look(timeline.end + 4.0 * CLOSING + 1.0, 1.5).glass == 1.0
+
+
+def test_between_two_looks_the_eye_goes_from_one_to_the_other_by_the_short_way_round():
+    timeline, structures = filmed(room_run())
+    times, shares = np.arange(5.0), np.linspace(0.0, 1.0, 5)
+    even = np.ones(5)
+    near = Track(times, np.zeros((5, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even)
+    turns = 0.1 + 5.5 * shares
+    far = Track(times, np.ones((5, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
+    found = Story(timeline, structures)._between(near, far, shares)
+    for column, one, other in zip(found[1:], near[1:], far[1:], strict=True):
+        assert column[0] == pytest.approx(one[0]) and column[4] == pytest.approx(other[4])
+    # The distance grows evenly in factors; half-way the eye has gone less than half a turn.
+    assert found.aways[2] == pytest.approx(6.0) and found.turns[2] == pytest.approx(
+        0.1 + 0.5 * 2.75
+    )
+    look = found.look(1.5, shot="chase")
+    assert look.pose[2, 0] == pytest.approx(0.0, abs=1e-12) and look.shot == "chase"
+
+
 def test_among_houses_the_eye_is_low_and_no_wall_hides_the_robot_from_it():
     timeline, structures = filmed(city_run(seconds=80.0), 4.0)
     walls = shapely.linestrings(structures.segments.reshape(-1, 2, 2))
@@ -113,6 +154,54 @@ def test_the_eye_does_not_leap_where_the_robot_turns_away_in_a_shot():
     for before, now, after in zip(looks, looks[1:], looks[2:], strict=False):
         if before.shot == after.shot:
             assert np.linalg.norm(before.eye - 2.0 * now.eye + after.eye) < 0.02 * now.away
+
+
+def test_in_a_fast_film_the_robot_stands_where_it_is_and_in_every_picture_from_near():
+    run, turns = room_run(), np.linspace(0.0, 20.0 * np.pi, 1000)
+    # It goes round in the room ten times, once in a third of a second of the film.
+    poses = np.column_stack([3.0 + 2.0 * np.sin(turns), 3.0 - 2.0 * np.cos(turns), turns])
+    run = run_of(run.world, np.arange(1000.0) / 5.3, poses)
+    scene = Scene(Timeline(run, playback=60.0))
+    timeline, frames = scene.timeline, scene.timeline.frame_times(5.0, margins("story"))
+    first, last = np.searchsorted(frames, [timeline.start, timeline.end - 1e-9])
+    assert 15 <= last - first <= 20
+    for camera in (chase, orbit, Story):
+        moving = camera(timeline, scene.structures)
+        for time in frames.tolist():
+            look = moving.look(time, 16 / 9)
+            [pose] = run.trajectory.at(np.clip([time], timeline.start, timeline.end))
+            [(name, robot)] = scene.seen(timeline.moment(time), look, (64, 36)).bodies
+            here = np.array([*(pose[:2] - scene.origin), 0.35])
+            ahead = [np.cos(pose[2]), np.sin(pose[2]), 0.0]
+            assert name == "robot" and len(robot.faces.corners) > 100
+            assert robot.pose[:2, 3] == pytest.approx(here[:2], abs=1e-9)
+            assert robot.pose[:3, 0] == pytest.approx(ahead, abs=1e-9)
+            if look.shot != "end":
+                assert np.abs(seen(look, here[None], 16 / 9)).max() < 0.8
+            if camera is Story and time < timeline.start - 30.0:
+                # In the dark it stands in the middle, not where the smoothed path begins.
+                assert seen(look, here[None], 16 / 9)[0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("tall", "turned"), [(40.0, True), (11.0, False)])
+def test_a_world_much_longer_than_wide_is_turned_to_fit_the_picture(tall, turned):
+    run = run_of(
+        World(np.array(box(0, 0, 10, tall))), [0.0, 1.0], [(5.0, 3.0, 0.0), (5.0, 4.0, 0.0)]
+    )
+    camera = top(*filmed(run))
+    assert camera.look(0.0, 9 / 16).up == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    up = (1.0, 0.0, 0.0) if turned else (0.0, 1.0, 0.0)
+    assert camera.look(0.0, 16 / 9).up == pytest.approx(up, abs=1e-9)
+
+
+def test_the_plan_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
+    scene = Scene(Timeline(room_run()))
+    window = scene.plan_window()
+    assert window.middle + scene.origin == pytest.approx([4.0, 3.0])
+    wide, tall = 1.04 * 8.0 + 2.0 * 8.0 / 40.0, 1.04 * 6.0 + 2.0 * 6.0 / 40.0
+    assert (window.width, window.aspect) == pytest.approx((wide, tall / wide))
+    bars = {5.9: 1.0, 6.1: 2.0, 14.9: 2.0, 15.1: 5.0, 31.0: 10.0, 2.9: 0.5}
+    assert [window._replace(width=each).bar for each in bars] == pytest.approx([*bars.values()])
 
 
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimates import estimated
+from PIL import Image
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
+from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.scene.stage.exposure import LiveExposure, expose, unexposed
 from lrf3d.scene.stage.structures import Structures
@@ -108,3 +110,16 @@ def test_all_is_dark_before_the_first_scan_and_what_was_seen_is_bright_after(ren
     shape = {"view": "chase", "layers": (), "renderer": renderer, "size": SIZE}
     dark, lit = (drawn(city_run(), time, **shape)[100:, 40:-40] for time in (-1.0, 3.0))
     assert np.median(dark) < 50 and np.median(lit) > 80
+
+
+@pytest.mark.parametrize(("apart", "wall", "reach"), [(1.5, 0, 7.0), (0.4, 1, 5.9), (1.5, 1, 5.5)])
+def test_between_two_beams_light_ends_at_the_nearer_unless_they_meet_one_place(apart, wall, reach):
+    structures = Structures.from_world(World(np.array([[9.0, -8.0, 9.0, 8.0]]), heights=[8.0]))
+    exposure = unexposed(structures, np.array([-1.0, -8.0]), np.array([9.0, 8.0]))
+    ranges = [5.5, 5.5 + apart]
+    scan = LaserScan((0.0, 0.0, 0.0), [-0.3, 0.3], ranges, [0, wall])
+    picture = Image.new("L", exposure.times.shape[::-1])
+    exposure.fan(scan, np.zeros((0, 4)), picture, 1)
+    rows, columns = np.nonzero(np.asarray(picture))
+    away = np.hypot(*((np.array([columns, rows]).T + 0.5) * exposure.cell + exposure.corner).T)
+    assert away.max() == pytest.approx(reach, abs=0.2)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_run import box, make_run, make_world
+from test_render import room_run
 
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
-from lrf3d.scene.estimate import trail_lines
-from lrf3d.scene.story import margins
-from lrf3d.scene.timeline import DriveKeys, Timeline
+from lrf3d.scene.cameras import margins
+from lrf3d.scene.marks import trail_lines
+from lrf3d.scene.timeline import DriveKeys, Timeline, scan_times
 from lrf3d.world.cameras import FilmPlan
 
 
@@ -47,3 +48,12 @@ def test_keys_go_only_where_the_robot_drives_evenly():
         assert even == pytest.approx(poses[:, axis], abs=0.01)
     circle = np.column_stack([np.cos(times), np.sin(times), times])
     assert len(DriveKeys(times, circle).thinned(0.002).times) == 13
+
+
+def test_a_scan_is_seen_from_half_before_to_half_after_its_moment_or_until_the_robot_leaves():
+    begin, end = scan_times(Timeline(room_run()), every=2)
+    # A scan in each half second; the last of those that are kept is seen to the end.
+    assert begin == pytest.approx([0.0, 0.25, 0.75, 1.25, 1.75, 2.25])
+    assert end == pytest.approx([*begin[1:], 2.75])
+    begin, end = scan_times(Timeline(room_run(stops=True)))
+    assert begin.tolist() == [0.0, 4.0, 8.0] and end == pytest.approx([3.0, 7.0, 11.0])

@@ -53,7 +53,7 @@ def test_where_two_walls_are_at_one_place_one_is_drawn():
     assert sides.min() == pytest.approx(1.0) and sides.max() == pytest.approx(6.0)
 
 
-def test_glass_is_a_clear_pane_with_a_bright_edge_and_no_wall():
+def test_glass_is_a_clear_pane_and_a_mirror_none_and_both_have_bright_edges_and_no_wall():
     walls = [*box(0.0, 0.0, 8.0, 6.0), [4.0, 0.0, 4.0, 6.0]]
     world = World(walls, [0] * 4 + [1], materials=["brick", "glass"])
     run = run_of(world, np.arange(3.0), [(2.0, 3.0, 0.1 * turn) for turn in range(3)])
@@ -66,11 +66,7 @@ def test_glass_is_a_clear_pane_with_a_bright_edge_and_no_wall():
         assert panes.corners[..., 2].max() == edges.ends[:, 2].max() == pytest.approx(top)
         assert panes.colours[..., 3].max() < 0.2 and edges.opacities.min() == 1.0
     assert b'"name":"glass"' in run_glb(run)
-
-
-def test_mirrors_have_bright_edges_and_no_pane():
-    walls = [*box(0.0, 0.0, 8.0, 6.0), [4.0, 0.0, 4.0, 6.0]]
-    structures = Structures.from_world(World(walls, [0] * 4 + [1], materials=[None, "mirror"]))
-    panes, edges = panes_of(structures, SECTION)
-    # Up both ends, and along the top.
+    # A mirror has no pane, and edges up both ends and along the top.
+    mirror = Structures.from_world(World(walls, [0] * 4 + [1], materials=[None, "mirror"]))
+    panes, edges = panes_of(mirror, SECTION)
     assert len(panes.corners) == 0 and len(edges.starts) == 3

@@ -1,9 +1,11 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.slam import checks
 from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 
 
@@ -42,3 +44,33 @@ def test_poses_that_do_not_fit_the_scans_are_named(changed, reason, scans):
     moved = [replace(each, pose=changed(each.pose, k)) for k, each in enumerate(scans)]
     doubt = doubtful_poses(moved)
     assert reason in (doubt or "") and bool(doubt) == bool(reason)
+
+
+@pytest.mark.parametrize(("declared", "named"), [(0.015, False), (0.025, False), (0.029, True)])
+def test_a_mount_is_named_only_where_it_fits_clearly_better(declared, named, scans, monkeypatch):
+    def apart(one, other, turn, sense):
+        return {(0, 1): declared, (90, 1): 0.005}.get((turn, sense), 1.0)
+
+    monkeypatch.setattr(checks, "_distance", apart)
+    assert ("turned by 90" in (doubtful_mount(scans) or "")) == named
+
+
+@pytest.mark.parametrize(
+    ("count", "share", "first", "last"), [(30, 0.5, 60, 250), (10, 0.0, 10, 90)]
+)
+def test_the_worst_part_of_a_drive_is_that_whose_beams_pass_most(
+    count, share, first, last, monkeypatch
+):
+    keys = [SimpleNamespace(scan=10 * number) for number in range(count)]
+    through = {10 * number: 5 for number in range(6, 26)}
+    found = monkeypatch.setattr
+    found(checks, "seen_through_both", lambda olds, key, poses: (through.get(key.scan, 0), 10))
+    check = checks.self_check(keys, np.zeros((count, 3)), 25.0 * np.arange(count), 0.01)
+    assert check.violation == pytest.approx(0.5 * len(keys[6:26]) / (count - 1))
+    assert (check.worst_violation, check.worst_scans) == (share, (first, last))
+    assert check.key_scans_compared == count - 1
+
+
+def test_only_returns_are_points_of_a_scan():
+    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1, 0.2, 0.3], [2.0, np.inf, 0.0, -np.inf], [-1] * 4)
+    assert checks._points(scan, 1).tolist() == [[2.0, 0.0]]

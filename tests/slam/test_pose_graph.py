@@ -5,10 +5,12 @@ from scipy.optimize import minimize
 from lrf3d.pose import between
 from lrf3d.slam.pose_graph import (
     ROBUST_SCALE,
+    GraphPaths,
     edge_squares,
     edges_of,
     optimised,
     pose_covariances,
+    variance_factor,
 )
 
 INFORMATION = np.diag([400.0, 300.0, 900.0])
@@ -70,6 +72,23 @@ def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):
     assert half == pytest.approx(covariance / 2.5)
 
 
+def test_along_a_chain_paths_have_its_lengths_and_the_graph_s_own_covariances(rng):
+    true, paths = ring(7), GraphPaths()
+    edges = measured(true, [(k, k + 1) for k in range(6)], rng)
+    covariance = np.linalg.inv(INFORMATION)
+    for k in range(6):
+        paths.link(k, k + 1, 1.0 + k, covariance)
+        # The graph is asked before it has grown, and a longer link beside a known one is none.
+        assert paths.lengths(k + 1, 100.0)[0] == pytest.approx(sum(range(1, k + 2)))
+        paths.link(k, k + 1, 50.0, 9.0 * covariance)
+    assert paths.lengths(0, 6.5).tolist() == [0.0, 1.0, 3.0, 6.0, np.inf, np.inf, np.inf]
+    lengths, spreads = paths.spreads(6, true)
+    assert lengths.tolist() == [21.0, 20.0, 18.0, 15.0, 11.0, 6.0, 0.0] and not spreads[6].any()
+    assert spreads[0] == pytest.approx(pose_covariances(true, edges, np.array([6]))[0])
+    paths.link(0, 6, 2.0, 0.5 * covariance)
+    assert paths.lengths(6, 100.0)[0] == 2.0
+
+
 def test_one_false_closure_among_true_ones_is_outvoted(rng):
     true = ring(40)
     driven = measured(true, [(k, k + 1) for k in range(39)], rng, noise=0.003)
@@ -79,3 +98,11 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
     found = optimised(true, np.concatenate([driven, closed, false]), 30)
     # It is off by 10 m; half of its weight would move the poses by metres.
     assert np.abs(between(true, found)[:, :2]).max() < 0.1
+
+
+def test_ten_closures_say_as_much_of_the_errors_of_matching_as_its_points(rng):
+    true = ring(12)
+    closed = measured(true, [(k, k + 2) for k in range(10)], rng, robust=True)
+    alone = variance_factor(true, closed[:0], 0.5)
+    assert variance_factor(true, closed, 0.5) == pytest.approx(0.5 * alone)
+    assert variance_factor(true, closed[:0], 1.0) == pytest.approx(4.0 * alone)

@@ -44,6 +44,18 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+def test_few_beams_show_by_several_scans_that_wheels_count_the_wrong_way(seed):
+    """Encoders without a direction report that a robot drives ahead that drives back."""
+    lrf = lrf3d.LaserRangeFinder(beams=61, range_max=8.0)
+    scans, wheels, true = drive(rooms(3), through(3), seed=seed, bias=0.0, lrf=lrf)
+    back = [*range(90), *range(90, 82, -1), *range(82, 200)]
+    steps = between(wheels[back][:-1], wheels[back][1:])
+    steps[89:98, 0] = 0.3 * np.abs(steps[89:98, 0])
+    moved = [replace(scans[k], time=0.1 * number) for number, k in enumerate(back)]
+    assert errors(true[back], solved(moved, path_of(wheels[0], steps)).poses).max() < 0.2
+
+
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
     """It sees walls for the first time: the place of the last scan explains more of them."""
     lrf = lrf3d.LaserRangeFinder(beams=181, range_max=5.0)

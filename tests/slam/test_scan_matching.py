@@ -82,6 +82,19 @@ def test_the_noise_of_a_laser_is_seen_in_a_scan_and_walls_in_spite_of_it(sigma):
     assert np.median(off) < max(0.3 * sigma, 1e-3)
 
 
+def test_of_few_beams_among_posts_the_noise_is_that_of_many():
+    rng = np.random.default_rng(0)
+    posts = [[x, y, x + 0.1, y + 0.1] for x in (0.7, 2.0, 4.3, 5.4) for y in (0.7, 1.9, 3.0)]
+    scan = PlanarCaster(World([*ROOM.segments, *posts])).cast(
+        LaserRangeFinder(beams=361), (3, 1.5, 0)
+    )
+    ranges = scan.ranges + 0.01 * rng.normal(size=361)
+    uneven = np.flatnonzero(rng.random(361) < 0.4)
+    for beams in (np.arange(361), np.arange(0, 361, 4), np.arange(360, 0, -8), uneven):
+        few = LaserScan(scan.pose, scan.angles[beams], ranges[beams])
+        assert range_noise(few) == pytest.approx(0.01, rel=0.4)
+
+
 near = st.floats(-0.12, 0.12)
 
 

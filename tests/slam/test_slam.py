@@ -14,7 +14,7 @@ from lrf3d.recorded import followed as recorded_drive
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.odometry import WheelPath
-from lrf3d.slam.slam import DRAWN
+from lrf3d.slam.slam import REDRAWN_PER_SCAN
 from lrf3d.solved_log import rising
 
 
@@ -83,7 +83,7 @@ def test_the_map_does_not_depend_on_when_it_is_read_and_is_not_drawn_too_often(m
     scans, wheels, true = drive(rooms(1), [(1, 1), (4, 1), (4, 1.2), (1, 1.2), (1, 1)])
     for slam in followed(lrf3d.Slam(start=true[0]), scans, wheels):
         assert slam.map is not None
-    assert len(updates) <= DRAWN * len(scans) + len(slam.key_scans)
+    assert len(updates) <= REDRAWN_PER_SCAN * len(scans) + len(slam.key_scans)
     [*_, seldom] = followed(lrf3d.Slam(start=true[0]), scans, wheels)
     assert np.array_equal(seldom.map.segments, slam.map.segments)
 
@@ -244,6 +244,7 @@ def test_a_fan_that_ends_just_beyond_a_turn_is_one(short):
 REFUSED = {
     "no scans": (lambda s, w: ([], w), "without scans"),
     "one scan": (lambda s, w: (s[:1], w), "at least two"),
+    "one moment": (lambda s, w: (s[:1] * 4, w[:4]), "one scan, 4 times"),
     "one beam": (
         lambda s, w: ([lrf3d.LaserScan((0, 0, 0), [0.0], [1.0]) for _ in s], w),
         "scans of 1 beams",

@@ -230,6 +230,9 @@ SYMBOLS = {
         *([(x, 7.3), (x, 8.2)] for x in (0, 5, 10)),
         *[[(-0.2, 8), (5.1, 8)], [(4.9, 8), (10.2, 8)], [(-1, 0), (-1, 7)], [(-0.2, 7), (-1.2, 7)]],
         *[[(-0.9, 0.2), (-1, 0)], [(-1, 0), (-1.1, 0.2)], [(-0.9, 6.8), (-1, 7), (-1.1, 6.8)]],
+        # One that is broken for its number, in lines that begin with their arrowheads.
+        *[((0.2, 9.1), (0, 9), (4.5, 9)), ((9.8, 9.1), (10, 9), (5.5, 9))],
+        *[[(0.2, 8.9), (0, 9)], [(9.8, 8.9), (10, 9)]],
         # An axis through the walls with its bubble.
         [(5, -2), (5, 10)],
         [(5 + 0.4 * np.cos(a), 10.4 + 0.4 * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 25)],
@@ -248,8 +251,8 @@ def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp
 
     def draw(space, lines):
         for line in lines:
-            if len(line) > 20:
-                space.add_lwpolyline(line[:-1], close=True)
+            if len(line) > 20 or isinstance(line, tuple):
+                space.add_lwpolyline(line)
                 continue
             for one, two in pairwise(line):
                 space.add_line(one, two)
@@ -259,6 +262,58 @@ def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp
     with pytest.warns(Lrf3dNote, match=name):
         world = dxf(tmp_path, lambda space: draw(space, [*plain, *SYMBOLS[name]]))
     assert np.array_equal(world.segments, walls)
+
+
+TWO_ROOMS = [ring(0, 0, 10, 7), ring(0.2, 0.2, 4.9, 6.8), ring(5.2, 0.2, 9.8, 6.8)]
+JAMBS = [[(4.9, y), (5.2, y)] for y in (2, 2.9)]
+TURN = [(np.cos(a), np.sin(a)) for a in np.linspace(0.0, np.pi / 2, 20)]
+
+
+@pytest.mark.parametrize(
+    ("lines", "opened"),
+    [
+        # A door through a wall, with the line of a tile along its face; through a wall that its
+        # author did not break; and a shower in the corner of a room.
+        ([*JAMBS, [(5.2, 0.2), (5.2, 6.8)]], 1),
+        ([], 1),
+        ([[(8.9, 0.2), (9.8, 0.2)], [(9.8, 1.1), (9.8, 0.2)]], 0),
+    ],
+)
+def test_nothing_stands_in_a_doorway(lines, opened, tmp_path):
+    place = np.array([5.2, 2.0] if opened else [9.8, 0.2])
+    leaf = [[place, place + np.array([0.9, 0])]] if opened else []
+    rooms = list(TWO_ROOMS)
+    if len(lines) > 2:
+        rooms[1:] = [[(4.9, 2), (4.9, 0.2), (0.2, 0.2), (0.2, 6.8), (4.9, 6.8), (4.9, 2.9)]]
+        rooms += [[(5.2, 2), (5.2, 0.2), (9.8, 0.2), (9.8, 6.8), (5.2, 6.8), (5.2, 2.9)]]
+
+    def draw(space):
+        for line in [*rooms, *lines, *leaf]:
+            space.add_lwpolyline(line)
+        space.add_lwpolyline(place + 0.9 * np.array(TURN) * [opened or -1, 1])
+
+    walls = shapely.union_all(shapely.linestrings(dxf(tmp_path, draw).segments.reshape(-1, 2, 2)))
+    assert walls.intersects(shapely.box(4.8, 2.05, 5.3, 2.85)) == (not opened)
+    # Of what encloses the rooms nothing else is missing.
+    whole = shapely.union_all([shapely.linestrings(ring) for ring in TWO_ROOMS])
+    missing = whole.difference(walls.buffer(1e-6)).length
+    assert missing == pytest.approx(1.8 * opened, abs=0.05)
+
+
+def test_dashed_lines_are_left_out_but_for_walls(tmp_path):
+    def draw(space):
+        space.doc.linetypes.add("HIDDEN", [0.4, 0.25, -0.15])
+        space.add_line((0, 0), (4, 0))
+        space.add_line((0, 1), (4, 1), dxfattribs={"linetype": "HIDDEN"})
+        space.add_line((0, 2), (4, 2), dxfattribs={"linetype": "HIDDEN", "layer": "A-WALL"})
+
+    with pytest.warns(Lrf3dNote, match="left out: 1 dashed line"):
+        assert dxf(tmp_path, draw).segments[:, 1].tolist() == [0, 2]
+    pen = 'stroke="#000" stroke-width=".01"'
+    body = f'<g {pen} stroke-dasharray="0.2 0.1"><path d="M1 1h8"/></g><path {pen} d="M1 2h8"/>'
+    # Where a line ends in an arrowhead somebody goes, or something is meant.
+    body += f'<path {pen} marker-end="url(#tip)" d="M1 3h8"/>'
+    assert svg(tmp_path, body).segments[:, 1] == pytest.approx([0.8])
 
 
 @pytest.mark.parametrize("unit", [1.0, 0.001])

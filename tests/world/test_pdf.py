@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shapely
 
 from lrf3d.errors import WorldError
 from lrf3d.world import load_world
@@ -64,8 +65,26 @@ def test_a_scanned_page_is_read_as_a_picture(tmp_path):
     assert world.bounds / INCH == pytest.approx(black, abs=0.02)
     world = load_world(tmp_path / "a.pdf", scale=100.0, threshold=200)
     assert world.bounds / INCH == pytest.approx(np.array([[0, 0], [1, 1]]), abs=0.02)
+    picture = "q 144 0 0 72 0 0 cm BI /W 2 /H 2 /BPC 8 /CS /G /F /AHx ID 00FFFFFF> EI Q"
+    bordered = pdf(tmp_path, f"1 g 0 0 144 72 re f {picture} 1 w 2 2 140 68 re S")
+    assert bordered.bounds / INCH == pytest.approx(black * [2, 1], abs=0.02)
     with pytest.raises(WorldError, match="has no page 2; --page is 1 to 1"):
         load_world(tmp_path / "a.pdf", page=2)
     pdf(tmp_path, "0 0 m 72 36 l S")
     with pytest.raises(WorldError, match="is no scanned page"):
         load_world(tmp_path / "a.pdf", threshold=40)
+
+
+def test_a_pale_area_that_parts_a_dark_wall_is_a_doorway(tmp_path):
+    # Two floors and two walls; in the first a door with its leaf and an open passage, in the second
+    # a window.
+    floors = ".8 g 0 0 144 33 re f 0 39 144 27 re f 0 g 0 33 144 6 re f 0 66 144 6 re f"
+    doors = " .87 g 40 33.2 26 5.6 re f 90 33 30 6 re f 20 66 30 6 re f"
+    leaf = " 40 36 m 46 58 l S 46 58 m 66 36 l S"
+    world = pdf(tmp_path, floors + doors + leaf)
+    walls = shapely.union_all(shapely.linestrings(world.segments.reshape(-1, 2, 2) * 72 / INCH))
+    assert not walls.intersects(shapely.box(42, 30, 64, 65))
+    assert not walls.intersects(shapely.box(92, 30, 118, 65))
+    assert walls.intersects(shapely.box(22, 60, 48, 68))
+    # The ends of the walls are closed.
+    assert walls.distance(shapely.Point(40, 36)) < 1.5 and walls.distance(shapely.Point(30, 39)) < 1

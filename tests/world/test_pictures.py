@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from PIL import Image, ImageDraw, ImageOps
+from scipy.ndimage import gaussian_filter
 
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.planning.planner import find_route
@@ -196,3 +197,64 @@ def test_what_a_sheet_holds_beside_a_plan_is_no_wall(tmp_path):
     with pytest.warns(Lrf3dNote, match=r"coloured part.*frame part.*outside part"):
         world = sheet.read(tmp_path)
     assert world.segments - 150 * SIDE == pytest.approx(plain.segments, abs=1.1 * SIDE)
+
+
+@pytest.mark.parametrize("faces", [False, True])
+def test_a_door_with_thresholds_stands_open_where_its_leaf_and_arc_are_drawn(faces, tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=faces)
+    for x1, y1, x2, y2 in DOORS:
+        for y in (y1, y2):
+            sheet.draw.line(sheet.at((x1, y), (x2, y)), fill=0)
+    sheet.furnish()
+    with pytest.warns(Lrf3dNote, match="2 door symbols"):
+        world = sheet.read(tmp_path)
+    assert off(world) < 0.06 and find_route(world).notes == ()
+
+
+def test_the_space_between_a_solid_wall_and_an_axis_is_no_wall(tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    plain = sheet.read(tmp_path)
+    sheet.draw.line(sheet.at((4.6, -0.9), (4.6, 7.9)), fill=0)
+    assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
+
+
+def test_uneven_light_on_a_photograph_is_evened(tmp_path):
+    sheet = Sheet((240, 238, 230))
+    sheet.walls((110, 105, 100))
+
+    def photographed(image):
+        y, x = np.mgrid[0 : 1 : image.height * 1j, 0 : 1 : image.width * 1j]
+        noise = np.random.default_rng(0).normal(0.0, 3.0, (*x.shape, 1))
+        light = (1.0 - 0.4 * x - 0.2 * y)[..., None]
+        return Image.fromarray((np.asarray(image) * light + noise).clip(0, 255).astype(np.uint8))
+
+    with pytest.warns(Lrf3dNote, match="uneven light is evened"):
+        world = sheet.read(tmp_path, "photo.jpg", photographed)
+    assert off(world) < 0.06
+
+
+def test_a_photograph_without_a_plan_is_refused_and_lettering_is_doubted(tmp_path):
+    rng = np.random.default_rng(1)
+    clouds = gaussian_filter(rng.normal(0.0, 1.0, (300, 400)), 4.0)
+    photo = Image.fromarray(np.uint8(np.clip(127.0 + 700.0 * clouds, 0, 255)))
+    photo.save(tmp_path / "clouds.jpg")
+    with pytest.raises(WorldError, match=r"in which no plan.*--threshold.*lrf3d world show"):
+        load_world(tmp_path / "clouds.jpg", resolution=SIDE)
+    dots = np.repeat(np.repeat(rng.random((40, 60)) < 0.5, 6, axis=0), 6, axis=1)
+    Image.fromarray(dots).save(tmp_path / "dots.png")
+    with pytest.warns(Lrf3dNote, match=r"is it a plan\?.*--threshold.*lrf3d world show"):
+        load_world(tmp_path / "dots.png", resolution=SIDE)
+
+
+def test_a_square_shaft_with_a_label_in_its_corner_is_no_door(tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=True)
+    sheet.box(3.8, 0.3, 5.0, 1.5, outline=(0, 0, 0), width=2)
+    plain = sheet.read(tmp_path)
+    sheet.draw.line(sheet.at((4.7, 0.6), (4.7, 0.9), (4.85, 0.6), (4.85, 0.9)), fill=0)
+    with pytest.warns(Lrf3dNote) as notes:
+        labelled = sheet.read(tmp_path)
+    assert not any("door symbol" in str(note.message) for note in notes)
+    assert labelled.bounds == pytest.approx(plain.bounds)

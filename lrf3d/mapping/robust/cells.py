@@ -89,7 +89,7 @@ CLUSTER = record(
     misses=np.int32,  # [beams] of its direction that went on, since the last hit
     piece=np.int32,  # the piece of its owner, while that is refit
     next=np.int32,  # the next cluster of the same cell, or of those given back
-    way=np.int32,  # which way its beams came
+    way=np.int32,  # direction of its beams, one of HIT_DIRECTIONS (passes have PASS_DIRECTIONS)
 )  # fmt: skip
 """The returns in one cell that came the same way."""
 
@@ -102,7 +102,7 @@ COUNTERS = record(
 
 
 class Cells(NamedTuple):
-    """The grid, for compiled code. Blocks and clusters are counted from 1; 0 is none.
+    """The grid, as kernels use it. Blocks and clusters are numbered from 1; 0 stands for none.
 
     Args:
         keys: (slots,) the square that has each slot of the hash table; slots is a power of two.

@@ -47,7 +47,7 @@ CORNER_SINE = 0.25
 
 @compiled
 def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
-    """Link some walls (n,) to those around them, and test a few links of others again."""
+    """Link walls (n,) to those around them, and retest a few links of others."""
     lines, lengths = np.empty((MOST_LINKS + 1, 4)), np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
     places = np.full(walls.counters[0].taken, -1)
@@ -59,7 +59,7 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
         own, line = walls.ends[rows[k]], lines[MOST_LINKS]
         for i in range(near(walls, own, LONGEST_LINK)):
             other = walls.found[i]
-            # A link of two of them is added once, by the later one.
+            # A link between two of these walls is added once, by the later one.
             if places[other] >= k or not walls.fits[other].shown:
                 continue
             if not _measure_link(own, walls.ends[other], line):
@@ -85,14 +85,14 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
                 link = walls.links[rows[k], wall.links]
                 link.wall, link.linked = other, walls.rows[other].linked
                 wall.links += 1
-    _ask_again(walls, cells, lines[0])
+    _retest_links(walls, cells, lines[0])
 
 
 @inner
-def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
-    """Test a few links in turn, and void those that beams have crossed."""
+def _retest_links(walls: Walls, cells: Cells, line: Float) -> None:
+    """Retest a few links in turn, and void those that beams have crossed since."""
     asked, counters = 0, walls.counters[0]
-    # [links] Links that an update tests again, so that two objects that were joined are separated.
+    # [links] Links that an update retests, so that two objects that were joined come apart.
     links_a_turn = 16
     for _ in range(counters.taken):
         counters.asked = (counters.asked + 1) % counters.taken

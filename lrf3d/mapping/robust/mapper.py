@@ -1,9 +1,9 @@
 """RobustMapper: the default mapper, whose walls are right in number, place and object.
 
 A scan enters. Its beams are added to the cells, its walls are merged with those of the map, and the
-walls whose evidence has changed are refit and linked to objects. Parts that hardly differ from a
-former wall keep its row and links, so that a wall that is merged and cut repeatedly settles. The
-cost of an update depends neither on the size of the map nor on the number of scans.
+walls whose evidence has changed are refit and linked to objects. A refit wall that has hardly moved
+keeps its row and links, so that one that is merged and cut repeatedly settles. The cost of an
+update depends neither on the size of the map nor on the number of scans.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ Place = tuple[float, float]
 class RobustMapper:
     """Maps with the most likely walls, fitted to all points, by the evidence of all beams.
 
-    Walls with fewer hits than the least are kept back until they have more.
+    A wall is shown once it has the least number of hits.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class RobustMapper:
         self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
         self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
         self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
-        # Walls that were added or moved, which may now merge with others.
+        # Rows of walls that were added or moved by the last update, and may now merge with others.
         self._waiting = np.empty(0, np.int64)
         # Frame of the map, the pose of the first scan: the map moves with the world.
         self._frame: Pose | None = None
@@ -64,26 +64,31 @@ class RobustMapper:
             self._frame = scan.pose
         place, heading = pose_in(self._frame, scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        # Images in mirrors are no walls; the whole scan is kept, as they show where mirrors are.
-        lit, scan = scan, self._optics.without_images(scan, place, heading)
+        # Images in mirrors are not walls. Optics gets the whole scan: they show where mirrors are.
+        whole, scan = scan, self._optics.without_images(scan, place, heading)
         found = self._extract.walls(scan, heading, noise)
         # An uncertain pose makes all walls of a scan uncertain.
         widen(found.fits, scan)
         # Reserve rows for new walls: their arrays must not move before the refit.
         self._walls = self._walls.with_room(len(found.ends))
-        unowned = self._judge_beams(Beams.of(scan, heading, noise), place)
-        segments, pose = self._walls.ends[self._rows()], (*place, heading)
-        self._optics.update(lit, pose, noise, found.ends, segments, self._cells, self._walls)
-        walls, cells, near = self._walls, self._cells, self._rule.distance
-        changed, gone = merge_walls(walls, found, place, self._waiting, cells, self._rule)
-        rows = choose_walls(walls, cells, unowned, changed, near)
-        parts = refit_walls(rows, walls, cells, near, self._least)
-        self._walls = walls.with_room(len(parts[0]))
+        unowned = self._add_beams(Beams.of(scan, heading, noise), place)
+        segments, pose = self._walls.ends[self._shown_rows()], (*place, heading)
+        self._optics.update(whole, pose, noise, found.ends, segments, self._cells, self._walls)
+        walls, cells, tolerance = self._walls, self._cells, self._rule.distance
+        merged, gone = merge_walls(walls, found, place, self._waiting, cells, self._rule)
+        rows = walls_to_refit(walls, cells, unowned, merged, tolerance)
+        parts = refit_walls(rows, walls, cells, tolerance, self._least)
+        ends, *_ = parts
+        self._walls = walls.with_room(len(ends))
         self._waiting = replace_walls(self._walls, cells, rows, gone, parts)
         link_walls(self._walls, cells, self._waiting)
 
-    def _judge_beams(self, beams: Beams, place: Place) -> Int:
-        """Add the beams to the cells; returns the clusters that are hits of no wall."""
+    def _add_beams(self, beams: Beams, place: Place) -> Int:
+        """Add the beams to the cells.
+
+        Returns the clusters (beams,) that beams hit but no wall owns. Only the first of them are
+        filled in: as many as the counter `unowned` of the walls says.
+        """
         counters, unowned = self._walls.counters[0], np.empty(len(beams.ranges), np.int64)
         counters.scan += 1
         counters.changed = counters.unowned = 0
@@ -96,8 +101,8 @@ class RobustMapper:
                 self._cells = self._cells.doubled()
         return unowned
 
-    def _rows(self) -> Int:
-        """The rows of the walls that are shown."""
+    def _shown_rows(self) -> Int:
+        """The rows of the walls that the map shows."""
         fits = self._walls.fits
         return np.flatnonzero(fits["shown"] & (fits["points"] > 0))
 
@@ -107,7 +112,7 @@ class RobustMapper:
         if self._frame is None:
             return LineMap.empty()
         if self._map is None:
-            rows = self._rows()
+            rows = self._shown_rows()
             objects = find_objects(self._walls, rows)
             ends: Float = close_corners(self._walls.ends[rows], objects)
             shown = solid_map(
@@ -120,17 +125,17 @@ class RobustMapper:
 
 
 @compiled
-def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: float) -> Int:
-    """The walls (n,) to refit, rising.
+def walls_to_refit(walls: Walls, cells: Cells, unowned: Int, merged: Int, tolerance: float) -> Int:
+    """The rows (n,) of the walls to refit, rising.
 
     Those that are new or merged (m,), those with much new evidence, and one more in turn: a wall
     does not notice what it lost to its neighbours.
     """
-    _count_unowned_hits(walls, cells, unowned, near_by)
+    _count_unowned_hits(walls, cells, unowned, tolerance)
     counters = walls.counters[0]
     rows, marks = np.empty(counters.taken, np.int64), np.zeros(counters.taken, np.bool_)
-    for k in range(len(dirty)):
-        marks[dirty[k]] = True
+    for k in range(len(merged)):
+        marks[merged[k]] = True
     # [share] New evidence after which a wall is refit, relative to that of its last fit. Less takes
     # time, more leaves walls outdated.
     fresh_share = 0.1
@@ -152,17 +157,17 @@ def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: 
 
 
 @inner
-def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float) -> None:
-    """Count clusters that are hits of no wall as new evidence of the walls that may reach them."""
+def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, tolerance: float) -> None:
+    """Count hits that no wall owns as new evidence of the walls that may reach them."""
     point = np.empty(4)
     for k in range(walls.counters[0].unowned):
         cluster = cells.clusters[unowned[k]]
         if cluster.hits == 0.0:
-            # Its returns were images in a mirror, and are deleted.
+            # Its returns were images in a mirror, which have been deleted.
             continue
         x, y = cluster.x, cluster.y
         put_line(point, x, y, x, y)
-        off = near_by + HIT_DEVIATIONS * np.sqrt(cluster.hits / cluster.weight)
+        off = tolerance + HIT_DEVIATIONS * np.sqrt(cluster.hits / cluster.weight)
         for i in range(near(walls, point, FOLLOWED + off)):
             ends = walls.ends[walls.found[i]]
             (ux, uy), (x1, y1) = vector_of(ends), end_of(ends, 0)
@@ -175,9 +180,10 @@ def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float
 
 @compiled
 def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts) -> Int:
-    """Put the parts in place of walls (n,), and of those (m,) that became part of them.
+    """Replace walls (n,), and those (m,) that were merged into them, by their parts.
 
-    Returns the rows that are new in their places: they are to be linked, and may fit others.
+    Returns the rows of the walls that are new or have moved: they are to be linked, and may now
+    merge with others.
     """
     ends, fits, clusters, owners = parts
     old = np.concatenate((rows, gone))
@@ -211,7 +217,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
 
 @borrower
 def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
-    """The index of the former wall, not taken yet, that a part hardly differs from; −1."""
+    """The index of the nearest former wall whose row a part may keep; −1 if it has moved."""
     # [m] A part within this distance of a linked wall keeps its row and links. Ends move by pieces
     # of 0.1 m. Less takes time.
     unchanged = 0.15

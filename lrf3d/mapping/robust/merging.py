@@ -62,8 +62,8 @@ def merge_walls(
 ) -> tuple[Int, Int]:  # fmt: skip
     """Add the walls of a scan around its place [m], and merge those that are one.
 
-    Walls that have changed (n,) may fit others now, too. Returns the rows, rising, of walls that
-    are new or merged, and those that became part of them, which are not free yet.
+    Waiting walls (n,), which have changed, may now merge with others, too. Returns the rows,
+    rising, of walls that are new or merged, and those that were merged into them, not free yet.
     """
     queue = np.empty(len(waiting) + 2 * len(new.ends) + walls.counters[0].taken + 1, np.int64)
     marks = np.zeros(len(walls.rows), np.bool_)
@@ -81,7 +81,7 @@ def merge_walls(
         walls.fits[row] = new.fits[k]
         walls.fits[row].x += place[0]
         walls.fits[row].y += place[1]
-        # Searches do not find it before all are compared: the walls of one scan cover no others.
+        # Hide it from searches until all are compared: walls of one scan do not cover each other.
         walls.fits[row].points *= -1
         if _is_covered(walls, row, rule):
             give_back(walls, row)
@@ -103,7 +103,7 @@ def merge_walls(
             continue
         kept, taken = min(row, other), max(row, other)
         merge(walls, kept, taken)
-        # Its hits are free for what it has become.
+        # A new version releases its hits, so that the merged wall can claim them.
         walls.rows[taken].version += 1
         marks[kept] = True
         gone[lost] = taken
@@ -120,7 +120,10 @@ def merge_walls(
 
 @inner
 def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
-    """Whether walls with as many points cover all but a cell of a wall of a scan."""
+    """Whether walls with at least as many points cover a wall of a scan, but for a cell.
+
+    The number of points of a wall that is not in the map yet is negative.
+    """
     own = walls.ends[row]
     ux, uy, length = unit_of(own)
     x, y = end_of(own, 0)
@@ -175,7 +178,7 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
 
 @borrower
 def _span(one: Float, other: Float, line: Float) -> float:
-    """Fill in the line (4,) from the end of one wall to the begin of the next; its length [m]."""
+    """Fill in the line (4,) from the end of one wall to the start of the next; its length [m]."""
     ux, uy = vector_of(one)
     size = np.hypot(ux, uy)
     (x, y), (u, v) = end_of(one, 1), end_of(other, 1)

@@ -66,7 +66,7 @@ class Lines(NamedTuple):
 
 @inner
 def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
-    """Extend some (n,) of the walls (rows, 4) at both ends."""
+    """Extend walls (rows, 4), of some rows (n,), at both ends and divide them into pieces."""
     count = len(rows)
     followed, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
     for k in range(count):
@@ -87,7 +87,7 @@ def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
     Returns the number of assigned clusters; each has its piece.
     """
     found = 0
-    # What belongs to the walls before is free, so that all of it is claimed again.
+    # A new version releases the clusters of a wall; all of them are claimed again below.
     for k in range(len(lines.rows)):
         walls.rows[lines.rows[k]].version += 1
     for k in range(len(lines.rows)):
@@ -95,7 +95,7 @@ def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
         found = _claim(lines, k, cells, walls, found)
     places = np.empty(len(walls.rows), np.int64)
     for k in range(len(lines.rows)):
-        # What one of these walls has lost to another of them is counted already.
+        # What one of these walls has lost to another of them is not new evidence.
         walls.rows[lines.rows[k]].fresh = 0.0
         places[lines.rows[k]] = k
     for k in range(found):

@@ -77,7 +77,7 @@ def _enter(
 
 @borrower
 def _steps_out(to_next: int, step: int, until: int) -> int:
-    """The number of edges within a distance: the first at one, the others a step apart."""
+    """The number of cell edges within a distance: one at `to_next`, the others a step apart."""
     return 0 if to_next > until else (until - to_next) // step + 1
 
 
@@ -87,7 +87,7 @@ def add_beams(
 ) -> int:
     """Add the beams of a scan from a place [m], from one on; returns the first without room.
 
-    The clusters that gained a return but are hits of no wall are listed (n,).
+    The clusters that gained a return but that no wall owns are listed (n,).
     """
     x, y = place
     units, ranges, deviations = beams
@@ -111,10 +111,11 @@ def add_beams(
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
         scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
         cell, right, ahead, wide, high, across, up = _enter(x, y, dx, dy, scale)
-        entered, left, last = 0, min(across, up), int(2.0 * free * scale)
+        enters, exits, last = 0, min(across, up), int(2.0 * free * scale)
+        # A packed cell that is in another block than this one makes the loop look the block up.
         block, inside, bit = 0, cell ^ LEAVES, np.uint16(1 << way)
-        # The middle of the beam's way through a cell decides.
-        while entered + left <= last:
+        # A beam passes a cell if it is free up to the middle of its path through the cell.
+        while enters + exits <= last:
             if (cell ^ inside) & LEAVES:
                 column, row = _unpacked(cell)
                 block = take_block(cells, column, row)
@@ -122,13 +123,13 @@ def add_beams(
                     # Nothing was hit around here: on to the next square.
                     wide_out = side - (column & side) if right > 0 else column & side
                     high_out = side - (row & side) if ahead > 0 else row & side
-                    entered = min(across + wide_out * wide, up + high_out * high)
-                    columns = _steps_out(across, wide, entered)
-                    rows = _steps_out(up, high, entered)
+                    enters = min(across + wide_out * wide, up + high_out * high)
+                    columns = _steps_out(across, wide, enters)
+                    rows = _steps_out(up, high, enters)
                     cell += right * columns + ahead * rows
                     across += wide * columns
                     up += high * rows
-                    left, inside = min(across, up), cell ^ LEAVES
+                    exits, inside = min(across, up), cell ^ LEAVES
                     continue
                 inside = cell
             at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
@@ -139,13 +140,13 @@ def add_beams(
                 contradict(cells, block, way, at, dx, dy, walls)
             elif count < MOST_PASSES:
                 passes[block, way, at] = count + 1
-            entered = left
+            enters = exits
             # Choices instead of a branch, which no processor could predict.
             crosses = across < up
             cell += right if crosses else ahead
             across += wide if crosses else 0
             up += 0 if crosses else high
-            left = min(across, up)
+            exits = min(across, up)
         if reading > 0.0:
             add_hit(cells, place, beams, beam, turn, walls, unowned)
     return len(ranges)

@@ -29,16 +29,16 @@ FIT = record(
 
 WALL_STATE = record(
     fresh=float,  # [beams] that hit it, or went through its hits, since it was refit
-    last_scan=int,  # the last scan that added to these
+    last_scan=int,  # the last scan that added to this evidence
     version=np.int32,  # how often it was refit, from 1; see CLUSTER
-    linked=np.int32,  # how often it was linked
+    linked=np.int32,  # how often its links were made, which voids the links of others to it
     links=int,  # number of its links
 )  # fmt: skip
 """What has happened to a wall since it was fitted."""
 
 LINK = record(
     wall=np.int32,  # the wall at the other end
-    linked=np.int32,  # how often that had been linked: where it has been since, the link is void
+    linked=np.int32,  # the `linked` of that wall then: the link is void if it has changed since
 )  # fmt: skip
 """A link of a wall to another."""
 
@@ -46,15 +46,15 @@ WALL_COUNTERS = record(
     taken=int,  # rows that were ever taken
     free=int,  # how many of these were given back
     refit=int,  # the wall whose turn it is to be refit
-    asked=int,  # the wall whose links were checked last
+    asked=int,  # the wall whose links were tested last
     scan=int,  # the number of the scan
     changed=int,  # how many walls the beams of this scan have hit or gone through
-    unowned=int,  # how many of these beams hit no wall
+    unowned=int,  # how many beams of this scan hit what no wall owns
 )  # fmt: skip
 
 
 class Walls(NamedTuple):
-    """The walls of a map, a row each; arrays have room for more.
+    """The walls of a map, a row each, with free rows for more.
 
     Args:
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.

@@ -18,9 +18,8 @@ from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import as_pose
 from lrf3d.run import Run
-from lrf3d.scene.beams import FARTHEST, folded
 from lrf3d.scene.shapes import single
-from lrf3d.scene.stage.structures import Structures
+from lrf3d.scene.stage.structures import FARTHEST, Structures, folded
 
 TIME = np.dtype(
     [
@@ -139,7 +138,7 @@ def unexposed(structures: Structures, low: Float, high: Float) -> Exposure:
 
 
 def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposure:
-    """The first-seen times of a run in a box from low to high (2,) of the film's frame [m]."""
+    """The first-seen times of a run in a box from low to high (2,) [m] of the film's frame."""
     origin = structures.origin
     poses = (run.trajectory if run.estimate is None else run.estimate).poses - [*origin, 0.0]
     if not len(poses):
@@ -246,7 +245,7 @@ def _box(low: Int, high: Int) -> tuple[slice, ...]:
 
 
 def soft_rim(seen: Bool) -> Float:
-    """How surely cells (h, w) were seen, 0…1: teeth between beams close, and the rim is soft."""
+    """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, the rim is blurred."""
     closed = binary_closing(np.pad(seen, 4), iterations=_CLOSED)[4:-4, 4:-4]
     soft = gaussian_filter(closed.astype(np.float32), 0.8 * _SOFT)
     return np.asarray(np.clip(1.6 * soft - 0.3, 0.0, 1.0))

@@ -1,9 +1,9 @@
-"""What of a world is in sight, and what its walls make up: buildings, and walls that stand free.
+"""Structures: the visible part of a world, as buildings and free-standing walls.
 
-Enters: a world and where the robot drove. Leaves: arrays of what is in sight, in the film's own
-frame. What is drawn costs what is looked at, however large the world is: walls end where nothing is
-drawn any more. The frame's origin lies among them, as graphics count in float32, which far from
-their origin knows no centimetres.
+A world and the path of the robot enter; arrays of the visible walls leave, in the frame of the
+film. Rendering cost depends only on the visible part, however large the world is: walls beyond the
+farthest distance that is drawn are cut off. The origin of the frame lies among the walls, because
+graphics compute in float32, which far from the origin does not resolve centimetres.
 """
 
 from dataclasses import dataclass, replace
@@ -14,10 +14,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
+from lrf3d.geometry import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.beams import turning_walls
 from lrf3d.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
 from lrf3d.scene.shapes import Lines, Soft, single
 from lrf3d.world import World
@@ -49,7 +48,7 @@ class Sight(NamedTuple):
 
 
 def _near(world: World, low: Float, high: Float) -> World:
-    """The world within a box, its walls cut where they leave it; itself where none does."""
+    """The world, its walls clipped to a box; the same object if none leaves the box."""
     ends = world.segments.reshape(-1, 2)
     if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
         return world
@@ -76,6 +75,11 @@ _PROBE, _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 0.005, 1.1, 3.1, 0.4
 """How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
 edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over it.
 """
+
+FARTHEST, _MOST_LEGS, _LEAST_LEG = 30.0, 9, 1e-9
+"""Range [m] up to which beams without a return light the ground, and from which hits have the last
+colour; legs of a beam, which casters turn up to eight times, and the shortest, as a share of the
+rest of its path: a beam does not meet the wall that it has just left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +182,50 @@ class Structures:
         return self.segments.reshape(-1, 2)
 
 
+def turning_walls(world: World) -> Bool:
+    """Which walls (n,) turn beams; glass turns little of the light, and lets the rest pass."""
+    turning = [bool(one and one.mirrors and not one.passes) for one in world.materials]
+    return np.array(turning or [False])[world.objects if turning else 0 * world.objects]
+
+
+def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Float]:
+    """The legs (l, 4) of beams from an origin (2,) to ends (beams, 2), folded at mirrors (m, 4).
+
+    Returns also the beam (l,) of each, and how far it has gone where the leg begins (l,) [m].
+    """
+    going, start, end = np.arange(len(ends)), np.tile(origin, (len(ends), 1)), ends
+    gone = np.zeros(len(ends))
+    found: list[tuple[Float, Int, Float]] = []
+    while len(going) and len(found) < _MOST_LEGS:
+        share, mirror = _first_crossing(start, end, mirrors)
+        path = end - start
+        place = start + share[:, None] * path
+        found.append((np.hstack([start, place]), going, gone))
+        turned = mirror >= 0
+        gone = (gone + share * np.hypot(*path.T))[turned]
+        going, start, end = going[turned], place[turned], end[turned]
+        along = directions(mirrors[mirror[turned]])
+        end = end - 2.0 * cross(along, end - start)[:, None] * along @ LEFT
+    legs, beams, distances = (np.concatenate(column) for column in zip(*found, strict=True))
+    return legs, beams, distances
+
+
+def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, Int]:
+    """The shares (n,) of paths from starts to ends (n, 2) up to a first mirror, and which it is.
+
+    The share is 1 and the mirror −1 where a path meets none.
+    """
+    path, along = (ends - starts)[:, None], mirrors[:, 2:] - mirrors[:, :2]
+    offset = mirrors[:, :2] - starts[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = cross(path, along)
+        share, place = cross(offset, along) / turn, cross(offset, path) / turn
+    meets = (share > _LEAST_LEG) & (share < 1.0) & (place >= 0.0) & (place <= 1.0)
+    share = np.column_stack([np.ones(len(starts)), np.where(meets, share, np.inf)])
+    nearest = np.argmin(share, axis=1)
+    return share[np.arange(len(share)), nearest], nearest - 1
+
+
 def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
     """Panes of glass up to the height of a cut [m], and the bright edges of glass and mirrors."""
     framed = structures.glass | structures.mirrors
@@ -219,7 +267,7 @@ def outlines_of(structures: Structures) -> Lines:
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
-    """Whether walls that stand free enclose the rest and the path: a hall or a flat, no town."""
+    """Whether free-standing walls enclose the rest and the path: a hall or a flat, not a town."""
     free = ~closed
     if not free.any() or not len(path):
         return False
@@ -235,7 +283,7 @@ def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> boo
 
 
 def filled_between(segments: Float, reach: float) -> NDArray[Any]:
-    """Polygons (k,) of what walls (n, 4) and a reach round them [m] close round, without holes."""
+    """Polygons (k,), without holes, that walls (n, 4) thickened by a reach [m] enclose."""
     walls = shapely.buffer(shapely.linestrings(segments.reshape(-1, 2, 2)), reach)
     parts = shapely.get_parts(shapely.union_all(walls))
     parts = parts[shapely.get_type_id(parts) == 3]
@@ -254,7 +302,7 @@ def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[A
 
 
 def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
-    """Which areas (k,) are no solids: the robot was inside, or all walls of another object are."""
+    """Which areas (k,) are rooms: the robot was inside, or all walls of another object are."""
     tree, count = shapely.STRtree(areas), len(areas)
     _, rooms = tree.query(shapely.points(path), "within")
     middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
