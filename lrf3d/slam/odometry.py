@@ -26,6 +26,9 @@ FASTEST = 3.0
 """Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
 [rad/s] where there is more than a second between them; all else is a jump."""
 
+FASTER = 3.0
+"""Factor on the usual speed up to which a step is no jump."""
+
 OUT, BACK = 0.25, 0.3
 """Least step to a corrupted line [m], [rad], and largest share of it that remains at the next
 line."""
@@ -158,9 +161,8 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
     x, y, turns = steps.T
     speeds = np.hypot(x, y) / time
     usual = float(np.quantile(speeds, 0.8)) if len(speeds) else 0.0
-    # Factor on the usual speed that is no jump either, up to the speed of a vehicle [m/s].
-    faster, vehicle = 3.0, 15.0
-    most = min(max(FASTEST, faster * usual), vehicle)
+    vehicle = 15.0  # Speed of a vehicle [m/s], up to which steps are no jumps if others are alike.
+    most = min(max(FASTEST, FASTER * usual), vehicle)
     jumped = np.asarray((speeds > most) | (np.abs(turns) > FASTEST * time))
     good, number = np.flatnonzero(~jumped), np.arange(len(steps), dtype=np.float64)
     smooth = wheels.copy()
