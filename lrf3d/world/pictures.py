@@ -302,12 +302,14 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
         for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
     )
     small |= (sides.min(axis=1) <= letter * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
-    # Letters stand close to each other.
-    words, _ = parts_of(grown(np.append(False, small)[parts], 0.1 * pixels))
+    # Letters stand close to each other, and to the thin strokes of others.
+    strokes, _ = parts_of(drawn & ~grown(solid, 1.5))
+    thin = np.append(False, _sides(strokes).max(axis=1) <= letter * pixels)[strokes]
+    words, _ = parts_of(grown(np.append(False, small)[parts] | thin, 0.1 * pixels))
     word = np.zeros(count + 1, dtype=np.int64)
     word[parts[solid]] = words[solid]
     word = word[1:]
-    alone = np.bincount(word, minlength=1)[word] == 1
+    alone = (np.bincount(word, minlength=1)[word] == 1) & ~np.isin(word, words[thin])
     full = 0.7  # Share of dark pixels in its box from which on a part is solid.
     stands = (area >= full * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
     hollow = (inked < full * area) & (sides.max(axis=1) <= 0.3 * _extent(solid))

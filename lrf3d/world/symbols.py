@@ -16,9 +16,9 @@ CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 130.0])
 """Turn [rad] between two segments above which they are no chords of one arc; least and largest
 turn along the chords of a door's arc."""
 
-WIDTHS, NEAR = (0.4, 1.7), 0.12
+WIDTHS, NEAR, COVERED = (0.4, 1.7), 0.12, 0.3
 """Least and largest width [m] of a leaf; how far it may be from hinge and arc, as a share of its
-width: it has a thickness."""
+width, as it has a thickness; and the share that a thick wall may cover."""
 
 MOST_DOORS = 5000
 """Most arcs that are looked at."""
@@ -56,8 +56,11 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
     tree, around = cKDTree(ends), shapely.STRtree(_lines(segments))
     for run, hinge, radius in arcs:
         tips = np.stack([segments[run[0], :2], segments[run[-1], 2:]])
-        near = np.array(tree.query_ball_point(hinge, NEAR * radius), dtype=np.int64)
+        # A leaf that is drawn from the middle of a thick wall is seen from its face on.
+        near = np.array(tree.query_ball_point(hinge, COVERED * radius), dtype=np.int64)
         off = np.hypot(*(ends[near ^ 1][:, None] - tips).transpose(2, 0, 1))
+        aside = cross((ends[near] - hinge)[:, None], (tips - hinge)[None] / radius)
+        off = np.maximum(off, np.abs(aside))
         if not (off < NEAR * radius).any():
             continue
         # Where a line closes the opening, too, the leaf has a thickness or comes first.

@@ -316,10 +316,11 @@ def test_dashed_lines_are_left_out_but_for_walls(tmp_path):
     assert svg(tmp_path, body).segments[:, 1] == pytest.approx([0.8])
 
 
-@pytest.mark.parametrize("unit", [1.0, 0.001])
-def test_a_leaf_and_its_arc_are_a_door_that_stands_open(unit, tmp_path):
+@pytest.mark.parametrize(("unit", "face"), [(1.0, 0), (0.001, 0), (1.0, 0.2)])
+def test_a_leaf_and_its_arc_are_a_door_that_stands_open(unit, face, tmp_path):
     def draw(space):
-        ends = [(0, 0), (2, 0)], [(2.9, 0), (6, 0)], [(2, 0), (2, 0.9)]
+        # A thick wall may cover the leaf up to its face.
+        ends = [(0, 0), (2, 0)], [(2.9, 0), (6, 0)], [(2, face), (2, 0.9)]
         for one, two in ends:
             space.add_line(Vec2(one) / unit, Vec2(two) / unit)
         space.add_arc(Vec2(2, 0) / unit, 0.9 / unit, 0, 90)

@@ -258,3 +258,16 @@ def test_a_square_shaft_with_a_label_in_its_corner_is_no_door(tmp_path):
         labelled = sheet.read(tmp_path)
     assert not any("door symbol" in str(note.message) for note in notes)
     assert labelled.bounds == pytest.approx(plain.bounds)
+
+
+def test_round_letters_are_no_columns(tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    sheet.box(8.0, 5.0, 8.3, 5.3, fill=0)
+    plain = sheet.read(tmp_path)
+    ring = sheet.at((4.0, 5.2), (4.22, 4.98))
+    sheet.draw.ellipse([*ring[0], *ring[1]], outline=0, width=1)
+    for x in (4.22, 4.32, 4.42):
+        sheet.draw.line(sheet.at((x, 5.4), (x, 4.98)), fill=0)
+    with pytest.warns(Lrf3dNote, match="1 small part"):
+        assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
