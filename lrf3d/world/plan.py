@@ -196,8 +196,11 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     walls, own, left["doorway line"] = cleared(segments[stands], doors)
     role = role[stands][own]
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
-    hidden = {name for name, role in layered if role == "left out"}
-    hidden |= {name for name, role in dict(layered).items() if role in ("annotation", "door")}
+    hidden, named = {name for name, role in layered if role == "left out"}, ("annotation", "door")
+    hidden |= {name for name, _ in layered} - {name for name, role in layered if role not in named}
+    # In a layer of which more stands, groups and blocks may be left out by their names.
+    for what in named:
+        left[f"{what} mark"] = sum(each == what and name not in hidden for name, each in layered)
     words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
     words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
     return Plan(

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from lrf3d.errors import InputError, OutputError, WorldError
+from lrf3d.errors import InputError, Lrf3dNote, OutputError, WorldError
 from lrf3d.world import Material, World, load_world, save_world, world_names
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
@@ -196,3 +196,14 @@ def test_what_no_file_could_hold_is_refused(make, message):
 def test_a_world_with_the_name_of_any_file_can_be_saved(tmp_path):
     save_world(World([[0, 0, 1, 0]], name="a\udcff"), tmp_path / "w.toml")
     assert load_world(tmp_path / "w.toml").name == "a?"
+
+
+def test_a_layer_of_which_a_part_is_left_out_is_not_said_to_be_left_out(tmp_path):
+    stroke = '<path d="M{0} 0v4" stroke="#000" stroke-width=".01"/>'
+    text = f'<g id="text_1">{stroke.format(1)}{stroke.format(2)}</g>'
+    head = '<svg xmlns="http://www.w3.org/2000/svg" width="9m" height="9m" viewBox="0 0 9 9">'
+    whole = f'{head}<g id="figure_1">{text}{stroke.format(5)}</g></svg>'
+    (tmp_path / "a.svg").write_text(whole)
+    with pytest.warns(Lrf3dNote, match="left out: 2 annotation marks$|marks;") as notes:
+        assert len(load_world(tmp_path / "a.svg", scale=1.0).segments) == 1
+    assert not any("figure_1" in str(note.message) for note in notes)
