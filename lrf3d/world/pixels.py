@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageOps
 from scipy.ndimage import gaussian_filter, grey_closing
 
 from lrf3d.errors import WorldError
@@ -22,8 +22,6 @@ def pixels_of(picture: Path, *, deep: bool = False) -> Any:
 
     They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
     """
-    from PIL import ImageOps
-
     with opened(picture, what="a picture", largest=1 << 28) as file:
         try:
             with Image.open(file, formats=["PNG", "PPM", "BMP", "JPEG"]) as image:
