@@ -90,7 +90,7 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
 
 
 def _parted(segments: Float, line: Int) -> Int:
-    """The lines (n,), from 0; a dimension that is drawn with its arrowhead is parted there."""
+    """The lines (n,), from 0; a dimension drawn as one path with its arrowhead is split there."""
     long, along = lengths(segments), directions(segments)
     back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(np.radians(130.0))
     uneven = np.minimum(long[1:], long[:-1]) < 0.5 * np.maximum(long[1:], long[:-1])

@@ -260,7 +260,7 @@ def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
 
 
 def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -> None:
-    """Note in the roles that an area is a doorway: it is far paler than the wall that it parts.
+    """Note in the roles that an area is a doorway: it is far paler than the wall that it divides.
 
     Lines that end in it are its leaf; without one, it has floors on both sides.
     """
