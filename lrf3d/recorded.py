@@ -344,9 +344,12 @@ def _agreeing(
     try:
         turns, notes = turns_between(converter, scans, path, places), list[str]()
         fitting = 0.1  # Share of turns by which those of scans over the right fan may be off.
-        own = misfit(turns)
+        own, wide = misfit(turns), float(np.ptp(scans[0].angles))
         fans = [(own / CLEARLY, scans, turns, notes)]
-        for first, last in log.fans if own > fitting else ():
+        for first, last in log.fans:
+            # Its turns would differ from those of the odometry by more than that.
+            if own < 0.5 * abs(1.0 - wide / (last - first)):
+                continue
             check()
             angles = sealed(np.linspace(first, last, len(scans[0].angles)))
             note = f"beams from {degrees(first):.4g}° to {degrees(last):.4g}°, as the scans turn"

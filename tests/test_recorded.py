@@ -53,7 +53,7 @@ def test_beams_without_a_declared_fan_are_spread_as_scans_turn(wide, beams, driv
 def test_a_fan_that_is_none_of_the_usual_ones_is_refused(drive_with, tmp_path):
     log = load_log(flaser(tmp_path / "a.log", drive_with(310, 311).scans))
     for solve in (punctual, solve_log):
-        with pytest.raises(InputError, match="turn unlike the odometry.*--format"):
+        with pytest.raises(InputError, match="turn unlike the odometry"):
             solve(log)
 
 
