@@ -50,26 +50,31 @@ WORDS = {
         " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
         " podzial masstab schaal flooring tile paving pavim fliese"
         " fluchtweg rettungsplan evac egress landscap plnt parket parquet carpet projec ovhd"
-        " текст размер штрих оси штамп легенд масштаб"
-        " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
+        " текст размер штрих оси осей штамп легенд масштаб надпис выноск экспликац отмет потол кровл"
+        " розмір"
+        " 文字 注记 注释 标注 标高 尺寸 轴 图框 图例 填充 吊顶 天花 屋顶 绿化 植物 索引 辅助 梁"
+        " 標註 標高 註 軸 圖框 圖例 寸法 注記 記号 通り 基準 芯 図枠 表題 グリッド ハッチ 引出 補助 屋根 天井 植栽 方位"
+        " 치수 문자 중심선 해치 도곽 지붕 천장 조경"
     ),
     "furniture": (
         "furn eqpm equip fitting mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
         " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
-        " stair strs trepp trap escal schod scala scale мебел лестн 家具 洁具 楼梯 가구"
+        " lvtry stair strs trepp trap escal schod scala scale мебел мебл лестн оборуд сантех"
+        " 家具 家俱 傢 洁具 潔具 卫生 衛生 设备 設備 柜 櫃 沙发 便器 楼梯 樓梯 階段 가구 위생 계단"
     ),
     "wall": (
         "wall wand waend wande mauer mur muro mura muri pared paret peret cloison tabique tramezz"
         " alvenar scian sten stena seina vagg vegg væg duvar dinding zid fal"
-        " стен τοιχ קיר جدار 墙 牆 壁 벽"
+        " стен стін перегород колон τοιχ קיר جدار 墙 牆 壁 隔断 隔間 間仕切 躯体 柱 벽 기둥"
     ),
     "window": (
         "glaz glass window fenet fenster ventan finestr serrament infiss janela raam ramen kozijn"
-        " okn pencere ikkun fonster vindu ablak jendela fereastr окн παραθ חלון نافذ 窗 窓 창"
+        " okn pencere ikkun fonster vindu ablak jendela fereastr окн вікн παραθ חלון نافذ 窗 窓"
+        " 建具 サッシ 창"
     ),
     "door": (
         "door porte porta puert tur turen tuer tueren deur drzwi dver vrata kapi kapı ovi ovet dorr"
-        " dør ajto pintu двер πορτ דלת باب 门 門 扉 ドア 문"
+        " dør ajto pintu двер πορτ דלת باب 门 門 扉 戸 ドア 문"
     ),
     # Windows and doors have frames, too.
     "sheet": (
@@ -210,6 +215,7 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
         segments[~stands],
         _listed(marks, layered),
         ", ".join(words),
+        drawing.said,
     )
 
 
