@@ -245,6 +245,22 @@ def is_lettering(segments: Float, pattern: Bool) -> Bool:
     Columns and chairs in a row are all alike, dashes have no width: both are no letters. Titles
     have large letters, all of one height. Upright strokes may look like those of a pattern (n,).
     """
+    found = np.zeros(len(segments), dtype=bool)
+    if not len(segments):
+        return found
+    # A word may be written over a wall, but its letters are not drawn on from there.
+    ends = segments.reshape(-1, 2)
+    _, node = np.unique(ends @ [1.0, 1.0j], return_inverse=True)
+    chain = groups(node[::2], node[1::2], node.max() + 1)[node]
+    box = np.full((2, chain.max() + 1, 2), np.inf)
+    for corner, sign in zip(box, (1.0, -1.0), strict=True):
+        np.minimum.at(corner, chain, sign * ends)
+    loose = ((-box.sum(axis=0)).max(axis=1) < 1.5)[chain[::2]]
+    found[loose] = _of_words(segments[loose], pattern[loose], float(np.ptp(ends, axis=0).max()))
+    return found
+
+
+def _of_words(segments: Float, pattern: Bool, extent: float) -> Bool:
     part = connected(segments)
     own = members_of(part)
     text = np.zeros(len(own), dtype=bool)
@@ -256,7 +272,6 @@ def is_lettering(segments: Float, pattern: Bool) -> Bool:
     sides = boxes[:, 2:] - boxes[:, :2]
     size = sides.max(axis=1)
     # A drawing of the size of its paper shows nothing larger.
-    extent = float(np.ptp(boxes.reshape(-1, 2), axis=0).max())
     # Letters, as drawn on a plan of 1:100, are 5 mm high, and those of titles 15 mm.
     for largest, least in ((0.5, 3), (1.5, 5)):
         small = np.flatnonzero(size < min(largest, 0.05 * extent))
