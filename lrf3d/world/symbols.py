@@ -276,7 +276,7 @@ def _of_words(segments: Float, pattern: Bool, extent: float) -> Bool:
     for largest, least in ((0.5, 3), (1.5, 5)):
         small = np.flatnonzero(size < min(largest, 0.05 * extent))
         # Gaps between letters of a word are shares of the larger one.
-        away = 0.4 * size[small, None] * [-1.0, -1.0, 1.0, 1.0]
+        away = 0.6 * size[small, None] * [-1.0, -1.0, 1.0, 1.0]
         reach = shapely.box(*(boxes[small] + away).T)
         tree = shapely.STRtree(shapely.box(*boxes[small].T))
         one, other = tree.query(reach, predicate="intersects")
