@@ -296,6 +296,15 @@ def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
     return part, hulls, near, shapely.convex_hull(np.array(close, dtype=object))
 
 
+def plans_apart(segments: Float) -> Float:
+    """Boxes (k, 4) [m] around the plans of rooms that walls (n, 4) draw apart from each other."""
+    *_, hulls = _parts(segments, ASIDE)
+    area = shapely.area(hulls)
+    boxes = shapely.envelope(hulls[area > max(LEAST_PLAN, 0.25 * area.max(initial=0.0))])
+    label = groups(*shapely.STRtree(boxes).query(boxes, predicate="intersects"), len(boxes))
+    return np.array([shapely.total_bounds(boxes[label == each]) for each in np.unique(label)])
+
+
 def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
     """Which segments (n, 4) are of parts beside the plan: a legend, a scale bar, a north arrow.
 
