@@ -24,10 +24,10 @@ def ring(x1, y1, x2, y2):
 
 
 SYMBOLS = {
-    # A word reaches over the frame.
+    # A slanted stroke reaches over the frame.
     "frame line": [
         *[ring(-5, -3, 14, 10.5), ring(-4.6, -2.6, 13.6, 10.1), ring(9, -2.6, 13.6, -1.5)],
-        *[[(13 + 0.4 * x, 4), (13 + 0.4 * x, 4.3), (13.2 + 0.4 * x, 4)] for x in range(5)],
+        [(13.8, 4), (14.8, 4.5)],
     ],
     "pattern line": [
         *([(0.4 * x, 0.2), (0.4 * x, 3.0)] for x in range(1, 8)),
