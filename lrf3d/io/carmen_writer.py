@@ -18,7 +18,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.files import replacing
-from lrf3d.io.carmen import even_angles, front_fan
+from lrf3d.io.fans import even_angles, front_fan
 from lrf3d.io.laser_log import LARGEST_RANGE, LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE

@@ -12,6 +12,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, sealed, usual_step
+from lrf3d.io.fans import FANS
 from lrf3d.io.laser_log import UNTIMED, Intake, LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, compose, heading_of
@@ -56,13 +57,6 @@ RATES = {"acceleration", "accel", "acc", "velocity", "vel", "twist", "gyro", "co
 FAR, ROOM = 100.0, 1500.0
 """In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
 the second."""
-
-FANS = {
-    180: (-90, 89), 181: (-90, 90), 270: (-135, 134), 271: (-135, 135), 360: (0, 359),
-    361: (-90, 90), 541: (-135, 135), 682: (-120, 120), 683: (-120, 120), 721: (-90, 90),
-    1080: (-135, 135), 1081: (-135, 135), 1440: (0, 359.75),
-}  # fmt: skip
-"""First and last bearings [degrees] of usual range finders, by the number of their beams."""
 
 
 def meaning(name: str) -> tuple[str, str]:

@@ -13,8 +13,9 @@ import numpy as np
 
 from lrf3d.errors import InputError, check_names, one_line, shown
 from lrf3d.geometry import Float
+from lrf3d.io.fans import FANS
 from lrf3d.io.laser_log import A_VALUE, Intake
-from lrf3d.io.table import FANS, ROLES, SETTINGS, Table, meaning
+from lrf3d.io.table import ROLES, SETTINGS, Table, meaning
 
 SAMPLE, SHORT, MANY = 60, 6, 4000
 """Lines at the beginning that say what the others are like; of lines with few words, many."""
