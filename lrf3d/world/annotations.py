@@ -301,7 +301,8 @@ def plans_apart(segments: Float) -> Float:
     *_, hulls = _parts(segments, ASIDE)
     area = shapely.area(hulls)
     boxes = shapely.envelope(hulls[area > max(LEAST_PLAN, 0.25 * area.max(initial=0.0))])
-    label = groups(*shapely.STRtree(boxes).query(boxes, predicate="intersects"), len(boxes))
+    one, other = shapely.STRtree(boxes).query(boxes, predicate="intersects")
+    label = groups(one, other, len(boxes))
     return np.array([shapely.total_bounds(boxes[label == each]) for each in np.unique(label)])
 
 

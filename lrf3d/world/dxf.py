@@ -93,8 +93,8 @@ def _rename(canvas: Canvas, encoding: str) -> None:
             most, found = _known(read), dict(zip(foreign, read, strict=True))
             canvas.said = f"layer names read as {page}"
     for number, mark in enumerate(canvas.marks if found else ()):
-        layer, *names = (found.get(name, name) for name in (mark.layer, *mark.names))
-        canvas.marks[number] = mark._replace(layer=layer, names=tuple(names))
+        layer, *own = (found.get(name, name) for name in (mark.layer, *mark.names))
+        canvas.marks[number] = mark._replace(layer=layer, names=tuple(own))
 
 
 def _known(names: Sequence[str]) -> int:
