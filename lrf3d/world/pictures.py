@@ -322,11 +322,16 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
-    radius = np.append(
-        np.inf, maximum(distance_transform_edt(~dark), parts, np.arange(1, count + 1))
-    )
+    away, most = distance_transform_edt(~dark), 0.5 * THICKEST * pixels
+    radius = np.append(np.inf, maximum(away, parts, np.arange(1, count + 1)))
     radius[on_border(parts)] = np.inf
-    narrow = radius <= 0.5 * THICKEST * pixels
+    area = np.bincount(parts.ravel(), minlength=count + 1)
+    # The space in a wall may have a wide place, such as a pier.
+    wide, square = np.bincount(parts[away > most], minlength=count + 1), radius**2
+    pier = (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
+    narrow = (radius <= most) | pier
+    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
+    small = (area < 24.0 * square) & ~pier
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
@@ -337,22 +342,19 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     by_solid = np.bincount(parts[rim & grown(solid, 1.5)], minlength=count + 1)
     share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
     narrow &= (share < 0.2) | (share > 0.8)
-    area = np.bincount(parts.ravel(), minlength=count + 1)
-    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
-    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
     compact: Bool = (narrow & small)[parts]
     room = _opened(dark | compact, 0.55 * THICKEST * pixels)
     pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
-    places, most = parts_of(pattern)
+    places, number = parts_of(pattern)
     # A line beside a wall is none.
     gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
-    many = np.bincount(gaps, minlength=most + 1) >= 5
+    many = np.bincount(gaps, minlength=number + 1) >= 5
     left_out["floor pattern"] = int(many[1:].sum())
     # Of two spaces that are too thick together, the wider one is beside a wall.
-    thick, most = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
+    thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
     held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
     for place in np.unique(held[0]):
-        own = held[1, held[0] == place]
+        own = held[1, (held[0] == place) & (radius[held[1]] <= most)]
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
     within = narrow[parts]
