@@ -20,6 +20,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
 from lrf3d.world.annotations import is_frame
+from lrf3d.world.enclosure import closes_rooms
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
@@ -86,10 +87,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
-    ragged = ""
-    long = lengths(segments)
+    doubt, long = "", lengths(segments)
     if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
-        ragged = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
         if even is not None and threshold is None:
             remedy = "cut the picture to the plan, or choose --threshold"
             raise WorldError(
@@ -97,12 +97,14 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
                 f" is in pieces of under {SHORT} pixels; {remedy} and look at it by `lrf3d world"
                 " show`"
             )
+    elif not closes_rooms(walls, thin[0], pixels):
+        doubt = "hardly any of it closes a room: is it a plan? "
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
         rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
-        said=f"{ragged}walls are {darker}{how}{coarse}",
+        said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * resolution,
     )
 
