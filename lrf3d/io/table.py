@@ -41,7 +41,7 @@ SYNONYMS = {
     "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
-    "qw": "qw", "angles": "angle bearing azimuth winkel", "quality": "quality q",
+    "qw": "qw", "angles": "angle bearing azimuth winkel", "quality": "quality q confidence",
     "poses": "poses pose trajectory odometry odom",
     "ranges": "ranges range r distances distance dist d scan laser lidar readings"
     " abstand entfernung",
