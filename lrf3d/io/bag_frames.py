@@ -49,10 +49,11 @@ class Track:
     def add_pose(self, place: Any, turn: Any, *stamp: int) -> None:
         """Add a position and a quaternion at a time, in any order."""
         row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-        # In this order the comparisons refuse NaN as well.
+        # In this order the comparisons refuse NaN as well. Mounts are typed as 0.7 0.7, but a
+        # heading written in place of a quaternion's z is no rotation.
         if not (
             all(abs(value) <= LARGEST_COORDINATE for value in row)
-            and abs(math.hypot(*row[3:]) - 1.0) < 0.01
+            and abs(math.hypot(*row[3:]) - 1.0) < 0.02
         ):
             raise InputError(f"pose {row}: expected numbers and a unit quaternion")
         self.add(*stamp)

@@ -163,9 +163,11 @@ def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
 def test_a_transform_whose_quaternion_is_not_a_rotation_is_not_used(tmp_path):
     zero = transform(0.0, "odom", "base_link", turn=(0, 0, 0, 0))
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
-    bag = write(tmp_path / "bag", mounted(), ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
+    turned = mounted(turn=(0, 0, 0.7, 0.7))
+    bag = write(tmp_path / "bag", turned, ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
     log = load_log(bag)
     assert log.bad_count == 1 and "unit quaternion" in str(log.bad_lines[0])
+    assert log.poses[0, 2] == pytest.approx(np.pi / 2)
 
 
 def test_the_first_parent_of_a_frame_counts(tmp_path):
