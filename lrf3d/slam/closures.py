@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float, Records
+from lrf3d.geometry import Bool, Float, Records
 from lrf3d.pose import between, compose, turned
 from lrf3d.slam.front_end import (
     CERTAIN_SHARE,
@@ -149,23 +149,23 @@ class LoopCloser:
 
         Old key scans of several drives past a place are near each other along the graph.
         """
-        lengths = self.paths.lengths(newest.old, STRETCH)
-        away = np.abs(self.driven - self.driven[newest.new])
-        return {
-            other: self._agree(other, newest, float(lengths[other.old] + away[other.new]))
-            for other in closures
-            if lengths[other.old] < STRETCH and away[other.new] < STRETCH
-        }
+        olds, news = np.array([(each.old, each.new) for each in closures]).reshape(-1, 2).T
+        lengths = self.paths.lengths(newest.old, STRETCH)[olds]
+        away = np.abs(self.driven[news] - self.driven[newest.new])
+        near = np.flatnonzero((lengths < STRETCH) & (away < STRETCH))
+        others = [closures[k] for k in near.tolist()]
+        agree = self._agree(others, newest, (lengths + away)[near]) if others else near
+        return dict(zip(others, agree.tolist(), strict=True))
 
     def _accept(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
         """Accept a closure and those that agree with it, if these are enough."""
-        waiting = self._votes(newest, self.unconfirmed)
-        votes = [*waiting.values(), *self._votes(newest, self.accepted).values()]
+        agrees = self._votes(newest, [*self.unconfirmed, *self.accepted])
+        votes = list(agrees.values())
         # Of sets that contradict each other the larger one is accepted.
         together, against = votes.count(True), votes.count(False)
         if together < enough or together <= against or (strict and against):
             return []
-        agreeing = [other for other, agrees in waiting.items() if agrees]
+        agreeing = [other for other in self.unconfirmed if agrees.get(other)]
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
         self.accepted += agreeing
         for closure in agreeing:
@@ -284,21 +284,24 @@ class LoopCloser:
         self.paths.link(old, new, KEY_DISTANCE, closure.covariance)
         return closure
 
-    def _agree(self, first: Closure, second: Closure, length: float) -> bool:
-        """Whether the loop over two closures closes, whose paths between have a length [m]."""
-        if first is second:
-            return True
-        old = between(self._poses[first.old], self._poses[second.old])
-        new = between(self.keys[first.new].pose, self.keys[second.new].pose)
-        error = between(compose(first.relative, new), compose(old, second.relative))
+    def _agree(self, others: list[Closure], newest: Closure, lengths: Float) -> Bool:
+        """Whether loops over others (c,) and the newest one close: paths between of lengths [m]."""
+        olds, news = np.array([(each.old, each.new) for each in others]).T
+        fronts = np.array([self.keys[new].pose for new in news.tolist()])
+        new = between(fronts, self.keys[newest.new].pose)
+        old = between(self._poses[olds], self._poses[newest.old])
+        relative = np.array([each.relative for each in others])
+        error = between(compose(relative, new), compose(old, newest.relative))
         # Errors of a submap [m], [rad], to which the drift over the length is added.
         bent_place, bent_turn = 0.05, 0.015
-        place, turn = bent_place + DRIFT * length, bent_turn + DRIFT_TURN * length
-        lever, _ = size_of(bent_turn * old)
-        covariance = np.diag(np.square([place, place, turn]) + np.square([lever, lever, 0.0]))
-        for closure in (first, second):
-            covariance = covariance + turned(closure.covariance, -float(second.relative[2]))
-        return float(error @ np.linalg.solve(covariance, error)) < DEVIATIONS**2
+        place, turn = bent_place + DRIFT * lengths, bent_turn + DRIFT_TURN * lengths
+        lever = bent_turn * np.hypot(*old[:, :2].T)
+        covariance = np.array([each.covariance for each in others]) + newest.covariance
+        covariance = turned(covariance, -float(newest.relative[2]))
+        place = place**2 + lever**2
+        covariance[:, range(3), range(3)] += np.column_stack([place, place, turn**2])
+        squares = (error * np.linalg.solve(covariance, error[:, :, None])[:, :, 0]).sum(axis=1)
+        return np.asarray(squares < DEVIATIONS**2)
 
 
 def _closure(old: int, new: int, match: Match) -> Closure:

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,6 +82,18 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     return directions[:, 0], float(max(weakest, 0.0))
 
 
+class Placed(NamedTuple):
+    """A scan as placed by a prediction: its match, whether it is accepted, and what stands still.
+
+    The prediction is contradicted if the scan fits clearly better elsewhere.
+    """
+
+    match: Match
+    accepted: bool
+    still: Key
+    contradicted: bool
+
+
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
@@ -106,7 +119,7 @@ class FrontEnd:
         self._lost = False
         # Largest speeds [m/s], [rad/s] lately, at first those of a fast robot.
         self._speeds = np.array([3.0, 3.0])
-        # Whether the last scan fitted clearly better elsewhere than where the wheels put it.
+        # Whether the last scan contradicted the wheels.
         self._contradicted = False
         # The motion since the last key scan, a sum of increments by the wheels and by matching, and
         # whether the walls in view fixed its turn and its distance ahead.
@@ -124,21 +137,21 @@ class FrontEnd:
         expected = coasting = self._coasting.predict()
         if increment is not None:
             expected = self.wheels.predict(increment)
-        match, accepted, still = self._placed(scan, expected)
+            if self._contradicted:
+                # Wheels that slip go on, and few beams show it by several scans alone.
+                expected = expected._replace(doubtful=np.inf, other=coasting)
+        placed = self._placed(scan, expected)
         far, jumped = self._is_far(expected.step, since), False
-        if increment is not None and (far or not accepted):
+        if increment is not None and (far or not placed.accepted):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
-            slipping, self._contradicted = self._contradicted, False
-            other, fits, seen = self._placed(scan, coasting)
-            worth = self._map.place(still, match).evidence if accepted else -np.inf
-            best = self._map.place(seen, other).evidence + CLEARLY if fits else -np.inf
-            jumped = best >= worth and (far or other.explained > CERTAIN_SHARE)
+            other = self._placed(scan, coasting)
+            better = self._worth(other) + CLEARLY >= self._worth(placed)
+            jumped = better and (far or other.match.explained > CERTAIN_SHARE)
             if jumped:
-                expected, match, accepted, still, increment = coasting, other, fits, seen, None
-            else:
-                self._contradicted = slipping
+                expected, placed, increment = coasting, other, None
+        match, accepted, still, self._contradicted = placed
         guess = compose(self.pose, expected.step)
         self.surface = still.surface
         if self._lost or not accepted:
@@ -179,18 +192,22 @@ class FrontEnd:
         faster, beyond = 2.0, 0.25
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
 
-    def _placed(self, scan: Key, expected: Prediction) -> tuple[Match, bool, Key]:
-        """The match of a scan, whether it is accepted, and what of the scan stands still."""
+    def _worth(self, placed: Placed) -> float:
+        """The evidence for a placement."""
+        return self._map.place(placed.still, placed.match).evidence if placed.accepted else -np.inf
+
+    def _placed(self, scan: Key, expected: Prediction) -> Placed:
+        """A scan placed around a prediction."""
         guess = compose(self.pose, expected.step)
         still = replace(
             scan,
             surface=self._standing(scan.surface, guess, expected),
             hits=self._standing(scan.hits, guess, expected),
         )
-        match, accepted = self._match(still, expected)
-        if not accepted and (relocated := self._at_any_heading(scan, expected)):
-            match, accepted, still = relocated, True, scan
-        return match, accepted, still
+        placed = self._match(still, expected)
+        if not placed.accepted and (relocated := self._at_any_heading(scan, expected)):
+            placed = Placed(relocated, True, scan, placed.contradicted)
+        return placed
 
     def _passed(self, scan: Key, pose: Float) -> bool:
         """Whether beams of the local map pass through what a scan saw from a pose (3,)."""
@@ -198,28 +215,26 @@ class FrontEnd:
             self._map.keys, scan, self._map.seen_from(pose)
         )
 
-    def _match(self, scan: Key, expected: Prediction) -> tuple[Match, bool]:
-        """A match with the local map, and whether it is accepted."""
+    def _match(self, scan: Key, expected: Prediction) -> Placed:
+        """A scan as matched with the local map, and searched where the match is doubtful."""
         guess, (*_, heading) = compose(self.pose, expected.step), self.pose.tolist()
         prior = turned(np.asarray(np.linalg.inv(expected.uncertain)), heading)
         match = self._map.match(scan, guess, prior)
         if match is None:
-            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
+            return Placed(Match(guess, np.zeros((3, 3)), 0.0, np.inf), False, scan, False)
         slipped = self._slip(match, expected) > SLIP_LIMIT**2
         searched = len(scan.surface) >= LEAST_POINTS and not self._broken
-        doubtful = slipped or self._contradicted or match.explained < expected.doubtful
-        if searched and doubtful:
+        if searched and (slipped or match.explained < expected.doubtful):
             return self._searched(scan, match, expected)
-        self._contradicted = False
-        return match, match.explained > TRACKED_SHARE
+        return Placed(match, match.explained > TRACKED_SHARE, scan, False)
 
     def _slip(self, match: Match, expected: Prediction) -> float:
         """Squared distance of a match from the prediction in units of the variance."""
         error = between(expected.step, between(self.pose, match.pose))
         return float(error @ np.linalg.solve(expected.uncertain, error))
 
-    def _searched(self, scan: Key, match: Match, expected: Prediction) -> tuple[Match, bool]:
-        """The likeliest place around the prediction, and whether it is accepted.
+    def _searched(self, scan: Key, match: Match, expected: Prediction) -> Placed:
+        """A scan at the likeliest place around the prediction.
 
         Wheels slip and spin, and robots are pushed, but seldom, and the farther the less: by
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
@@ -228,26 +243,24 @@ class FrontEnd:
         guess = compose(self.pose, expected.step)
         places = self._map.places(scan, guess, np.diag(expected.window**2))
         places.append(self._map.place(scan, match))
-        odds = np.array([place.evidence for place in places])
-        worth = odds.copy()
-        # Log odds against a slip: one step in twenty is off by more than the wheels' noise, but
-        # wheels that spin go on, and few beams show it by several scans alone.
-        rare = 0.0 if self._contradicted else 3.0
+        worth = np.array([place.evidence for place in places])
+        odds = worth.copy()
         if expected.trusted:
-            poses = np.array([place.match.pose for place in places])
-            slips = between(guess, poses) / expected.window
-            noise = np.array([self._slip(place.match, expected) for place in places])
-            if self._contradicted:
-                coasting = self._coasting.predict()
-                noise = np.minimum(noise, [self._slip(each.match, coasting) for each in places])
-            odds -= np.minimum(np.log1p(noise), rare + np.log1p((slips**2).sum(axis=1)))
+            # Log odds against a slip: one step in twenty is off by more than the wheels' noise.
+            rare, likely = 3.0, [expected]
+            if expected.other is not None:
+                rare, likely = 0.0, [expected, expected.other]
+            slips = between(guess, np.array([place.match.pose for place in places]))
+            noise = [[self._slip(place.match, step) for place in places] for step in likely]
+            far = np.log1p(np.square(slips / expected.window).sum(axis=1))
+            odds -= np.minimum(np.log1p(np.min(noise, axis=0)), rare + far)
         best, fits = places[int(odds.argmax())], places[int(worth.argmax())]
         clearly = 1.0  # A difference of log odds.
         # In a corridor of glass little is explained, and most where the robot has been.
         slipped = self._slip(fits.match, expected) > SLIP_LIMIT**2
         better = fits is best or fits.evidence > best.evidence + clearly
-        self._contradicted = slipped and better and fits.match.explained > CERTAIN_SHARE
-        return best.match, best.evidence > 0.0
+        contradicted = slipped and better and fits.match.explained > CERTAIN_SHARE
+        return Placed(best.match, best.evidence > 0.0, scan, contradicted)
 
     def _at_any_heading(self, scan: Key, expected: Prediction) -> Match | None:
         """The place where a lost scan clearly fits best, whatever its heading."""

@@ -45,7 +45,8 @@ class Prediction(NamedTuple):
 
     It has a covariance (3, 3) of its random errors, and an uncertain one with all errors, which
     weighs it in matching; a window of standard deviations (3,) is searched where a match explains
-    less than the doubtful share. A trusted prediction also weighs places that are compared.
+    less than the doubtful share. A trusted prediction also weighs places that are compared. Where
+    scans contradicted it before, another one may be right as well.
     """
 
     step: Float
@@ -54,6 +55,7 @@ class Prediction(NamedTuple):
     window: Float
     doubtful: float = DOUBTFUL
     trusted: bool = True
+    other: "Prediction | None" = None
 
 
 def size_of(step: Float) -> tuple[float, float]:

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import bsr_array, coo_array, csc_array, csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from lrf3d.compiling import compiled, record
 from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.pose import between
 
@@ -140,6 +140,10 @@ def pose_covariances(poses: Float, edges: Records, numbers: Int, variance: float
     return found
 
 
+LINK = record(first=int, second=int, length=float)
+"""A step of a path between two key scans, the older one first, and its length [m]."""
+
+
 class GraphPaths:
     """The links of the graph, each with the error that a step over it adds, and paths over them.
 
@@ -148,46 +152,31 @@ class GraphPaths:
     """
 
     def __init__(self) -> None:
-        # Lengths [m] and covariances (3, 3) by the numbers of two key scans, the older one first.
-        self._links: dict[tuple[int, int], tuple[float, Float]] = {}
-        self._graph = csr_array((0, 0))
+        self._links, self._covariances = np.empty(0, LINK), np.empty((0, 3, 3))
 
     def link(self, first: int, second: int, length: float, covariance: Float) -> None:
-        """Join two key scans, the older one first, by a link of a length [m], if it is shorter.
+        """Join two key scans, the older one first, by a link of a length [m].
 
-        The covariance (3, 3) is that of the second as seen from the first, along its axes.
+        The covariance (3, 3) is that of the second as seen from the first, along its axes. Of links
+        between the same two the shortest counts.
         """
-        known, _ = self._links.get((first, second), (np.inf, None))
-        if length < known:
-            self._links[first, second] = length, covariance
-            self._graph = csr_array((0, 0))
+        self._links = np.append(self._links, np.array((first, second, length), LINK))
+        self._covariances = np.concatenate([self._covariances, covariance[None]])
 
     def lengths(self, source: int, limit: float) -> Float:
         """Lengths (k,) [m] of the paths from a key scan to all, +inf beyond a limit [m]."""
-        return self._shortest(source, limit)[0]
-
-    def _shortest(self, source: int, limit: float = np.inf) -> tuple[Float, Int]:
-        """Lengths (k,) of the shortest paths from a key scan, and the vertices (k,) before last."""
-        if self._graph.shape[0] <= source:
-            ends = np.array(list(self._links), np.int64).reshape(-1, 2)
-            shape = 2 * (max(source, int(ends.max(initial=0))) + 1,)
-            weights = np.array([length for length, _ in self._links.values()])
-            self._graph = coo_array((weights, tuple(ends.T)), shape=shape).tocsr()
-        found: tuple[Float, Int] = dijkstra(  # type: ignore[call-overload]
-            self._graph, directed=False, indices=source, limit=limit, return_predecessors=True
-        )
-        return found[0], found[1].astype(np.int64)
+        return _shortest(self._links, source, limit)[0]
 
     def spreads(self, source: int, poses: Float) -> tuple[Float, Float]:
         """Lengths (k,) of paths [m], and covariances (k, 3, 3) of a pose with each other one held.
 
         The poses (k, 3) are those of all key scans; covariances are along the axes of the map.
         """
-        lengths, before = self._shortest(source)
-        reached = np.flatnonzero(before >= 0)
-        first, second = np.sort(np.column_stack([before[reached], reached]), axis=1).T
-        pairs = zip(first.tolist(), second.tolist(), strict=True)
-        covariances = np.array([self._links[pair][1] for pair in pairs]).reshape(-1, 3, 3)
+        lengths, last = _shortest(self._links, source, np.inf)
+        reached, before = np.flatnonzero(last >= 0), np.full(len(last), source)
+        links, covariances = self._links[last[reached]], self._covariances[last[reached]]
+        first, second = links["first"], links["second"]
+        before[reached] = first + second - reached
         cos, sin = np.cos(poses[first, 2]), np.sin(poses[first, 2])
         x, y, _ = poses[second].T
         # Errors as twists about the origin: those of the links of a path add up.
@@ -195,9 +184,34 @@ class GraphPaths:
         sums = np.zeros((len(lengths), 3, 3))
         sums[reached] = twist @ covariances @ twist.transpose(0, 2, 1)
         # Each sum takes in that of the vertex where it ends, and so doubles the path it covers.
-        before[before < 0] = source
         while (before != source).any():
             sums, before = sums + sums[before], before[before]
         x, y, _ = poses[source]
         lever = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
         return lengths, np.asarray(lever @ sums @ lever.T)
+
+
+@compiled
+def _shortest(links: Records, source: int, limit: float) -> tuple[Float, Int]:
+    """Lengths (k,) of the shortest paths from a key scan, and their last links (k,), or −1.
+
+    All links are relaxed to and fro until nothing changes (Bellman-Ford): links are in the order of
+    the drive, so that a path along it takes one turn.
+    """
+    count = source + 1
+    for link in links:
+        count = max(count, link.second + 1)
+    lengths, last = np.full(count, np.inf), np.full(count, -1)
+    lengths[source] = 0.0
+    changed = True
+    while changed:
+        changed = False
+        for turn in range(2 * len(links)):
+            number = min(turn, 2 * len(links) - 1 - turn)
+            link = links[number]
+            for here, there in ((link.first, link.second), (link.second, link.first)):
+                length = lengths[here] + link.length
+                if length < lengths[there] and length <= limit:
+                    lengths[there], last[there] = length, number
+                    changed = True
+    return lengths, last

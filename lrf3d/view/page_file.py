@@ -6,6 +6,7 @@ import io
 import json
 import re
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,10 +57,12 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
     }
     ground = io.BytesIO()
     Image.fromarray(stage.ground.picture).save(ground, "WEBP", quality=85)
+    # Without the time of day, so that a run has one page.
+    packed = partial(gzip.compress, compresslevel=9, mtime=0)
     texts = {
-        "recording": gzip.compress(json.dumps(recording, separators=(",", ":")).encode(), 9),
-        "arrays": gzip.compress(b"".join(record.blocks.values()), 9),
-        "world": gzip.compress(stage_message(stage, times=False), 9),
+        "recording": packed(json.dumps(recording, separators=(",", ":")).encode()),
+        "arrays": packed(b"".join(record.blocks.values())),
+        "world": packed(stage_message(stage, times=False)),
         "ground": ground.getvalue(),
     }
     data = "".join(

@@ -21,6 +21,7 @@ from lrf3d.io import save_run
 from lrf3d.scenario import load_scenario
 from lrf3d.scene.timeline import Timeline
 from lrf3d.view.hand_drive import HandDrive
+from lrf3d.view.page_file import page_file
 from lrf3d.view.server import bound, run_view, serve, world_view
 from lrf3d.world import World
 
@@ -153,6 +154,14 @@ def test_a_run_as_one_file_shows_what_its_page_shows_without_a_server(
     for (address, *what), pixels in seen.items():
         assert np.abs(pixels - seen[played, *what]).mean() < 2.0, (address, what)
         assert pixels.std() > 20.0
+
+
+def test_a_page_has_the_same_bytes_whenever_it_is_written(recorded, monkeypatch):
+    written = set()
+    for now in (1e9, 1.7e9):
+        monkeypatch.setattr("time.time", lambda now=now: now)
+        written.add(page_file(recorded[0], every=50))
+    assert len(written) == 1
 
 
 def page_end(run):
