@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int, Records
 from lrf3d.pose import between
-from lrf3d.slam.key_scans import BEHIND, Fan, Key, evidence, same_place
+from lrf3d.slam.key_scans import BEHIND, Fans, Key, all_fans, evidence, same_place
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.surface import SURFACE, SurfaceGrid, grid_of, moved, placement
 
@@ -47,40 +47,44 @@ class Field(NamedTuple):
     low: float
 
 
-def field_of(keys: Sequence[Key], poses: Float) -> Field:
-    """The field that key scans show from poses (k, 3)."""
+def field_of(keys: Sequence[Key], poses: Float, fans: Fans) -> Field:
+    """The field that key scans with some fans show from poses (k, 3)."""
     reach = max(float(np.abs([key.hits["x"], key.hits["y"]]).max(initial=0.0)) for key in keys)
     farthest = 50.0  # Largest range of the cells around key scans [m].
     around = 1.5 * min(reach, farthest) + WALL * CELL
     low, high = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
     columns, rows = ((high - low) / CELL).astype(np.int64).tolist()
     field = Field(np.zeros((rows, columns), np.int8), *low.tolist())
-    for key, pose in zip(keys, poses, strict=True):
-        for fan in key.fans:
-            _clear(field, pose, fan, BEHIND + 3.0 * key.noise)
+    _clear(field, poses, fans)
     for key, pose in zip(keys, poses, strict=True):
         _mark(field, pose, key.hits)
     return field
 
 
 @compiled
-def _clear(field: Field, pose: Float, fan: Fan, behind: float) -> None:
-    """Mark the cells free that the beams of a laser passed, on a robot at a pose (3,)."""
+def _clear(field: Field, poses: Float, fans: Fans) -> None:
+    """Mark the cells free that the beams of key scans at poses (k, 3) passed."""
     high, wide = field.cells.shape
-    ranges, at = fan.ranges, placement(pose)
-    column = (at.x + at.cos * fan.x - at.sin * fan.y - field.left) / CELL
-    row = (at.y + at.sin * fan.x + at.cos * fan.y - field.low) / CELL
-    heading = pose[2]
-    for k in range(1, len(ranges) - 1):
-        least = min(ranges[k - 1], ranges[k], ranges[k + 1])
-        if not (least > 0.0 and np.isfinite(least)):
-            continue
-        along, up = np.cos(heading + fan.angles[k]), np.sin(heading + fan.angles[k])
-        for step in range(int((least - behind) / CELL)):
-            c, r = int(column + step * along), int(row + step * up)
-            if c < 0 or c >= wide or r < 0 or r >= high:
-                break
-            field.cells[r, c] = FREE
+    ranges = fans.ranges
+    for number, key in enumerate(fans.keys):
+        at, heading, behind = (
+            placement(poses[key]),
+            poses[key, 2],
+            BEHIND + 3.0 * fans.noise[number],
+        )
+        x, y = fans.x[number], fans.y[number]
+        column = (at.x + at.cos * x - at.sin * y - field.left) / CELL
+        row = (at.y + at.sin * x + at.cos * y - field.low) / CELL
+        for k in range(fans.first[number] + 1, fans.first[number + 1] - 1):
+            least = min(ranges[k - 1], ranges[k], ranges[k + 1])
+            if not (least > 0.0 and np.isfinite(least)):
+                continue
+            along, up = np.cos(heading + fans.angles[k]), np.sin(heading + fans.angles[k])
+            for step in range(int((least - behind) / CELL)):
+                c, r = int(column + step * along), int(row + step * up)
+                if c < 0 or c >= wide or r < 0 or r >= high:
+                    break
+                field.cells[r, c] = FREE
 
 
 @compiled
@@ -153,6 +157,16 @@ class Submap:
         self.keys, self.poses = keys, poses
 
     @cached_property
+    def fans(self) -> Fans:
+        """The fans of all key scans."""
+        return all_fans(key.fans for key in self.keys)
+
+    @cached_property
+    def field(self) -> Field:
+        """The field of all key scans."""
+        return field_of(self.keys, self.poses, self.fans)
+
+    @cached_property
     def grid(self) -> SurfaceGrid | None:
         """The walls of all key scans; None if there are none."""
         parts = zip(self.keys, self.poses, strict=True)
@@ -173,7 +187,7 @@ class Submap:
     def place(self, scan: Key, match: Match) -> Place:
         """A match with the evidence for it."""
         poses = self.seen_from(match.pose)
-        return Place(match, evidence(scan.hits, match.explained, poses, self.keys))
+        return Place(match, evidence(scan.hits, match.explained, poses, self.fans))
 
     def places(self, scan: Key, guess: Float, spread: Float, near: float = np.inf) -> list[Place]:
         """The places in a window where a scan lies on the map, those first whose hits fit best.
@@ -191,8 +205,8 @@ class Submap:
         *_, turn = np.sqrt(spread.diagonal())
         turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
         angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-        field, sample = field_of(self.keys, self.poses), thin(surface)
-        scores = window_scores(thin(hits), field, guess, shifts, angles)
+        sample = thin(surface)
+        scores = window_scores(thin(hits), self.field, guess, shifts, angles)
         found: list[tuple[Float, Float]] = []
         close = 0.7  # Least score of a peak, as a share of the best.
         least = max(close * float(scores.max()), 0.0)
