@@ -92,8 +92,9 @@ class ScanConverter:
         for each in scans:
             kept = FORGETTING if self._noise else 0.0
             self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
-        fans = all_fans(self._fan(each) for each in scans)
-        fans = fans._replace(keys=np.zeros_like(fans.keys))
+        fans, *others = (self._fan(each) for each in scans)
+        if others:
+            fans = all_fans([fans, *others])._replace(keys=np.zeros(len(scans), np.int64))
         hits = np.concatenate([points_of(each, self.mount(each)) for each in scans])
         surface = self.surface(scans)
         return Key(number, np.zeros(3), surface, thinned(surface), hits, fans)

@@ -108,16 +108,24 @@ def shifts_within(guess: Float, spread: Float, near: float) -> Int:
     """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
     # A step more, so that the least window has neighbours to each side.
     wide = spread + np.diag(np.full(2, (CELL / DEVIATIONS) ** 2))
-    x, y = (
-        np.arange(-most, most + 1)
-        for most in np.ceil(DEVIATIONS * np.sqrt(wide.diagonal()) / CELL).astype(np.int64)
-    )
-    shifts = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    metres = CELL * shifts
-    inside = np.hypot(*(guess[:2] + metres).T) < near
-    square = np.einsum("si,ij,sj->s", metres, np.linalg.inv(wide), metres)
-    chosen: Int = shifts[inside & (square <= DEVIATIONS**2)]
-    return chosen
+    information: Float = np.linalg.inv(wide)
+    return _shifts(guess, information, np.sqrt(wide.diagonal()), near)
+
+
+@compiled
+def _shifts(guess: Float, information: Float, deviations: Float, near: float) -> Int:
+    """The shifts (s, 2) of `shifts_within`, by the information (2, 2) of the window."""
+    right, up = np.ceil(DEVIATIONS * deviations / CELL).astype(np.int64)
+    shifts, count = np.empty(((2 * right + 1) * (2 * up + 1), 2), np.int64), 0
+    for row in range(-up, up + 1):
+        for column in range(-right, right + 1):
+            x, y = CELL * column, CELL * row
+            square = x * (information[0, 0] * x + information[0, 1] * y)
+            square += y * (information[1, 0] * x + information[1, 1] * y)
+            if np.hypot(guess[0] + x, guess[1] + y) < near and square <= DEVIATIONS**2:
+                shifts[count] = column, row
+                count += 1
+    return shifts[:count]
 
 
 @compiled
@@ -141,6 +149,26 @@ def window_scores(
                 if c >= 0 and c < wide and r >= 0 and r < high:
                     scores[a, s] += field.cells[r, c]
     return scores
+
+
+@compiled
+def _peaks(scores: Float, shifts: Int, close: float, most: int) -> Int:
+    """The heading and the shift (p, 2), by number, of at most some peaks of scores (a, s).
+
+    Their scores are positive, and at least close to the best, as a share of it. Those around a
+    peak, which lead to the same place, are set to 0.
+    """
+    peaks, least = np.empty((most, 2), np.int64), max(close * scores.max(), 0.0)
+    for number in range(most):
+        a, s = divmod(scores.argmax(), len(shifts))
+        if scores[a, s] <= least:
+            return peaks[:number]
+        peaks[number] = a, s
+        for other in range(len(shifts)):
+            dx, dy = shifts[other, 0] - shifts[s, 0], shifts[other, 1] - shifts[s, 1]
+            if max(abs(dx), abs(dy)) <= 2:
+                scores[max(a - 2, 0) : a + 3, other] = 0.0
+    return peaks
 
 
 class Place(NamedTuple):
@@ -208,13 +236,9 @@ class Submap:
         sample = thin(surface)
         scores = window_scores(thin(hits), self.field, guess, shifts, angles)
         found: list[tuple[Float, Float]] = []
-        close = 0.7  # Least score of a peak, as a share of the best.
-        least = max(close * float(scores.max()), 0.0)
-        most_matched = 6  # Poses of the window that are refined.
-        for _ in range(most_matched):
-            a, s = np.unravel_index(int(scores.argmax()), scores.shape)
-            if scores[a, s] <= least:
-                break
+        # Least score of a peak, as a share of the best, and peaks that are refined.
+        close, most_matched = 0.7, 6
+        for a, s in _peaks(scores, shifts, close, most_matched).tolist():
             peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
             place, prior = match_scan(sample, self.grid, peak, LOOSE).pose, LOOSE
             if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
@@ -222,9 +246,6 @@ class Submap:
                 place, prior = peak, HELD
             if not any(same_place(place, other) for other, _ in found):
                 found.append((place, prior))
-            # The peak's surroundings lead to the same place.
-            around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
-            scores[max(a - 2, 0) : a + 3, around] = 0.0
         matches = [match_scan(surface, self.grid, place, prior) for place, prior in found]
         return [self.place(scan, match) for match in matches]
 
