@@ -24,6 +24,7 @@ from lrf3d.slam.surface import (
     CONNECTED_GROWTH,
     FLATTEST,
     LEAST_NOISE,
+    concatenated,
     placement,
     points_of,
     range_noise,
@@ -115,8 +116,8 @@ class ScanConverter:
         """The surface that the scans of a moment show, in the frame of the robot."""
         scans = (scan,) if isinstance(scan, LaserScan) else scan
         noise = max(self._noise, LEAST_NOISE)
-        return np.concatenate(
-            [surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans]
+        return concatenated(
+            surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans
         )
 
 

@@ -17,7 +17,7 @@ from lrf3d.geometry import Float, Int, Records
 from lrf3d.pose import between
 from lrf3d.slam.key_scans import BEHIND, Fans, Key, all_fans, evidence, same_place
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SURFACE, SurfaceGrid, grid_of, moved, placement
+from lrf3d.slam.surface import SurfaceGrid, concatenated, grid_of, moved, placement
 
 CELL = 0.15
 """Side of a cell [m]: matching converges from one and a half of them."""
@@ -108,8 +108,7 @@ def shifts_within(guess: Float, spread: Float, near: float) -> Int:
     """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
     # A step more, so that the least window has neighbours to each side.
     wide = spread + np.diag(np.full(2, (CELL / DEVIATIONS) ** 2))
-    information: Float = np.linalg.inv(wide)
-    return _shifts(guess, information, np.sqrt(wide.diagonal()), near)
+    return _shifts(guess, np.asarray(np.linalg.inv(wide)), np.sqrt(wide.diagonal()), near)
 
 
 @compiled
@@ -198,7 +197,7 @@ class Submap:
     def grid(self) -> SurfaceGrid | None:
         """The walls of all key scans; None if there are none."""
         parts = zip(self.keys, self.poses, strict=True)
-        walls = np.concatenate([np.empty(0, SURFACE), *(moved(key.walls, at) for key, at in parts)])
+        walls = concatenated(moved(key.walls, at) for key, at in parts)
         return grid_of(walls) if len(walls) else None
 
     def seen_from(self, pose: Float) -> Float:
