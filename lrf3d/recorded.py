@@ -6,16 +6,17 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import degrees
 from pathlib import Path
 
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning, expect
-from lrf3d.geometry import Float, as_rows, usual_step
+from lrf3d.geometry import Float, Int, as_rows, sealed, usual_step
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
-from lrf3d.laser import doubtful_ranges
+from lrf3d.laser import LaserScan, doubtful_ranges
 from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose, compose
@@ -25,6 +26,9 @@ from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.key_scans import ScanConverter
 from lrf3d.slam.odometry import (
+    CLEARLY,
+    LEAST_PAIRS,
+    LEAST_TURN,
     SURE_OF_POSES,
     Recording,
     Repairs,
@@ -94,20 +98,25 @@ def punctual(log: LaserLog) -> LaserLog:
     """
     log = readable(log)
     if not log.placed:
-        raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
+        bad = (
+            f"; {counted(log.bad_count, 'bad message')}, {log.bad_lines[0]}"
+            if log.bad_lines
+            else ""
+        )
+        raise InputError(f"{log.name}: no poses in it ({log.source}{bad}); lrf3d slam finds them")
     scans, notes = list(log.scans), list(log.notes)
     for laser in log.lasers:
         numbers = [number for number, scan in enumerate(scans) if scan.laser == laser]
         own, places = [scans[number] for number in numbers], np.arange(len(numbers))
         interval = usual_step(np.array([scan.time for scan in own]))
         path = WheelPath(np.array([scan.robot for scan in own]), interval)
-        turns = turns_between(ScanConverter(), own, path, places)
+        own, turns, mirrored, fan = _agreeing(log, own, ScanConverter(), path, places)
         lags = fitted_lag(turns, path, places, SURE_OF_POSES)
-        said = Repairs(late=path.late(lags)).sentences()
-        notes += said
-        for number, robot in zip(numbers * len(said), path.at(places - lags), strict=False):
-            pose = compose(robot, np.array(scans[number].mount))
-            scans[number] = replace(scans[number], pose=Pose(*pose.tolist()))
+        late = Repairs(late=path.late(lags)).sentences()
+        notes += [*fan, *Repairs(mirrored=mirrored).sentences(), *late]
+        for number, scan, robot in zip(numbers, own, path.at(places - lags), strict=True):
+            pose = compose(robot, np.array(scan.mount))
+            scans[number] = replace(scan, pose=Pose(*pose.tolist())) if late else scan
     return replace(log, scans=scans, notes=tuple(notes))
 
 
@@ -119,7 +128,11 @@ def map_scans(
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
-    run = run_of(log.name, [(scan,) for scan in scans], poses, maps)
+    # Scans of several lasers at one moment stay those of their lasers.
+    joint = replace(log, scans=scans, wheels=None).of_moments()
+    moments = joint.parts or [(scan,) for scan in scans]
+    poses = joint.poses if joint.parts else poses
+    run = run_of(log.name, moments, poses, {len(moments) - 1: list(maps.values())[-1]})
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
@@ -190,11 +203,11 @@ def solve_log(
     if path.stands:
         # Odometry that never moves counts as missing.
         log = replace(log, placed=False)
-    try:
-        recording, turns = _right_handed(recording, offset)
-    except InputError as error:
-        raise InputError(f"{log.name}: {error}") from None
-    scans, places = recording.scans, recording.places
+    places = recording.places
+    scans, turns, mirrored, fan = _agreeing(
+        log, recording.scans, ScanConverter(offset), path, places
+    )
+    log = replace(log, notes=(*log.notes, *fan))
     for name, pairs in (("close", close), ("apart", apart)):
         none = isinstance(pairs, tuple | list) and not pairs
         for one, other in [] if none else as_rows(pairs, f"slam: {name}", 2).tolist():
@@ -250,7 +263,9 @@ def solve_log(
     lines = line_poses(path, places, lags, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
     jumps = recording.repairs.odometry_jumps + sum(scan.jumped for scan in slam.tracked)
-    repairs = replace(recording.repairs, late=path.late(lags), odometry_jumps=jumps)
+    repairs = replace(
+        recording.repairs, late=path.late(lags), odometry_jumps=jumps, mirrored=mirrored
+    )
     check_ = slam.self_check() if both is None else both.check
     lag = float(lags.mean())
     return SolvedLog(log, slam, scans, poses, lines, lag, repairs, check_, passes, both)
@@ -315,13 +330,56 @@ def _checked(log: LaserLog) -> Recording:
     return recording
 
 
-def _right_handed(recording: Recording, offset: float) -> tuple[Recording, Float]:
-    """A recording whose laser turns as the odometry does, and the turns that its scans show."""
-    scans, path = recording.scans, recording.path
-    turns = turns_between(ScanConverter(offset), scans, path, recording.places)
-    if not is_mirrored(turns, path, recording.places):
-        return recording, turns
-    # The order of the beams in time is lost with that of their angles.
-    scans = [replace(scan, ranges=scan.ranges[::-1], time_increment=0.0) for scan in scans]
-    repairs = replace(recording.repairs, mirrored=True)
-    return replace(recording, scans=scans, repairs=repairs), -turns
+def _agreeing(
+    log: LaserLog, scans: list[LaserScan], converter: ScanConverter, path: WheelPath, places: Int
+) -> tuple[list[LaserScan], Float, bool, list[str]]:
+    """Scans (k,) that turn as the odometry does, their turns, whether they were mirrored, notes.
+
+    They keep their fan unless one that the log may mean fits clearly better.
+    """
+    wheels = np.abs(np.diff(path.at(places)[:, 2]))
+
+    def misfit(turns: Float) -> float:
+        known = np.isfinite(turns) & (wheels > LEAST_TURN)
+        if known.sum() < LEAST_PAIRS:
+            return np.inf
+        return abs(float(np.median(np.abs(turns[known]) / wheels[known])) - 1.0)
+
+    try:
+        turns, notes = turns_between(converter, scans, path, places), list[str]()
+        fitting = 0.1  # Share of turns by which those of scans over the right fan may be off.
+        own, wide = misfit(turns), float(np.ptp(scans[0].angles))
+        fans = [(own / CLEARLY, scans, turns, notes)]
+        for first, last in log.fans:
+            # Its turns would differ from those of the odometry by more than that.
+            if own < 0.5 * abs(1.0 - wide / (last - first)):
+                continue
+            check()
+            angles = sealed(np.linspace(first, last, len(scans[0].angles)))
+            note = f"beams from {degrees(first):.4g}° to {degrees(last):.4g}°, as the scans turn"
+            other = [
+                replace(scan, angles=angles if len(angles) == len(scan.angles)
+                        else np.linspace(first, last, len(scan.angles)))
+                for scan in scans
+            ]  # fmt: skip
+            turned = turns_between(converter, other, path, places)
+            fans.append((misfit(turned), other, turned, [note]))
+        least, scans, turns, notes = min(fans, key=lambda fan: fan[0])
+        if notes and least > fitting:
+            raise InputError(
+                "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
+                " it, such as --format '-, ranges*682, x, y, theta, first=-120deg, last=120deg'"
+            )
+        mirrored = is_mirrored(turns, path, places)
+    except InputError as error:
+        raise InputError(f"{log.name}: {error}") from None
+    if mirrored:
+        # The order of the beams in time is lost with that of their angles.
+        angles_of = {id(scan.angles): sealed(-scan.angles[::-1]) for scan in scans}
+        scans = [
+            replace(scan, angles=angles_of[id(scan.angles)], ranges=scan.ranges[::-1],
+                    time_increment=0.0)
+            for scan in scans
+        ]  # fmt: skip
+        turns = -turns
+    return scans, turns, mirrored, notes

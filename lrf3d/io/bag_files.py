@@ -8,6 +8,7 @@ limit: a few kilobytes may unpack to gigabytes.
 import bz2
 import io
 import re
+import shutil
 import sqlite3
 import sys
 import tempfile
@@ -17,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, one_line
 from lrf3d.files import check_ordinary
 from lrf3d.interrupts import check
 
@@ -55,8 +56,9 @@ def bag_files(path: Path) -> list[Path]:
     for ending in FILES:
         if files := [part for part in parts if ending in part.suffixes[-2:]]:
             return sorted(files, key=lambda file: (len(file.name), file.name))
-    known = ", ".join(FILES)
-    raise InputError(f"{path}: a folder without {known} or run.npz, expected a log")
+    known, there = ", ".join(FILES), one_line(", ".join(part.name for part in parts), 90)
+    found = f" ({there})" if there else ""
+    raise InputError(f"{path}: a folder without {known} or run.npz{found}, expected a log")
 
 
 def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
@@ -70,13 +72,13 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
             head = file.read(len(SQLITE))
         if head == SQLITE:
             try:
-                yield from _of_sqlite(Path(file.name))
+                yield from _of_sqlite(Path(file.name), note)
             except sqlite3.DatabaseError as error:
                 raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
             return
         is_mcap = head.startswith(MCAP)
         if not is_mcap and not head.startswith(OLD):
-            raise InputError("none of a known kind")
+            raise InputError("none of a known kind" if head else "an empty file")
         end = file.seek(0, 2)
         if is_mcap:
             file.seek(max(end - len(MCAP), 0))
@@ -143,10 +145,20 @@ def _unpack(path: Path, whole: Any) -> None:
     whole.seek(0)
 
 
-def _of_sqlite(path: Path) -> Iterator[Packet]:
-    # Nothing is written beside the file.
-    uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
-    with closing(sqlite3.connect(uri, uri=True)) as database:
+def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
+    # Nothing is written beside the file. What a killed recorder left in its journal is read from
+    # copies, since SQLite moves it into the file.
+    journal = path.with_name(f"{path.name}-wal")
+    with ExitStack() as stack:
+        uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+        if journal.is_file() and journal.stat().st_size:
+            note(f"{path.name} was not closed: what is whole in {journal.name} was read, too")
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            for part in (path, journal):
+                check()
+                shutil.copyfile(part, folder / part.name)
+            uri = (folder / path.name).as_uri()
+        database = stack.enter_context(closing(sqlite3.connect(uri, uri=True)))
         names = "SELECT name FROM sqlite_master WHERE type = 'table'"
         if not {("topics",), ("messages",)} <= set(database.execute(names)):
             raise InputError("without tables of topics and messages")

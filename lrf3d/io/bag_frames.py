@@ -49,10 +49,11 @@ class Track:
     def add_pose(self, place: Any, turn: Any, *stamp: int) -> None:
         """Add a position and a quaternion at a time, in any order."""
         row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-        # In this order the comparisons refuse NaN as well.
+        # In this order the comparisons refuse NaN as well. Mounts are typed as 0.7 0.7, but a
+        # heading written in place of a quaternion's z is no rotation.
         if not (
             all(abs(value) <= LARGEST_COORDINATE for value in row)
-            and 0.5 < math.hypot(*row[3:]) < 2.0
+            and abs(math.hypot(*row[3:]) - 1.0) < 0.02
         ):
             raise InputError(f"pose {row}: expected numbers and a unit quaternion")
         self.add(*stamp)
@@ -66,10 +67,13 @@ class Track:
     @property
     def is_frozen(self) -> bool:
         """Whether the sender has no clock: all of several messages, or moves, have one stamp."""
-        if len(self) < 3 or np.ptp(self.stamps[0]):
-            return False
+        return len(self) > 2 and not np.ptp(self.stamps[0]) and not self.stands
+
+    @property
+    def stands(self) -> bool:
+        """Whether it holds poses that are all the same, as those of a mount are."""
         rows = np.array(self._rows).reshape(-1, 7)
-        return not len(rows) or bool((rows != rows[0]).any())
+        return len(rows) > 0 and bool((rows == rows[0]).all())
 
     def ahead(self) -> float:
         """How far the sender's clock is ahead of the recorder's [ns], by the median."""
@@ -120,11 +124,11 @@ class Motion:
     def at(self, times: Int) -> Float:
         """Its poses (k, 4, 4) at times (k,) [ns], interpolated linearly between two stamps.
 
-        They are unknown before the first stamp and after the last; those of a static frame never
-        change.
+        They are unknown before the first stamp and after the last; those of a frame that never
+        moves are always the same.
         """
         first, last = self.times[[0, -1]]
-        if self.is_static or len(self.times) == 1:
+        if not self.moves:
             matrices = np.tile(_matrices(self.rows[:1]), (len(times), 1, 1))
         else:
             # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
@@ -132,11 +136,9 @@ class Motion:
             between = np.column_stack([np.interp(asked, own, each) for each in self.rows.T[:3]])
             turns = Slerp(own, Rotation.from_quat(self.rows[:, 3:]))(asked)
             matrices = _matrices(np.column_stack([between, turns.as_quat()]))
-        if not self.is_static:
             matrices[(times < first) | (times > last)] = np.nan
-        # Poses are unknown in a gap of this time [ns] and of this factor of the usual interval.
-        gap, gaps = 1e9, 5.0
-        if self.moves:
+            # Poses are unknown in a gap of this time [ns] and of this factor of the usual interval.
+            gap, gaps = 1e9, 5.0
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times

@@ -40,6 +40,8 @@ class Stream:
     frame: str
     scans: list[LaserScan] = field(default_factory=list)
     track: Track = field(default_factory=Track)
+    fans: tuple[tuple[float, float], ...] = ()
+    note: str = ""
 
     @property
     def words(self) -> str:
@@ -49,6 +51,18 @@ class Stream:
     def add(self, message: Any, *stamp: int) -> None:
         """Add a message; an error says why it cannot be used."""
         scan = LaserScan.from_ros(message)
+        first, last = scan.angles[[0, -1]].tolist()
+        low, high, step = message.angle_min, message.angle_max, message.angle_increment
+        # How far the last bearing may differ from what the message says [rad]: two beams, or .01.
+        apart = abs(high - last) > max(0.01, 2.0 * abs(step))
+        if not abs(step * (len(scan.angles) - 1) - (last - first)) < 0.01:
+            self.note = f"the angle_increment of {self.topic} contradicts its angle_min and"
+            self.note += " angle_max: beams lie evenly between these"
+        elif apart and high and abs(high - low) <= 2.1 * np.pi:
+            self.note = (
+                f"the beams of {self.topic} end at {last:.3g} rad, its angle_max is {high:.3g}"
+            )
+            self.fans = ((low, high),)
         # A range finder whose range_max is infinite does not measure such ranges either.
         scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
         if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
@@ -155,7 +169,13 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
         notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
     if robot.coarse:
         notes.append(robot.coarse)
-    if len(used) > 1:
+    if robot.unused:
+        notes.append(
+            f"odometry from {robot.source}, not from {one_line(', '.join(robot.unused), 90)}"
+        )
+    first, *others = used.values()
+    notes += dict.fromkeys(each.note for each in used.values() if each.note)
+    if others:
         notes.append("lasers: " + ", ".join(each.words for each in used.values()))
     scans = [s for each in used.values() for s in robot.placed(each)]
     if not scans:
@@ -164,6 +184,7 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
         sorted(scans, key=lambda scan: scan.time),
         source=robot.words if robot.source else f"none: {there}",
         placed=bool(robot.source),
+        fans=first.fans * (not others),
     )
 
 
@@ -216,11 +237,14 @@ class _Robot:
         driven = [topic for topic in drives if contents.children[topic]]
         if not driven and drifting and any(moves[: chain.index(drifting)]):
             driven = [drifting]
-        odom = (driven or drives)[:1]
-        sources = {"truth": truths[:1], "tf": chain[-1:] if any(moves[:-1]) else [], "odom": odom}
+        odom, *self.unused = driven or drives or [""]
+        truth, tree = "".join(truths[:1]), chain[-1] if any(moves[:-1]) else ""
+        sources = {"truth": truth, "tf": tree, "odom": odom}
         self.there = [name for name, found in sources.items() if found]
         name = self.there[0] if wanted == "auto" and self.there else wanted
-        self.source = sources.get(name, [])[0] if name in self.there else ""
+        self.source = sources.get(name, "")
+        if self.source != odom:
+            self.unused = []
         self._base, self.words = self._carrier()
 
     def _own(self, contents: Contents) -> list[str]:
@@ -240,9 +264,10 @@ class _Robot:
             if not foreign and not any(word in name for word in aims):
                 own.append(name)
 
-        def rank(name: str) -> tuple[bool, int, bool, str]:
-            linked = frames.carries(contents.children[name], frame)
-            return not linked, -len(commonpath([name, topic])), basename(name) != DRIFTING, name
+        def rank(name: str) -> tuple[bool, bool, int, bool, str]:
+            linked, fused = frames.carries(contents.children[name], frame), "filtered" in name
+            near, usual = len(commonpath([name, topic])), basename(name) == DRIFTING
+            return not linked, not fused, -near, not usual, name
 
         return sorted(own, key=rank)
 
@@ -264,16 +289,18 @@ class _Robot:
 
     @property
     def coarse(self) -> str:
-        """That odometry comes much more seldom than scans, in a sentence; "" if it does not."""
-        if self.source not in self._tracks:
+        """That poses come much more seldom than scans, in a sentence; "" if they do not."""
+        track = self._tracks.get(self.source) or self._edges.get(self._base)
+        if not self.source or not track:
             return ""
-        apart, scans = (usual_step(1e-9 * track.times(self.part)[0])
-                        for track in (self._tracks[self.source], self._stream.track))  # fmt: skip
+        apart, scans = (usual_step(1e-9 * each.times(self.part)[0])
+                        for each in (track, self._stream.track))  # fmt: skip
         # Intervals [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
         if not scans or apart < max(0.3, 3.0 * scans):
             return ""
         return (
-            f"poses of {self.source} are {apart:.2g} s apart: interpolated for scans between them"
+            f"poses of {self.words.partition(',')[0]} are {apart:.2g} s apart: interpolated for"
+            " scans between them"
         )
 
     def doubt(self) -> str:
@@ -281,7 +308,7 @@ class _Robot:
         if self.part.by_receipt:
             return ""
         chain = self._frames.chain(self._stream.frame)
-        tracks = {f"/tf of {frame}": self._edges[frame] for frame in chain if frame in self._edges}
+        tracks = {f"/tf of {k}": track for k in chain if (track := self._edges.get(k))}
         tracks |= {name: track for name, track in self._tracks.items() if name == self.source}
         tracks = {name: track for name, track in tracks.items() if not track.is_static}
         own = self._stream.track
@@ -292,7 +319,8 @@ class _Robot:
         # a second ahead, and scans some tenths late.
         clocks_apart = 2e9
         for name, track in tracks.items():
-            if abs(apart := own.ahead() - track.ahead()) > clocks_apart:
+            apart = 0.0 if track.stands else own.ahead() - track.ahead()
+            if abs(apart) > clocks_apart:
                 way = "ahead of" if apart > 0 else "behind"
                 return (
                     f"the stamps of {self._stream.topic} are {1e-9 * abs(apart):.3g} s {way} {name}"

@@ -79,19 +79,18 @@ def _wanted(
     intake: Intake, scan_topic: str | None, topics: set[Topic]
 ) -> Iterator[tuple[Topic, int, bytes]]:
     """The messages of the types that are read; scans of one topic alone, if it is given."""
-    for file in bag_files(intake.path):
+    files = bag_files(intake.path)
+    for file in files:
         try:
             for topic, received, data in packets(file, intake.notes.append):
                 topics.add(topic)
                 unwanted = topic.kind in SCANS and scan_topic not in (None, topic.name)
                 if data is not None and topic.kind in TYPES and not unwanted:
                     yield topic, received, unpacked("zstd" if data.startswith(ZSTD) else "", data)
-        except InputError as error:
-            raise InputError(f"{intake.path}: not a ROS bag or damaged: {error}") from None
         except Exception as error:
             # A damaged file may raise any exception; what comes before is whole.
-            if not topics:
-                found = f"not a ROS bag or damaged ({_short(error)})"
+            if not topics and file == files[-1]:
+                found = f"not a ROS bag or damaged: {_short(error)}"
                 raise InputError(f"{intake.path}: {found}") from None
             intake.notes.append(f"{file.name} is damaged ({_short(error)}): read up to there")
 

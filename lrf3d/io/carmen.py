@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
 from math import degrees, inf, isfinite, pi, radians
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
+from lrf3d.geometry import LARGEST_COORDINATE, Float, wrap_angle
+from lrf3d.io.fans import even_angles, front_fan
 from lrf3d.io.laser_log import (
     A_MESSAGE,
     LARGEST_RANGE,
@@ -108,7 +108,7 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     not_numbers = sum(row.not_numbers for row in reading.rows)
     log = intake.log(
         scans, wheels=wheels, not_numbers=not_numbers, placed=reading.placed,
-        source="as logged" if reading.placed else "none",
+        source="as logged" if reading.placed else "none", fans=reading.fans,
     )  # fmt: skip
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
 
@@ -257,6 +257,7 @@ class _Reading:
     def __init__(self, intake: Intake) -> None:
         self._intake, self.rows, self._counts = intake, list[_Row](), Counter[int]()
         self.offset, self.placed, self._pose = 0.0, False, CENTRE
+        self.fans: tuple[tuple[float, float], ...] = ()
         self._kinds = dict[int, tuple[bytes, int]]()
         self.stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
@@ -330,6 +331,13 @@ class _Reading:
         counts = {len(r.scan.ranges) for r in self.rows if self._kinds[r.laser][0] in without_fan}
         if unusual := ", ".join(map(str, sorted(counts - usual))):
             notes.append(f"scans of {unusual} beams assumed to be 180° wide, as these messages are")
+        # Angles between the first beam and the last that fans may have beside this one [°]; those
+        # of usual counts are half a turn or a whole one.
+        wide = (240, 270, 360) if unusual else (360,)
+        for angle in wide if len(counts) == 1 else ():
+            count = max(counts)
+            start, step = front_fan(count, radians(angle))
+            self.fans += ((start, start + step * (count - 1)),)
         mounts = {laser: self._mount(laser) for laser in numbers}
         first = numbers[0]
         if len(numbers) == 1 or mounts[first] is None:
@@ -381,17 +389,3 @@ class _Reading:
                 later = np.diff(np.maximum.accumulate(times), prepend=-inf) > 0.0
                 tracks[name] = Trajectory(times[later], poses[later])
         return tracks
-
-
-def front_fan(count: int) -> tuple[float, float]:
-    """First angle and step [rad] of a FLASER message's beams.
-
-    An odd fan reaches both −90° and +90°; an even one leaves +90° out.
-    """
-    return -0.5 * pi, pi / (count - 1) if count % 2 else pi / count
-
-
-@lru_cache(maxsize=4)
-def even_angles(count: int, start: float, step: float) -> Float:
-    """Angles (count,) [rad] of a message's beams; successive scans share the array."""
-    return sealed(np.asarray(start + step * np.arange(count), dtype=np.float64))

@@ -68,6 +68,7 @@ class LaserLog(Value):
         notes: What was assumed, and what was left out, a sentence each.
         placed: Whether the poses of the scans are known.
         parts: For each scan those of the lasers from which it was made; empty if there is one.
+        fans: First and last bearings [rad] that beams may have instead, where these are assumed.
     """
 
     name: str
@@ -80,6 +81,7 @@ class LaserLog(Value):
     notes: tuple[str, ...] = ()
     placed: bool = True
     parts: tuple[tuple[LaserScan, ...], ...] = ()
+    fans: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if getattr(self, "placed", True):
@@ -115,8 +117,12 @@ class LaserLog(Value):
         """Which scans (k,) are the odd ones of their laser, counted from 0."""
         odd = np.zeros(len(self), dtype=np.bool_)
         for laser in self.lasers:
-            odd[[k for k, scan in enumerate(self.scans) if scan.laser == laser][1::2]] = True
+            odd[np.flatnonzero(self.is_of(laser))[1::2]] = True
         return odd
+
+    def is_of(self, name: str) -> Bool:
+        """Which scans (k,) are those of a laser."""
+        return np.array([scan.laser == name for scan in self.scans], dtype=np.bool_)
 
     def of_laser(self, name: str) -> "LaserLog":
         """The log with the scans of one laser; the others are counted in a note."""
@@ -310,26 +316,29 @@ class Intake:
 def without_no_returns(
     scans: Sequence[LaserScan], limit: float | None = None
 ) -> tuple[list[LaserScan], str]:
-    """The scans of a laser with +inf for readings that mean no return, and a sentence on these.
+    """The scans of a laser with ±inf for readings that mean no return, and a sentence on these.
 
     They are those from the limit on, if it is given; else those of the largest reading, if it
     stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
     met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
-    the robot.
+    the robot. So are those of the smallest reading, which others write; these are −inf.
     """
-    note = ""
-    if limit is None:
-        if (limit := _usual_no_return(scans)) == np.inf:
-            return list(scans), ""
-        note = f"readings from {limit:.4g} m on mean no return; --largest-range sets another limit"
-    return [
-        replace(scan, ranges=np.where(scan.ranges >= limit, np.inf, scan.ranges)) for scan in scans
-    ], note
+    far, said = limit or _usual_no_return([scan.ranges for scan in scans]), list[str]()
+    if limit is None and far < np.inf:
+        said = [f"readings from {far:.4g} m on mean no return; --largest-range sets another limit"]
+    if (near := -_usual_no_return([-scan.ranges for scan in scans])) > -np.inf:
+        said.append(f"readings up to {near:.4g} m mean no return")
+    if max(near, -far) == -np.inf:
+        return list(scans), ""
+    changed = [np.where(scan.ranges <= near, -np.inf, scan.ranges) for scan in scans]
+    changed = [np.where(ranges >= far, np.inf, ranges) for ranges in changed]
+    found = [replace(s, ranges=ranges) for s, ranges in zip(scans, changed, strict=True)]
+    return found, ", ".join(said)
 
 
-def _usual_no_return(scans: Sequence[LaserScan]) -> float:
+def _usual_no_return(scans: Sequence[Float]) -> float:
     """The least reading [m] that means no return, if the largest one stands out; else +inf."""
-    finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
+    finite = [ranges[np.isfinite(ranges)] for ranges in scans]
     largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
     # The largest range stands out if it is read this many times as often (the second number) as all
     # ranges within a distance [m] below it (the first). A wall at the end of a corridor does not:
@@ -344,7 +353,7 @@ def _usual_no_return(scans: Sequence[LaserScan]) -> float:
     least = max(least_readings, least_share * sum(map(len, finite)))
     if most < least or most < crowded * (len(near) - most):
         return np.inf
-    without = [np.isfinite(scan.ranges) & (scan.ranges > largest - equal) for scan in scans]
+    without = [np.isfinite(ranges) & (ranges > largest - equal) for ranges in scans]
     # Share of these readings next to another one: open space is seen by several adjacent beams, but
     # a robot at rest reads the corner of a room again and again.
     beside = 0.3

@@ -43,7 +43,10 @@ class Stamp:
 
 
 def read_ros_scan(message: Any) -> dict[str, Any]:
-    """The arguments of a LaserScan, except its pose, of a message or of nested dicts."""
+    """The arguments of a LaserScan, except its pose, of a message or of nested dicts.
+
+    Where the step of the beams cannot be, or runs against their ends, they lie evenly between.
+    """
     try:
         low, step, increment, range_min, range_max = (
             float(field_of(message, name))
@@ -54,19 +57,25 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
         intensities = np.asarray(field_of(message, "intensities", ()), dtype=np.float64)
         stamp = field_of(field_of(message, "header"), "stamp")
         time = Stamp(int(field_of(stamp, "sec")), int(field_of(stamp, "nanosec"))).seconds
+        wide = float(field_of(message, "angle_max", math.nan)) - low
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"message is not a sensor_msgs/LaserScan ({error})") from None
     count = len(ranges) if ranges.ndim == 1 else 0
     if count == 0:
         raise InputError("scan without ranges")
     # At most a full turn, with room for rounding.
-    wide = abs(step) * (count - 1)
-    if not (math.isfinite(low) and wide <= 2.1 * math.pi and (step or count == 1)):
+    turn = 2.1 * math.pi
+    possible = count == 1 or 0.0 < abs(step) * (count - 1) <= turn
+    # Drivers that do not set angle_max leave it at 0.
+    against = step * wide < 0.0 and low + wide != 0.0
+    if 0.0 < abs(wide) <= turn and (against or not possible):
+        possible, step = True, wide / max(count - 1, 1)
+    if not (math.isfinite(low) and possible):
         beams = f"{count} beams {step:g} rad apart from {low:g} rad"
-        raise InputError(f"scan of {beams}, expected at most a turn")
+        raise InputError(f"scan of {beams}, expected at most a turn, in radians")
     angles: Float = low + step * np.arange(count, dtype=np.float64)
     # Some drivers do not say how far their laser sees.
-    range_max = range_max or math.inf
+    range_max = math.inf if range_max == 0.0 or math.isnan(range_max) else range_max
     return {
         "angles": angles,
         "ranges": within_limits(ranges, range_min, range_max),

@@ -17,6 +17,7 @@ import shapely
 from lrf3d.errors import WorldError
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark
+from lrf3d.world.layers import rename
 
 # It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
 with redirect_stdout(StringIO()):
@@ -65,6 +66,7 @@ def draw(path: Path, scale: float) -> Canvas:
     if (layout := next(filled, None)) is not None:
         with redirect_stdout(StringIO()):
             _Walker(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+    rename(canvas, file.encoding)
     return canvas
 
 

@@ -7,23 +7,22 @@ Elsewhere a leaf and its quarter arc are a door that stands open, and rows of sm
 text. What has a thickness is two faces.
 """
 
-import re
 import warnings
 from collections import Counter
 from collections.abc import Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
-from unicodedata import combining, normalize
 
 import numpy as np
 import shapely
 
-from lrf3d.errors import Lrf3dNote, WorldError
+from lrf3d.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
-from lrf3d.world.annotations import THICKEST_WALL
+from lrf3d.world.annotations import THICKEST_WALL, plans_apart
 from lrf3d.world.drawing import Drawing, Mark, is_area
+from lrf3d.world.layers import role_of
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
 from lrf3d.world.symbols import SIDE, Door, Strokes, cleared, find_doors, find_leaves, symbols
@@ -38,76 +37,11 @@ THICKEST, PALE = 0.6, 0.25
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
 below which one that parts a dark wall is a doorway."""
 
+MOST_PLANS = 10
+"""Number from which on parts that stand apart are no plans of one sheet."""
+
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
-
-WORDS = {
-    "annotation": (
-        "anno text txt teks dim bemass cota acot quot wymi maatv misure note tag symb simb"
-        " title titl titul titel ttlb legend leyend label schrift beschrift etiquet rotul testo"
-        " testi texto scritt opis cajetin cartigl cartouch tabel stempel iden grid raster stramien"
-        " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
-        " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
-        " podzial masstab schaal flooring tile paving pavim fliese"
-        " fluchtweg rettungsplan evac egress landscap plnt parket parquet carpet projec ovhd"
-        " текст размер штрих оси штамп легенд масштаб"
-        " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
-    ),
-    "furniture": (
-        "furn eqpm equip fitting mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
-        " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
-        " stair strs trepp trap escal schod scala scale мебел лестн 家具 洁具 楼梯 가구"
-    ),
-    "wall": (
-        "wall wand waend wande mauer mur muro mura muri pared paret peret cloison tabique tramezz"
-        " alvenar scian sten stena seina vagg vegg væg duvar dinding zid fal"
-        " стен τοιχ קיר جدار 墙 牆 壁 벽"
-    ),
-    "window": (
-        "glaz glass window fenet fenster ventan finestr serrament infiss janela raam ramen kozijn"
-        " okn pencere ikkun fonster vindu ablak jendela fereastr окн παραθ חלון نافذ 窗 窓 창"
-    ),
-    "door": (
-        "door porte porta puert tur turen tuer tueren deur drzwi dver vrata kapi kapı ovi ovet dorr"
-        " dør ajto pintu двер πορτ דלת باب 门 門 扉 ドア 문"
-    ),
-    # Windows and doors have frames, too.
-    "sheet": (
-        "frame rahmen cadre marco ramk kader squadr cornice sheet nord north norte noord polnoc"
-        " рамк север"
-    ),
-}
-"""Beginnings or ends of words in names, by what a layer holds; the first that fits counts."""
-
-_KNOWN = {
-    role: ["".join(c for c in normalize("NFKD", part) if not combining(c)) for part in text.split()]
-    for role, text in WORDS.items()
-}
-NOT_DOORS = ("indoor", "outdoor", "ovid")
-
-
-def role_of(*names: str) -> str:
-    """The role that the first recognised name gives: a key of WORDS, or ``other``.
-
-    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("L-PLNT")
-    ('wall', 'door', 'furniture', 'annotation')
-    """
-    for name in names:
-        plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
-        # Matplotlib draws all that it draws in "axes_1".
-        words = set(re.findall(r"[^\W\d_]+", re.sub(r"^axes_\d+$", "", plain))) - set(NOT_DOORS)
-        for role, known in _KNOWN.items():
-            if any(_means(word, part) for word in words for part in known):
-                return "annotation" if role == "sheet" else role
-    return "other"
-
-
-def _means(word: str, part: str) -> bool:
-    if not part.isascii():
-        return part in word
-    # Short beginnings are those of many words: all but a plural.
-    short = len(part) < 4 and len(word) > len(part) + 1
-    return word.endswith(part) or (word.startswith(part) and (not short or part == "dim"))
 
 
 class Layer(NamedTuple):
@@ -155,6 +89,17 @@ class Plan(NamedTuple):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
+        plans = plans_apart(world.segments)
+        # More are the houses of a town.
+        if 1 < len(plans) < MOST_PLANS:
+            each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
+            warnings.warn(
+                f"{path}: {len(plans)} plans stand apart ({', '.join(each)}), and a route is"
+                " planned in one: --set robot.start=[x,y,0] chooses it, --layers and --page what"
+                " is read; `lrf3d world show` draws them",
+                Lrf3dWarning,
+                stacklevel=4,
+            )
         return world
 
 
@@ -210,6 +155,7 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
         segments[~stands],
         _listed(marks, layered),
         ", ".join(words),
+        drawing.said,
     )
 
 

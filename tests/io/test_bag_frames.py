@@ -76,7 +76,7 @@ def test_a_fixed_joint_that_is_published_repeatedly_is_no_drive(tmp_path):
 def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     broken = scan(0.5)
-    broken.angle_increment = 0.0
+    broken.angle_min = np.nan
     bag = write(tmp_path / "bag", mounted(), *moves, *scans(0.5, 1.5), ("/scan", 0.6, SCAN, broken))
     log = load_log(bag)
     assert len(log) == 1 and log.bad_count == 2
@@ -154,7 +154,7 @@ def test_a_message_that_is_cut_off_is_counted_and_named(tmp_path):
 
 def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
     broken = scan(0.5)
-    broken.angle_increment = 0.0
+    broken.angle_min = np.nan
     bag = write(tmp_path / "bag", *wheels(3), ("/scan", 0.5, SCAN, broken))
     with pytest.raises(InputError, match=r"no scan on /scan .*first message 2: .*at most a turn"):
         load_log(bag)
@@ -163,9 +163,11 @@ def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
 def test_a_transform_whose_quaternion_is_not_a_rotation_is_not_used(tmp_path):
     zero = transform(0.0, "odom", "base_link", turn=(0, 0, 0, 0))
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
-    bag = write(tmp_path / "bag", mounted(), ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
+    turned = mounted(turn=(0, 0, 0.7, 0.7))
+    bag = write(tmp_path / "bag", turned, ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
     log = load_log(bag)
     assert log.bad_count == 1 and "unit quaternion" in str(log.bad_lines[0])
+    assert log.poses[0, 2] == pytest.approx(np.pi / 2)
 
 
 def test_the_first_parent_of_a_frame_counts(tmp_path):

@@ -1,5 +1,9 @@
 """Bags as robots write them: several robots and lasers, clocks that differ, files that are cut."""
 
+import shutil
+import sqlite3
+from contextlib import closing
+
 import numpy as np
 import pytest
 from bags import STORE, header, odometry, of_scan, scan, scans, transform, wheels, write
@@ -12,6 +16,8 @@ from lrf3d.io import load_log
 from lrf3d.io.bag_poses import ECHOES, ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
+
+RISING = np.linspace(1.0, 5.0, 41)
 
 HALF = (0, 0, 1, 0)
 """The quaternion of half a turn."""
@@ -193,6 +199,65 @@ def test_of_several_echoes_the_first_counts(tmp_path):
     message = "/echoes", 0.5, ECHOES, made(STORE, ECHOES, fields)
     [found] = load_log(write(tmp_path / "bag", *wheels(3), message)).scans
     assert found.ranges.tolist() == [1.0, 2.0, np.inf]
+
+
+@pytest.mark.parametrize("step", [-0.05, 0.0, np.nan, 3.0, 0.025])
+def test_a_step_that_contradicts_the_ends_of_the_beams_is_noted(step, tmp_path):
+    def message(t):
+        sent = of_scan(lrf3d.LaserScan((0, 0, 0), np.linspace(-1, 1, 41), RISING, time=t))
+        sent.angle_increment = step
+        return "/scan", t, SCAN, sent
+
+    log = load_log(write(tmp_path / "bag", *wheels(3), message(0.5), message(1.5)))
+    [note] = log.notes
+    assert "angle_max" in note
+    if step == 0.025:
+        # Either may be right: turns decide.
+        assert log.fans == ((-1.0, 1.0),) and np.ptp(log.scans[0].angles) == pytest.approx(1.0)
+    else:
+        assert log.scans[0].angles == pytest.approx(np.linspace(-1, 1, 41))
+
+
+def test_a_mount_that_is_published_once_holds_at_all_times(tmp_path):
+    stamp = "/tf", 0.1, TRANSFORMS, transform(0.0, "base_link", "laser", (0.2, 0, 0))
+    for storage in ("MCAP", "SQLITE3"):
+        bag = write(tmp_path / storage, stamp, *wheels(2003), *scans(2000.5), storage=storage)
+        assert load_log(bag).poses == pytest.approx(np.array([[2000.7, 0, 0]]))
+
+
+def test_filtered_odometry_comes_before_that_of_wheels(tmp_path):
+    drifting = driven("/drive/odom", "base_link", 5.0)
+    right = driven("/odometry/filtered", "base_link", 1.0)
+    log = load_log(write(tmp_path / "bag", *drifting, *right, *scans(0.5)))
+    assert log.poses[:, 1].tolist() == [1.0]
+    assert log.notes == ("odometry from /odometry/filtered, not from /drive/odom",)
+
+
+def test_what_a_recorder_did_not_move_from_its_journal_is_read(tmp_path):
+    bag = write(tmp_path / "bag", *wheels(3), *scans(0.5, 1.5), storage="SQLITE3")
+    left = tmp_path / "left"
+    with closing(sqlite3.connect(bag / "bag.db3", isolation_level=None)) as database:
+        for line in (
+            "PRAGMA journal_mode=wal",
+            "CREATE TABLE later AS SELECT * FROM messages",
+            "DELETE FROM messages",
+            "PRAGMA wal_checkpoint(truncate)",
+            "INSERT INTO messages SELECT * FROM later",
+        ):
+            database.execute(line)
+        shutil.copytree(bag, left)
+    before = sorted(path.name for path in left.iterdir())
+    log = load_log(left)
+    assert len(log) == 2 and "bag.db3-wal" in log.notes[0]
+    assert sorted(path.name for path in left.iterdir()) == before
+
+
+def test_of_several_files_damaged_ones_are_left_out(tmp_path):
+    bag = write(tmp_path / "bag", *wheels(3), *scans(0.5))
+    for name in ("bag_0.mcap", "z.mcap"):
+        (bag / name).write_bytes(b"")
+    log = load_log(bag)
+    assert len(log) == 1 and [note.split()[0] for note in log.notes] == ["z.mcap", "bag_0.mcap"]
 
 
 def test_odometry_that_comes_seldom_is_said_to_be_interpolated(tmp_path):

@@ -37,6 +37,17 @@ def test_ranges_of_walls_are_kept(ranges):
     assert all(a.ranges.tolist() == b.ranges.tolist() for a, b in zip(scans, kept, strict=True))
 
 
+def test_a_smallest_reading_that_many_adjacent_beams_have_is_no_return():
+    def near(rng):
+        ranges = rng.uniform(1.0, 6.0, 21)
+        ranges[8:12] = 0.12
+        return ranges
+
+    scans, note = without_no_returns(scans_of(np.random.default_rng(0), near))
+    assert note == "readings up to 0.12 m mean no return"
+    assert all((scan.ranges == -np.inf).nonzero()[0].tolist() == [8, 9, 10, 11] for scan in scans)
+
+
 def test_a_log_that_writes_8_metres_for_beams_that_met_nothing(tmp_path):
     path, rng = tmp_path / "short.log", np.random.default_rng(0)
     with path.open("w") as file:

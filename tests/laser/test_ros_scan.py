@@ -99,8 +99,8 @@ def test_beams_that_are_not_evenly_spread_are_refused():
 @pytest.mark.parametrize(
     ("field", "value", "said"),
     [
-        ("angle_increment", 0.0, "apart"),
-        ("angle_increment", 100.0, "apart"),
+        ("angle_min", np.nan, "apart"),
+        ("angle_min", np.inf, "apart"),
         ("range_max", -1.0, "range_max"),
         ("range_max", "far", "LaserScan"),
         ("ranges", None, "without ranges"),
