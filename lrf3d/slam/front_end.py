@@ -141,14 +141,16 @@ class FrontEnd:
                 # Wheels that slip go on, and few beams show it by several scans alone.
                 expected = expected._replace(doubtful=np.inf, other=coasting)
         placed = self._placed(scan, expected)
-        far, jumped = self._is_far(expected.step, since), False
+        # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
+        faster, beyond, jumped = 2.0, 0.25, False
+        far = (np.array(size_of(expected.step)) > faster * self._speeds * since + beyond).any()
         if increment is not None and (far or not placed.accepted):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
             other = self._placed(scan, coasting)
             better = self._worth(other, coasting) + CLEARLY >= self._worth(placed, expected)
-            jumped = better and (far or other.match.explained > CERTAIN_SHARE)
+            jumped = bool(better and (far or other.match.explained > CERTAIN_SHARE))
             if jumped:
                 expected, placed, increment = coasting, other, None
         match, accepted, still, self._contradicted = placed
@@ -185,12 +187,6 @@ class FrontEnd:
         self.pose = pose
         self._recent.append((pose, self.surface))
         return Tracked(pose, information, accepted, match.deviation, covariance, jumped)
-
-    def _is_far(self, step: Float, since: float) -> bool:
-        """Whether a step (3,) of the wheels is far larger than those of the robot in a time [s]."""
-        # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
-        faster, beyond = 2.0, 0.25
-        return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
 
     def _worth(self, placed: Placed, expected: Prediction) -> float:
         """The evidence for a scan where it was placed by a prediction."""
@@ -299,10 +295,6 @@ class FrontEnd:
         length, turn = size_of(between(self._keys[-1].pose, self.pose))
         return length >= self.key_distance or turn >= KEY_TURN
 
-    def key(self, scan: Key) -> Key:
-        """The scan that was just placed, as a key scan."""
-        return replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
-
     def _walls(self) -> Records:
         """The walls that the last scan and some scans before saw, in the frame of the last one.
 
@@ -313,8 +305,9 @@ class FrontEnd:
         parts = [self._recent[k] for k in chosen.tolist()]
         return concatenated(moved(thinned(part), between(self.pose, pose)) for pose, part in parts)
 
-    def add_key(self, key: Key) -> None:
+    def add_key(self, scan: Key) -> Key:
         """Add the scan that was just placed to the local map, as a key scan."""
+        key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
@@ -326,6 +319,7 @@ class FrontEnd:
         self._fans = all_fans(near.fans for near in self._keys)
         local = list(self._keys)[-LOCAL_KEYS:]
         self._map = Submap(local, np.array([near.pose for near in local]))
+        return key
 
 
 def refined(
