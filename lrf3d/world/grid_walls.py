@@ -36,13 +36,28 @@ def parts_of(cells: Bool) -> tuple[Int, int]:
     return np.asarray(parts, dtype=np.int64), int(count)
 
 
+def box_of(cells: Bool, margin: int = 0) -> tuple[slice, slice]:
+    """The rows and columns of the box around some cells, with a margin [cells]."""
+    found = (np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0))
+    row, column = (
+        slice(max(int(own[0]) - margin, 0), int(own[-1]) + margin + 1) if len(own) else slice(0)
+        for own in found
+    )
+    return row, column
+
+
 def grown(cells: Bool, radius: float) -> Bool:
     """Which cells are within a radius [cells] of some cells."""
-    # Distances take much time and memory.
-    if radius < 3.0:
+    near, box = np.zeros_like(cells), box_of(cells, int(radius) + 2)
+    if near[box].size:
+        # Distances take much time and memory.
         row, column = np.indices((5, 5)) - 2
-        return np.asarray(binary_dilation(cells, row**2 + column**2 <= radius**2))
-    return np.asarray(distance_transform_edt(~cells) <= radius) if cells.any() else cells
+        near[box] = (
+            binary_dilation(cells[box], row**2 + column**2 <= radius**2)
+            if radius < 3.0
+            else distance_transform_edt(~cells[box]) <= radius
+        )
+    return near
 
 
 def on_border(cells: Any) -> Any:

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 import shapely
 from PIL import Image, ImageDraw
-from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label, maximum
+from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
 from lrf3d.world.annotations import is_frame
 from lrf3d.world.enclosure import closes_rooms
-from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
+from lrf3d.world.grid_walls import box_of, grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
@@ -154,7 +154,8 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
 def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
     """The pixels of coloured parts that touch nothing black or grey, where walls are that."""
     grey = dark & (np.ptp(colours, axis=2) < 64)
-    if _extent(grey) < 0.7 * _extent(dark) or grey.sum() < 0.5 * dark.sum():
+    share = grey.sum() / max(dark.sum(), 1)
+    if share == 1.0 or share < 0.5 or _extent(grey) < 0.7 * _extent(dark):
         return np.zeros_like(dark)
     parts, count = parts_of(dark & ~grey)
     loose = np.ones(count + 1, dtype=bool)
@@ -218,8 +219,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         return np.zeros_like(drawn)
     inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
     parts, count = label(~drawn)
-    radius = maximum(distance_transform_edt(~drawn), parts, np.arange(count + 1))
-    walls = radius < 0.5 * THICKEST * pixels
+    walls = _radii(drawn, parts, count)[1] < 0.5 * THICKEST * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
     return np.asarray(
@@ -324,9 +324,8 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
-    away, most = distance_transform_edt(~dark), 0.5 * THICKEST * pixels
-    radius = np.append(np.inf, maximum(away, parts, np.arange(1, count + 1)))
-    radius[on_border(parts)] = np.inf
+    (away, radius), most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
+    radius[[0, *on_border(parts)]] = np.inf
     area = np.bincount(parts.ravel(), minlength=count + 1)
     # The space in a wall may have a wide place, such as a pier.
     wide, square = np.bincount(parts[away > most], minlength=count + 1), radius**2
@@ -365,8 +364,18 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
 
 def _opened(cells: Bool, radius: float) -> Bool:
     """Which cells are in a disc of a radius [pixels] of such cells."""
-    core = distance_transform_edt(np.pad(cells, 1, mode="edge")) > radius
-    return grown(core, radius)[1:-1, 1:-1] & cells
+    found, box = np.zeros_like(cells), box_of(cells, 1)
+    if (own := cells[box]).size:
+        core = distance_transform_edt(np.pad(own, 1, mode="edge")) > radius
+        found[box] = grown(core, radius)[1:-1, 1:-1] & own
+    return found
+
+
+def _radii(dark: Bool, parts: Any, count: int) -> tuple[Float, Float]:
+    """Distances of cells to dark ones, and the largest of each part; that of the dark one is 0."""
+    away, radius = distance_transform_edt(~dark), np.zeros(count + 1)
+    np.maximum.at(radius, parts, away)
+    return away, radius
 
 
 def _sides(parts: Any) -> Int:
@@ -377,5 +386,4 @@ def _sides(parts: Any) -> Int:
 
 def _extent(cells: Bool) -> float:
     """The larger side [pixels] of the box around some cells."""
-    sides = (np.flatnonzero(cells.any(axis=axis)) for axis in (0, 1))
-    return float(max((np.ptp(side) + 1 for side in sides if len(side)), default=0))
+    return float(max(side.stop - side.start for side in box_of(cells)) if cells.any() else 0)
