@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, distance_transform_edt, label, maximum_filter
+from scipy.ndimage import (
+    binary_dilation,
+    distance_transform_edt,
+    find_objects,
+    label,
+    maximum_filter,
+)
 from scipy.spatial import cKDTree
 
 from lrf3d.errors import WorldError
@@ -44,6 +50,17 @@ def box_of(cells: Bool, margin: int = 0) -> tuple[slice, slice]:
         for own in found
     )
     return row, column
+
+
+def sides_of(parts: Any) -> Int:
+    """Height and width (count, 2) [pixels] of the box around each part."""
+    boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
+    return np.array(boxes, dtype=np.int64).reshape(-1, 2)
+
+
+def extent_of(cells: Bool) -> float:
+    """The larger side [pixels] of the box around some cells."""
+    return float(max(side.stop - side.start for side in box_of(cells)) if cells.any() else 0)
 
 
 def grown(cells: Bool, radius: float) -> Bool:
