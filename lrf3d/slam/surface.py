@@ -118,11 +118,42 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
     return posts
 
 
+class Line(NamedTuple):
+    """A line by a point [m], its unit normal, and the variance of points about it [m²]."""
+
+    x: float
+    y: float
+    nx: float
+    ny: float
+    variance: float
+
+
+@inner
+def _line(points: Records, first: int, last: int) -> Line:
+    """The line through points from a first to a last one; its variance is inf if it is none."""
+    number = last - first + 1
+    mean_x = mean_y = 0.0
+    for k in range(first, last + 1):
+        mean_x += points[k].x / number
+        mean_y += points[k].y / number
+    xx = xy = yy = 0.0
+    for k in range(first, last + 1):
+        dx, dy = points[k].x - mean_x, points[k].y - mean_y
+        xx += dx * dx
+        xy += dx * dy
+        yy += dy * dy
+    root = np.hypot(0.5 * (xx - yy), xy)
+    across, along = 0.5 * (xx + yy) - root, 0.5 * (xx + yy) + root
+    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    variance = np.inf if number < 3 or across > 0.1 * along else across / (number - 2)
+    return Line(mean_x, mean_y, -np.sin(angle), np.cos(angle), variance)
+
+
 @compiled
 def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: float) -> Records:
     """Those of points (n,) that lie on straight walls, with normals, as seen by their laser."""
     found, kept = points.copy(), 0
-    # Largest RMS distance of points from their line [m], its growth per metre beyond `FAR_OFF`,
+    # Largest deviation of points from their line [m], its growth per metre beyond `FAR_OFF`,
     # where hedges serve as walls, and the same in standard deviations of the range noise.
     rms_limit, rms_growth, rms_noise = 0.03, 0.006, 1.5
     for i in range(len(points)):
@@ -130,39 +161,23 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
         away = np.hypot(x, y)
         first = _reach(points, i, -1, away, step, noise)
         last = _reach(points, i, 1, away, step, noise)
-        number = last - first + 1
-        mean_x = mean_y = 0.0
-        for k in range(first, last + 1):
-            mean_x += points[k].x
-            mean_y += points[k].y
-        mean_x, mean_y = mean_x / number, mean_y / number
-        xx = xy = yy = 0.0
-        for k in range(first, last + 1):
-            dx, dy = points[k].x - mean_x, points[k].y - mean_y
-            xx += dx * dx
-            xy += dx * dy
-            yy += dy * dy
-        root = np.hypot(0.5 * (xx - yy), xy)
-        across, along = 0.5 * (xx + yy) - root, 0.5 * (xx + yy) + root
         straight = rms_limit + rms_growth * max(away - FAR_OFF, 0.0)
         straight = max(straight, rms_noise * noise)
-        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-        nx, ny = -np.sin(angle), np.cos(angle)
-        facing = -(nx * x + ny * y)
-        if (
-            number < 3
-            or across > number * straight * straight
-            or across > 0.1 * along
-            or abs(facing) <= FLATTEST * away
-        ):
+        line = _line(points, first, last)
+        if line.variance > straight * straight:
+            # Around a corner only the points on one side lie on the wall.
+            line, after = _line(points, first, i), _line(points, i, last)
+            if after.variance < line.variance:
+                line = after
+        facing = -(line.nx * x + line.ny * y)
+        if line.variance > straight * straight or abs(facing) <= FLATTEST * away:
             continue
-        if facing < 0.0:
-            nx, ny = -nx, -ny
+        sense = 1.0 if facing > 0.0 else -1.0
         # The point moves onto its line but stays where it was along it.
-        off = nx * (points[i].x - mean_x) + ny * (points[i].y - mean_y)
+        off = line.nx * (points[i].x - line.x) + line.ny * (points[i].y - line.y)
         wall = found[kept]
-        wall.x, wall.y = points[i].x - off * nx, points[i].y - off * ny
-        wall.nx, wall.ny = nx, ny
+        wall.x, wall.y = points[i].x - off * line.nx, points[i].y - off * line.ny
+        wall.nx, wall.ny = sense * line.nx, sense * line.ny
         kept += 1
     return found[:kept]
 

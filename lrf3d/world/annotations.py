@@ -230,38 +230,57 @@ def _extensions(segments: Float, hosts: Int, host: Int, place: Float, found: Boo
 def is_frame(segments: Float, sheet: bool) -> Bool:
     """Which segments (n, 4) are the frame of a sheet and its title block.
 
-    A frame is the box around all, has a plan within that does not touch it, and is that of a sheet
-    for another reason: by its proportions, or by a title block at its sides.
+    A frame is the box around all, or all but words, has a plan within that does not touch it, and
+    is that of a sheet for another reason: by its proportions, or by a title block at its sides.
     """
     framed = np.zeros(len(segments), dtype=bool)
     while not framed.all():
         left = np.flatnonzero(~framed)
-        ends = segments[left].reshape(-1, 2, 2)
-        low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
-        sides = high - low
-        reach = np.concatenate([ends - low, high - ends], axis=2)
-        off = reach.max(axis=1)
-        for side, long in enumerate(sides[[1, 0, 1, 0]]):
-            on = left[off[:, side] < 2e-3 * sides.max()]
-            if not lengths(segments[on]).sum() > 0.98 * long > 0.0:
-                return framed
+        ends, long = segments[left].reshape(-1, 2, 2), lengths(segments[left])
+        near = 2e-3 * np.ptp(ends, axis=(0, 1)).max()
+        runs = _runs_across(ends, long, near)
+        for chosen in (long > 0.0, runs):
+            box = ends[chosen].reshape(-1, 2) if chosen.any() else np.zeros((1, 2))
+            low, high = box.min(axis=0), box.max(axis=0)
+            sides = high - low
+            reach = np.concatenate([ends - low, high - ends], axis=2)
+            off = reach.max(axis=1)
+            drawn = long @ (np.abs(off) < near)
+            if sides.min() > 0.0 and (drawn > 0.98 * sides[[1, 0, 1, 0]]).all():
+                break
+        else:
+            return framed
         rim = (off < MARGIN).any(axis=1)
         inner = left[~rim]
         part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
         if not len(hulls):
             return framed
         part, area = near[part], shapely.area(hulls)
+        # A plan may come near to the frame, a title block is drawn from it.
+        lines = shapely.linestrings(ends)
+        edge = shapely.union_all(lines[rim & runs])
         block = np.zeros(len(hulls), dtype=bool)
-        block[part[reach[~rim].min(axis=(1, 2)) < 1.01 * MARGIN]] = True
+        block[part[shapely.dwithin(lines[~rim], edge, 0.02)]] = True
+        beside = (reach[~rim] < 1.01 * MARGIN).any()
         # Proportions of sheets of paper.
         known = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
         paper = np.abs(known - sides.max() / sides.min()).min() < 0.02
         plan, titles = (float(area[each].max(initial=0.0)) for each in (~block, block))
         held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
-        if not (held and (paper or block.any() or sheet)):
+        if not (held and (paper or beside or sheet)):
             return framed
         framed[left[rim]] = framed[inner[block[part]]] = True
     return framed
+
+
+def _runs_across(ends: Float, long: Float, near: float) -> Bool:
+    """Which lines (n, 2, 2), of lengths (n,), are on upright or level runs across most of all."""
+    found, extent = np.zeros(len(ends), dtype=bool), np.ptp(ends, axis=(0, 1))
+    for axis in (0, 1):
+        on = np.flatnonzero(np.ptp(ends[:, :, axis], axis=1) < 0.01 * long)
+        _, run = np.unique(np.round(ends[on, 0, axis] / near), return_inverse=True)
+        found[on] |= np.bincount(run, long[on], 1)[run] > 0.7 * extent[1 - axis]
+    return found
 
 
 def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
@@ -275,6 +294,16 @@ def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
     near = groups(*pairs_within(hulls, gap, "parts"), len(hulls)) if len(hulls) else part
     close = [shapely.union_all(hulls[each]) for each in members_of(near)] if len(hulls) else []
     return part, hulls, near, shapely.convex_hull(np.array(close, dtype=object))
+
+
+def plans_apart(segments: Float) -> Float:
+    """Boxes (k, 4) [m] around the plans of rooms that walls (n, 4) draw apart from each other."""
+    *_, hulls = _parts(segments, ASIDE)
+    area = shapely.area(hulls)
+    boxes = shapely.envelope(hulls[area > max(LEAST_PLAN, 0.25 * area.max(initial=0.0))])
+    one, other = shapely.STRtree(boxes).query(boxes, predicate="intersects")
+    label = groups(one, other, len(boxes))
+    return np.array([shapely.total_bounds(boxes[label == each]) for each in np.unique(label)])
 
 
 def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:

@@ -48,6 +48,8 @@ class Drawing(NamedTuple):
 
     marks: list[Mark]
     left_out: Counter[str]
+    said: str = ""
+    """What the reader assumed."""
 
 
 class Canvas:
@@ -57,6 +59,7 @@ class Canvas:
         self.tolerance, self.pen = tolerance, pen
         self.left_out = Counter[str]()
         self.marks = list[Mark]()
+        self.said = ""
         self._work = self._points = 0
 
     @classmethod
@@ -133,7 +136,7 @@ class Canvas:
 
     def drawing(self) -> Drawing:
         """What is seen of all marks."""
-        return Drawing(_seen(_on_paper(self.marks)), self.left_out)
+        return Drawing(_seen(_on_paper(self.marks)), self.left_out, self.said)
 
 
 def area_of(rings: list[Float], winding: bool = False) -> Any:

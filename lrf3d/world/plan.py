@@ -19,10 +19,10 @@ from unicodedata import combining, normalize
 import numpy as np
 import shapely
 
-from lrf3d.errors import Lrf3dNote, WorldError
+from lrf3d.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.text import counted
-from lrf3d.world.annotations import THICKEST_WALL
+from lrf3d.world.annotations import THICKEST_WALL, plans_apart
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
@@ -38,38 +38,47 @@ THICKEST, PALE = 0.6, 0.25
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
 below which one that parts a dark wall is a doorway."""
 
+MOST_PLANS = 10
+"""Number from which on parts that stand apart are no plans of one sheet."""
+
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
 
 WORDS = {
     "annotation": (
-        "anno text txt teks dim bemass cota acot quot wymi maatv misure note tag symb simb"
+        "anno text txt teks dim bemass cota acot koty quot wymi maatv misure note tag symb simb"
         " title titl titul titel ttlb legend leyend label schrift beschrift etiquet rotul testo"
         " testi texto scritt opis cajetin cartigl cartouch tabel stempel iden grid raster stramien"
         " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
         " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
         " podzial masstab schaal flooring tile paving pavim fliese"
         " fluchtweg rettungsplan evac egress landscap plnt parket parquet carpet projec ovhd"
-        " текст размер штрих оси штамп легенд масштаб"
-        " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
+        " текст размер штрих оси осей штамп легенд масштаб надпис выноск экспликац отмет потол"
+        " кровл розмір"
+        " 文字 注记 注释 标注 标高 尺寸 轴 图框 图例 填充 吊顶 天花 屋顶 绿化 植物 索引 辅助 梁"
+        " 標註 標高 註 軸 圖框 圖例 寸法 注記 記号 通り 基準 芯 図枠 表題 グリッド ハッチ 引出"
+        " 補助 屋根 天井 植栽 方位"
+        " 치수 문자 중심선 해치 도곽 지붕 천장 조경"
     ),
     "furniture": (
         "furn eqpm equip fitting mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
         " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
-        " stair strs trepp trap escal schod scala scale мебел лестн 家具 洁具 楼梯 가구"
+        " lvtry stair strs trepp trap escal schod scala scale мебел мебл лестн оборуд сантех"
+        " 家具 家俱 傢 洁具 潔具 卫生 衛生 设备 設備 柜 櫃 沙发 便器 楼梯 樓梯 階段 가구 위생 계단"
     ),
     "wall": (
         "wall wand waend wande mauer mur muro mura muri pared paret peret cloison tabique tramezz"
         " alvenar scian sten stena seina vagg vegg væg duvar dinding zid fal"
-        " стен τοιχ קיר جدار 墙 牆 壁 벽"
+        " стен стін перегород колон τοιχ קיר جدار 墙 牆 壁 隔断 隔間 間仕切 躯体 柱 벽 기둥"
     ),
     "window": (
         "glaz glass window fenet fenster ventan finestr serrament infiss janela raam ramen kozijn"
-        " okn pencere ikkun fonster vindu ablak jendela fereastr окн παραθ חלון نافذ 窗 窓 창"
+        " okn pencere ikkun fonster vindu ablak jendela fereastr окн вікн παραθ חלון نافذ 窗 窓"
+        " 建具 サッシ 창"
     ),
     "door": (
         "door porte porta puert tur turen tuer tueren deur drzwi dver vrata kapi kapı ovi ovet dorr"
-        " dør ajto pintu двер πορτ דלת باب 门 門 扉 ドア 문"
+        " dør ajto pintu двер πορτ דלת باب 门 門 扉 戸 ドア 문"
     ),
     # Windows and doors have frames, too.
     "sheet": (
@@ -155,6 +164,17 @@ class Plan(NamedTuple):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
+        plans = plans_apart(world.segments)
+        # More are the houses of a town.
+        if 1 < len(plans) < MOST_PLANS:
+            each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
+            warnings.warn(
+                f"{path}: {len(plans)} plans stand apart ({', '.join(each)}), and a route is"
+                " planned in one: --set robot.start=[x,y,0] chooses it, --layers and --page what"
+                " is read; `lrf3d world show` draws them",
+                Lrf3dWarning,
+                stacklevel=4,
+            )
         return world
 
 
@@ -210,6 +230,7 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
         segments[~stands],
         _listed(marks, layered),
         ", ".join(words),
+        drawing.said,
     )
 
 

@@ -227,8 +227,9 @@ def symbols(strokes: Strokes, sheet: bool = False) -> Iterator[tuple[str, Bool]]
     pattern[left] = is_pattern(segments[left])
     noted = is_annotation(segments[left], strokes.line[left], strokes.mark[left], pattern[left])
     yield "annotation line", (noted := among(lambda _: noted, left.copy()))
+    drawn = left & (~pattern | (lengths(segments) < 0.5))
     yield "pattern line", among(lambda _: pattern[left], left.copy())
-    yield "letter stroke", among(is_lettering, left.copy())
+    yield "letter stroke", among(lambda each: is_lettering(each, pattern[drawn]), drawn)
     stands = left | ~strokes.free
     sheet |= bool(noted.any())
     yield "frame line", (framed := among(lambda each: is_frame(each, sheet), stands))
@@ -238,28 +239,44 @@ def symbols(strokes: Strokes, sheet: bool = False) -> Iterator[tuple[str, Bool]]
     yield "outside line", among(lambda each: is_aside(each, sheet, named), stands)
 
 
-def is_lettering(segments: Float) -> Bool:
+def is_lettering(segments: Float, pattern: Bool) -> Bool:
     """Which segments (n, 4) are letters of a word of three or more; a letter is what touches.
 
     Columns and chairs in a row are all alike, dashes have no width: both are no letters. Titles
-    have large letters, all of one height.
+    have large letters, all of one height. Upright strokes may look like those of a pattern (n,).
     """
+    found = np.zeros(len(segments), dtype=bool)
+    if not len(segments):
+        return found
+    # A word may be written over a wall, but its letters are not drawn on from there.
+    ends = segments.reshape(-1, 2)
+    _, node = np.unique(ends @ [1.0, 1.0j], return_inverse=True)
+    chain = groups(node[::2], node[1::2], node.max() + 1)[node]
+    box = np.full((2, chain.max() + 1, 2), np.inf)
+    for corner, sign in zip(box, (1.0, -1.0), strict=True):
+        np.minimum.at(corner, chain, sign * ends)
+    loose = ((-box.sum(axis=0)).max(axis=1) < 1.5)[chain[::2]]
+    found[loose] = _of_words(segments[loose], pattern[loose], float(np.ptp(ends, axis=0).max()))
+    return found
+
+
+def _of_words(segments: Float, pattern: Bool, extent: float) -> Bool:
     part = connected(segments)
     own = members_of(part)
     text = np.zeros(len(own), dtype=bool)
     if not len(segments):
         return text[part]
+    plain = np.array([not pattern[each].all() for each in own])
     strokes = np.array([len(each) for each in own])
     boxes = shapely.bounds([shapely.multilinestrings(_lines(segments[each])) for each in own])
     sides = boxes[:, 2:] - boxes[:, :2]
     size = sides.max(axis=1)
     # A drawing of the size of its paper shows nothing larger.
-    extent = float(np.ptp(boxes.reshape(-1, 2), axis=0).max())
     # Letters, as drawn on a plan of 1:100, are 5 mm high, and those of titles 15 mm.
     for largest, least in ((0.5, 3), (1.5, 5)):
         small = np.flatnonzero(size < min(largest, 0.05 * extent))
         # Gaps between letters of a word are shares of the larger one.
-        away = 0.4 * size[small, None] * [-1.0, -1.0, 1.0, 1.0]
+        away = 0.6 * size[small, None] * [-1.0, -1.0, 1.0, 1.0]
         reach = shapely.box(*(boxes[small] + away).T)
         tree = shapely.STRtree(shapely.box(*boxes[small].T))
         one, other = tree.query(reach, predicate="intersects")
@@ -267,10 +284,10 @@ def is_lettering(segments: Float) -> Bool:
         # Points and accents are small.
         alike = (ratio >= 1.0) & ((ratio < 2.5) | (largest < 1.0))
         for word in members_of(groups(one[alike], other[alike], len(small))):
-            members = small[word]
-            if len(members) < least or len(set(strokes[members].tolist())) < 2:
+            members, sure = small[word], small[word][plain[small[word]]]
+            if len(members) < least or len(set(strokes[sure].tolist())) < 2:
                 continue
-            wide = sides[members].min(axis=1) > 0.3 * size[members]
+            wide = sides[sure].min(axis=1) > 0.3 * size[sure]
             high = sides[members, 1]
             level = np.abs(high / np.median(high) - 1.0) < 0.1
             text[members] |= wide.any() and (least == 3 or level.mean() > 0.6)
