@@ -20,13 +20,11 @@ def degrade_log(
 ) -> LaserLog:
     """Return a log with fewer scans, beams and returns, and with noise; the odometry stays.
 
-    Of several lasers only the first is kept, which a note says.
-
     Args:
         log: The log.
         drop: Share of the returns that are lost, at random.
         noise: Standard deviation [m] of the noise that is added to each range.
-        every: Keep every n-th scan.
+        every: Keep every n-th scan of each laser.
         beams_every: Keep every n-th beam.
         rng: A generator, or a seed.
 
@@ -35,9 +33,9 @@ def degrade_log(
     """
     keep, beams = whole_number(every, "every"), whole_number(beams_every, "beams_every")
     worse, draws = Chain([DropOuts(drop), ConstantNoise(noise)]), generator(rng)
-    log = log.of_laser(log.lasers[0])
-    scans = [worse(_thinned(scan, beams), draws) for scan in log.scans[::keep]]
-    wheels = log.wheels and replace(log.wheels, places=log.wheels.places[::keep])
+    rows = [k for name in log.lasers for k in np.flatnonzero(log.is_of(name))[::keep].tolist()]
+    scans = [worse(_thinned(log.scans[k], beams), draws) for k in sorted(rows)]
+    wheels = log.wheels and replace(log.wheels, places=log.wheels.places[sorted(rows)])
     return replace(log, scans=scans, wheels=wheels)
 
 

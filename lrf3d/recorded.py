@@ -129,7 +129,11 @@ def map_scans(
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
-    run = run_of(log.name, [(scan,) for scan in scans], poses, maps)
+    # Scans of several lasers at one moment stay those of their lasers.
+    joint = replace(log, scans=scans, wheels=None).of_moments()
+    moments = joint.parts or [(scan,) for scan in scans]
+    poses = joint.poses if joint.parts else poses
+    run = run_of(log.name, moments, poses, {len(moments) - 1: list(maps.values())[-1]})
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:

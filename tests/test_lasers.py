@@ -1,10 +1,14 @@
 """Several lasers on mounts: driven, mapped, kept, resumed, localised and followed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.degrading import degrade_log
 from lrf3d.errors import InputError
+from lrf3d.io.carmen_writer import write_log
 from lrf3d.io.laser_log import LaserLog
 from lrf3d.laser.unrolling import together, unrolled
 from lrf3d.slam import SlamMapper
@@ -90,6 +94,27 @@ def test_slam_takes_the_scans_of_all_lasers_at_a_moment_or_those_of_the_first(ru
     late = [scan.at_time(scan.time + 0.1 * (scan.laser == "rear")) for scan in scans]
     (note,) = LaserLog("late", late).of_moments().notes
     assert note == f"{len(run)} scans of other lasers not used"
+
+
+def test_a_map_of_two_lasers_and_a_worse_log_keep_the_scans_of_each(run, tmp_path):
+    scans = [scan for index in range(len(run)) for scan in run.scans_at(index)]
+    log = LaserLog("two", [replace(scan, motion=None, time_increment=0.0) for scan in scans])
+    mapped = lrf3d.map_log(log)
+    assert [lrf.name for lrf in mapped.lasers] == ["front", "rear"]
+    assert mapped.lasers[1].mount == pytest.approx(REAR.mount)
+    assert mapped.trajectory.poses == pytest.approx(run.trajectory.poses[::2])
+    kept = [scan.points() for scan in log.scans if scan.laser == "rear"][::2]
+    shown = [mapped.scan(k, laser=1).points() for k in range(len(mapped))]
+    for one, other in zip(kept, shown, strict=True):
+        assert one == pytest.approx(other)
+    write_log(degrade_log(log, every=3), tmp_path / "worse.log")
+    worse = lrf3d.load_log(tmp_path / "worse.log")
+    of_each = [[each.ranges for each in log.scans if each.laser == name][::3]
+               for name in ("front", "rear")]  # fmt: skip
+    for name, ranges in zip(worse.lasers, of_each, strict=True):
+        own = [scan for scan in worse.scans if scan.laser == name]
+        assert np.array_equal([scan.ranges for scan in own], ranges)
+    assert worse.scans[1].mount == pytest.approx(REAR.mount)
 
 
 def test_a_robot_of_two_lasers_is_localised_and_finds_its_own_way(run):

@@ -205,7 +205,7 @@ Example: lrf3d map drive.log.gz --out out/drive""",
     "degrade": f"""\
 Make a recorded log worse on purpose, to find out what a mapper or a SLAM bears.
 
-The scans of the first laser, with their poses and the odometry, are written as a CARMEN log, which
+The scans, with their poses and the odometry, are written as a CARMEN log, which
 holds no light and no times of beams.
 
 LOG: A log, as for map.

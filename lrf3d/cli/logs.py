@@ -194,13 +194,12 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
     if out.exists() and out.samefile(args.log):
         raise InputError(f"--out {out}: is the log itself; choose another name")
     changes = {name: vars(args)[name] for name in ("drop", "noise", "every", "beams_every")}
-    log = log.of_laser(log.lasers[0])
     worse = degrade_log(log, **changes, rng=args.seed)
+    kept = degrade_log(log, every=args.every, beams_every=args.beams_every)
     make_folder(out.parent)
     write_log(worse, out)
-    kept = log.scans[:: args.every]
-    there = sum(int(scan.hits[:: args.beams_every].sum()) for scan in kept)
-    lost = there - sum(int(scan.hits.sum()) for scan in worse.scans)
+    there, left = (sum(int(scan.hits.sum()) for scan in each.scans) for each in (kept, worse))
+    lost = there - left
     thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
     done = (
         f"{len(worse):,} of {counted(len(log), 'scan')} kept{thinned};"

@@ -21,12 +21,12 @@ from lrf3d.files import check_ordinary
 from lrf3d.geometry import Float
 from lrf3d.io.laser_log import Intake
 from lrf3d.io.run_file import DAMAGES, read_arrays
-from lrf3d.io.table import Table, meaning, padded
+from lrf3d.io.table import CUT, WHOLE, Table, meaning, padded
 from lrf3d.pose import heading_of
 
 RECORDS = re.compile(
     rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
-    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,]*+,)+?[^\w,\[(]*+[\[(]"
+    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,;]*+[,;])+?[^\w,;\[(]*+[\[(]"
 ).match
 """Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
 a header may have thousands of columns."""
@@ -107,11 +107,17 @@ def records(intake: Intake) -> dict[str, Float]:
         parts: Any = text.splitlines()
         with suppress(ValueError, RecursionError):
             parts, read = json.loads(text), lambda part: part
-            parts = [parts] if isinstance(parts, dict) else parts
+            if isinstance(parts, dict):
+                kinds = {tuple(each) if isinstance(each, dict) else () for each in parts.values()}
+                alike = len(parts) > 1 and len(kinds) == 1 and () not in kinds
+                parts = list(parts.values()) if alike else [parts]
     else:
         parts, read = re.split(r"(?m)^---[ \r]*$", text), _yaml
         if len(parts) == 1 and not re.match(r"\s*\w+:", text):
             head, *parts = text.splitlines()
+            if "," not in head:
+                # Numbers may be separated by semicolons as well.
+                head, parts = head.replace(";", ","), [part.replace(";", ",") for part in parts]
             names = head.split(",")
             read = partial(_cells, names)
     rows: list[dict[str, Float]] = []
@@ -175,7 +181,6 @@ def _yaml(text: str) -> Any:
 
 def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
     """The numbers in a record by their names: of messages, stamps and quaternions are one each."""
-    cut = "..."  # What stands for the elements that `ros2 topic echo` leaves out.
     if isinstance(value, dict):
         keys = set(value)
         if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
@@ -191,8 +196,8 @@ def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
         parts = [dict(_flat(each, name)) for each in value]
         for key in parts[0]:
             yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
-    elif isinstance(value, list) and cut in value:
-        raise ValueError("arrays are cut: ros2 topic echo --full-length prints them whole")
+    elif isinstance(value, list) and CUT in value:
+        raise ValueError(WHOLE)
     elif value is not None:
         with suppress(ValueError, TypeError):
             # None is a reading that is none.

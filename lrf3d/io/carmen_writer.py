@@ -37,7 +37,7 @@ def write_carmen(run: "Run", path: Path) -> None:
 
 
 def write_log(log: LaserLog, path: Path) -> None:
-    """Write the scans of one laser with their poses, and the odometry of their log.
+    """Write the scans of up to nine lasers with their poses, and the odometry of their log.
 
     A laser that does not stand in its robot's middle needs ODOM messages: if the log has none, they
     are the poses of the robot.
@@ -47,6 +47,9 @@ def write_log(log: LaserLog, path: Path) -> None:
     """
     if not log.placed:
         raise InputError(f"{log.name}: its scans have no poses, which a CARMEN log needs")
+    most_lasers = 9  # The numbers that messages may have.
+    if (lasers := len(log.lasers)) > most_lasers:
+        raise InputError(f"{log.name}: {lasers} lasers; a CARMEN log has {most_lasers} at most")
     # Share of a step by which the beams of a log may stand beside an even fan: files round.
     uneven = 1e-3
     for number, scan in enumerate(log.scans, 1):
@@ -70,7 +73,9 @@ def _write(messages: Iterable[str], path: Path) -> None:
 
 def _log_messages(log: LaserLog) -> Iterator[str]:
     yield "# CARMEN log of lrf3d; x, y and ranges in metres, angles in radians"
-    wheels = log.wheels if log.mount == CENTRE else log.odometry
+    names = log.lasers
+    central = len(names) == 1 and log.mount == CENTRE
+    wheels = log.wheels if central else log.odometry
     end = f"{float(log.times[0])!r} {HOST} {float(log.times[0])!r}"
     if wheels is not None and wheels.laser_offset:
         yield f"PARAM robot_frontlaser_offset {wheels.laser_offset!r} {end}"
@@ -91,8 +96,9 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
             robot, end = " ".join(map(repr, scan.robot)), f"{scan.time!r} {HOST} {scan.time!r}"
             scan = replace(scan, range_max=min(scan.range_max, unknown))
             yield from _scan_messages(
-                scan, 0, robot, robot if wheels is None else odometry, "0.0 0.0", end
-            )
+                scan, names.index(scan.laser), robot, robot if wheels is None else odometry,
+                "0.0 0.0", end,
+            )  # fmt: skip
 
 
 def _messages(run: "Run") -> Iterator[str]:

@@ -117,8 +117,12 @@ class LaserLog(Value):
         """Which scans (k,) are the odd ones of their laser, counted from 0."""
         odd = np.zeros(len(self), dtype=np.bool_)
         for laser in self.lasers:
-            odd[[k for k, scan in enumerate(self.scans) if scan.laser == laser][1::2]] = True
+            odd[np.flatnonzero(self.is_of(laser))[1::2]] = True
         return odd
+
+    def is_of(self, name: str) -> Bool:
+        """Which scans (k,) are those of a laser."""
+        return np.array([scan.laser == name for scan in self.scans], dtype=np.bool_)
 
     def of_laser(self, name: str) -> "LaserLog":
         """The log with the scans of one laser; the others are counted in a note."""

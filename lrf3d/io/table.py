@@ -25,7 +25,7 @@ ROLES = {
     "stamp": TIMES, "dt": TIMES,
     "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
     "dtheta": ANGLES, "left": COUNTS, "right": COUNTS, "ranges": LENGTHS, "angles": ANGLES,
-    "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS,
+    "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS, "nanosec": COUNTS,
 }  # fmt: skip
 """What columns hold, and their units; the first one is that of lrf3d."""
 
@@ -36,11 +36,12 @@ SETTINGS = {
 """Numbers that a format or a recording may give, and their units."""
 
 SYNONYMS = {
-    "stamp": "stamp time timestamp t ts sec secs seconds nsec zeit temps", "x": "x px posx",
+    "stamp": "stamp time timestamp datetime t ts sec secs seconds zeit temps",
+    "nanosec": "nanosec nanosecs nsec nsecs", "x": "x px posx",
     "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
-    "qw": "qw", "angles": "angle bearing azimuth winkel", "quality": "quality q",
+    "qw": "qw", "angles": "angle bearing azimuth winkel", "quality": "quality q confidence",
     "poses": "poses pose trajectory odometry odom",
     "ranges": "ranges range r distances distance dist d scan laser lidar readings"
     " abstand entfernung",
@@ -50,6 +51,12 @@ SYNONYMS = {
 MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": "step"}
 OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
 """Fields of ROS messages that are settings, or hold something else than their words say."""
+
+NUMBERS = {"id", "idx", "index", "number", "nr", "count"}
+"""Words of columns that count, whatever it is."""
+
+CUT, WHOLE = "...", "arrays are cut: ros2 topic echo --full-length prints them whole"
+"""What stands for the elements that ``ros2 topic echo`` leaves out, and what to do."""
 
 RATES = {"acceleration", "accel", "acc", "velocity", "vel", "twist", "gyro", "covariance"}
 """Words of columns that are no poses, though they have an x and a y."""
@@ -67,7 +74,7 @@ def meaning(name: str) -> tuple[str, str]:
     if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:
         return MESSAGE_FIELDS.get(last, ""), "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
-    if RATES.intersection(words):
+    if RATES.union(NUMBERS).intersection(words):
         return "", ""
     units = [word for word in words if any(word in known for known in ROLES.values())]
     words = [word for word in words if word not in units or len(words) == 1]
@@ -89,6 +96,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
     settings: dict[str, float] = field(default_factory=dict)
     clockwise: bool = False
+    fans: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def named(cls, intake: Intake, arrays: dict[str, Float]) -> "Table":
@@ -130,7 +138,9 @@ class Table:
         if base is not None and offset[0]:
             wheels = WheelRecord(times, base, np.arange(len(base)), float(offset[0]))
         source = "none" if base is None else "as logged"
-        return self.intake.log(scans, source=source, wheels=wheels, placed=base is not None)
+        return self.intake.log(
+            scans, source=source, wheels=wheels, placed=base is not None, fans=self.fans
+        )
 
     def gather(self, begins: Int, readings: Float) -> None:
         """Make scans of readings at bearings that differ from scan to scan, and begin here.
@@ -220,6 +230,10 @@ class Table:
                 )
             first, last = (float(np.radians(end)) for end in FANS[count])
             step = (last - first) / (count - 1)
+            # Half a turn may be a whole one, and the other way round.
+            share = 2.0 if last - first < 3.2 else 0.5
+            if share == 2.0 or last - first > 6.2:
+                self.fans = ((-0.5 * share * step * count, (0.5 * count - 1) * share * step),)
             ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
             self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
         if first is None:
@@ -228,6 +242,12 @@ class Table:
 
     def times(self) -> Float:
         """Stamps (k,) [s]."""
+        nanosec = self.values.pop("nanosec", None)
+        if nanosec is not None and "stamp" in self.values:
+            self.values["stamp"] = self.values["stamp"] + 1e-9 * nanosec
+            self.units["stamp"] = "s"
+        elif nanosec is not None:
+            self.values["stamp"], self.units["stamp"] = nanosec, "ns"
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

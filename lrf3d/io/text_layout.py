@@ -5,8 +5,6 @@ from array import array
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +12,9 @@ import numpy as np
 from lrf3d.errors import InputError, check_names, one_line, shown
 from lrf3d.geometry import Float
 from lrf3d.io.fans import FANS
-from lrf3d.io.laser_log import A_VALUE, Intake
-from lrf3d.io.table import ROLES, SETTINGS, Table, meaning
-
-SAMPLE, SHORT, MANY = 60, 6, 4000
-"""Lines at the beginning that say what the others are like; of lines with few words, many."""
+from lrf3d.io.laser_log import A_VALUE
+from lrf3d.io.table import CUT, ROLES, SETTINGS, WHOLE, Table, meaning
+from lrf3d.io.text_form import SHORT, Form, is_number, mostly_numbers, named, rises, texts_of
 
 PRESETS = {
     "minesrover": "stamp:us@1, left@3, right@4, ranges:mm*682@25, first=-120deg, last=120deg,"
@@ -31,96 +27,20 @@ PRESETS = {
 MARKS = {("", 706): "minesrover", ("", 707): "minesrover", ("S", 663): "lego"}
 """Presets by the word that lines begin with and the number of their columns."""
 
-BRACKETS = re.compile(r"""["'(){}\[\]]""")
-"""Brackets and quotes, which lists of numbers stand in."""
+SERIES = re.compile(
+    r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
+).fullmatch
+"""Matches one of a series of columns: its name, its number, and a unit."""
 
-UNITS = re.compile(r"(?<=\w)\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
-"""Units in brackets after names in headers."""
-
-NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
-"""Matches a line of tuples; the first group is the first of them."""
-
-CLOCK = re.compile(r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d[T/ ]+)?(\d\d):(\d\d):(\d\d(?:\.\d*)?)")
-"""Times of day, with a date before them or without."""
-
-BOOLEANS = {"True": "1", "False": "0"}
-
-DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
-"""Matches numbers with a decimal comma."""
-
-LABELS = re.compile(r"(?<!\w)([A-Za-z_]\w*+)\s*+[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
-"""Numbers that have their names before them."""
-
-SERIES = re.compile(r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])]*").fullmatch
-"""Matches one of a series of columns: its name and its number."""
+NOTHING = re.compile(r"(?:null|none|n/?a|nil|-+)?", re.IGNORECASE).fullmatch
+"""Matches what stands for a reading that is none."""
 
 
-class Form:
-    """How the lines of a file are written, by the first of them.
-
-    Lines may hold tuples of ``nested`` numbers, a reading each. Where lines of several kinds begin
-    with a word, those with the most numbers, and this ``word``, hold scans.
-    """
-
-    def __init__(self, path: Path) -> None:
-        lines = (text for _, data in Intake(path).lines() if (text := plain(data)))
-        texts = list(islice(lines, SAMPLE))
-        if texts and len(texts[-1].split()) < SHORT:
-            texts += islice(lines, MANY)
-        body = [text for text in texts if not text.startswith("#")]
-        joined, words = "".join(body), "".join(body).split()
-        self.labelled = sum(len(LABELS.findall(text)) > 1 for text in body) > 0.5 * len(body)
-        marks = [mark for mark in "\t;" if joined.count(mark) >= len(body) > 0]
-        self.decimal_commas = "," in joined
-        if not marks and "," in joined:
-            self.decimal_commas = sum(map(bool, map(DECIMAL_COMMA, words))) > 0.5 * len(words)
-            marks = [] if self.decimal_commas else [","]
-        self.separator = marks[0] if marks else None
-        first = NESTED(texts[0]) if texts else None
-        self.nested = len(first[1].split(",")) if first else 0
-        rows = [words for text in texts for words in self.rows(text)]
-        numeric = [words for words in rows if mostly_numbers(words)]
-        if not numeric:
-            raise InputError(f"{path}: no lines of numbers; expected a scan a line")
-        begin, self.header = rows.index(numeric[0]), list[str]()
-        if self.labelled:
-            self.header = [name.lower() for name, _ in LABELS.findall(body[-1])]
-        elif all(map(is_number, numeric[-1])) and _names(numeric[0]):
-            # Many of its names are numbers.
-            self.header = named(numeric.pop(0))
-        elif begin and len(rows[begin - 1]) >= min(len(numeric[0]), 2):
-            self.header = named(rows[begin - 1])
-        sizes: Counter[str] = Counter()
-        for words in numeric:
-            if not is_number(words[0]):
-                sizes[words[0]] = max(sizes[words[0]], len(words))
-        self.word = sizes.most_common(1)[0][0] if sizes else ""
-        self.sample = [words for words in numeric if self.has(words)]
-
-    def has(self, words: list[str]) -> bool:
-        """Whether a line is of the kind that holds scans."""
-        return not self.word or words[0] == self.word
-
-    @property
-    def preset(self) -> str:
-        """The preset whose files look like this one; "" if there is none."""
-        names = {MARKS.get((self.word, len(words)), "") for words in self.sample}
-        [name, *others] = names
-        return "" if others or not (self.word or rises(self.sample, 0)) else name
-
-    def rows(self, text: str) -> list[list[str]]:
-        """The words of a line, or of each of the brackets in it."""
-        if self.labelled:
-            words = [number for _, number in LABELS.findall(text)] or [text]
-        else:
-            bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", text)).strip().lstrip("#% ")
-            words = bare.rstrip(self.separator).split(self.separator)
-            if self.decimal_commas:
-                words = [word.replace(",", ".") for word in words]
-            elif len(words) <= SHORT:
-                words = [BOOLEANS.get(word, word) for word in words]
-        size = self.nested or len(words) or 1
-        return [words[k : k + size] for k in range(0, len(words), size)]
+def preset_of(form: Form) -> str:
+    """The preset whose files look like a text; "" if there is none."""
+    names = {MARKS.get((form.word, len(words)), "") for words in form.sample}
+    [name, *others] = names
+    return "" if others or not (form.word or rises(form.sample, 0)) else name
 
 
 @dataclass
@@ -172,7 +92,8 @@ class Layout:
         for place, name in enumerate(header):
             role, unit = meaning(name)
             if numbered := SERIES(name):
-                series.setdefault(numbered[1], []).append(place)
+                base = f"{numbered[1]}_{numbered[3]}" if numbered[3] else numbered[1]
+                series.setdefault(base, []).append(place)
                 labels[place] = float(numbered[2])
             elif role and role not in self.columns:
                 self.columns[role] = place
@@ -209,6 +130,9 @@ class Layout:
         if self.beams is None or (self.beams == 1 and "angles" not in self.columns):
             self.table.units, self.table.values = {}, {}
             self.columns, self.beams, self.reason = _by_count(form.sample), None, "a count"
+        if not self.columns:
+            self.columns, self.beams = _by_echo(form.sample)
+            self.reason = "the layout of ros2 topic echo --csv"
         if not self.columns and fixed:
             self.columns = _by_sweep(form.sample, length)
             self.reason, self.beams = "the bearings, which go round", 1
@@ -226,6 +150,10 @@ class Layout:
                 f" --format, such as '{such}'"
             )
         self.length = length if fixed and self.reason != "a count" else None
+        left = f"a line of at least {form.least} words" if form.least else ""
+        left = f"a line that begins with {form.word}" if form.word else left
+        if left:
+            self.table.intake.notes.append(f"a scan is {left}: all others are left out")
         found = ", ".join(f"{role} {column + 1}" for role, column in self.columns.items())
         if self.reason == "the header" and len(form.header) == length:
             used = {*self.columns.values(), *range(self.columns["ranges"], length)[: self.beams]}
@@ -240,8 +168,7 @@ class Layout:
         ranges, one = list[Float](), self.beams == 1 and "angles" in self.columns
         rows: dict[str, Any] = {role: array("d") for role in self.columns}
         begun, intake = False, self.table.intake
-        for number, data in intake.lines():
-            text = plain(data)
+        for number, text in texts_of(intake):
             for words in form.rows(text):
                 if not text or text.startswith("#") or not form.has(words):
                     continue
@@ -273,7 +200,8 @@ class Layout:
             if role == "ranges":
                 end = len(words) if self.beams is None else place + self.beams
             try:
-                values = [word.strip() or "nan" for word in words[place:end]]
+                values = ["nan" if NOTHING(each := word.strip()) else each
+                          for word in words[place:end]]  # fmt: skip
                 found[role] = np.array(values, dtype=np.float64)
             except ValueError:
                 wrong = next(word for word in values if not is_number(word))
@@ -291,6 +219,22 @@ def _by_count(sample: list[list[str]]) -> dict[str, int]:
             rising = [before for before in range(place) if rises(sample, before)]
             return {"ranges": place + 1} | ({"stamp": rising[0]} if rising else {})
     return {}
+
+
+def _by_echo(sample: list[list[str]]) -> tuple[dict[str, int], int | None]:
+    """The columns of messages that ROS 2 prints as CSV, and the number of their ranges."""
+    roles, counts = {"stamp": 0, "nanosec": 1, "first": 3, "last": 4, "step": 5, "ranges": 10}, []
+    for words in sample:
+        if len(words) < 12 or is_number(words[2]) or not all(map(is_number, words[3:10])):
+            return {}, None
+        if CUT in words:
+            raise InputError(WHOLE)
+        first, last, step = map(float, words[3:6])
+        beams = round((last - first) / step) + 1 if step else 0
+        # Drivers send a beam more or fewer than they say, and an intensity for each or none.
+        values = len(words) - roles["ranges"]
+        counts += [n for n in (values, values // 2) if abs(n - beams) <= 1][:1]
+    return (roles, Counter(counts).most_common(1)[0][0]) if counts else ({}, None)
 
 
 def _by_sweep(sample: list[list[str]], length: int) -> dict[str, int]:
@@ -331,52 +275,6 @@ def _by_length(sample: list[list[str]], length: int) -> dict[str, int]:
             if all(is_number(turn) and abs(float(turn)) <= 720.0 for turn in turns):
                 return {name: place for place, name in enumerate([*names, "ranges"])}
     return {}
-
-
-def rises(sample: list[list[str]], place: int) -> bool:
-    """Whether the numbers of a column rise from line to line."""
-    words = [words[place] for words in sample if place < len(words)]
-    if len(words) < 3 or not all(map(is_number, words)):
-        return False
-    return bool((np.diff(np.array(words, dtype=np.float64)) > 0.0).all())
-
-
-def plain(data: bytes) -> str:
-    """The text of a line, in which times of day are in seconds."""
-    text = data.decode("utf-8-sig", "replace").strip()
-    return CLOCK.sub(lambda time: f"{_seconds(time):.6f}", text) if ":" in text else text
-
-
-def _seconds(time: re.Match[str]) -> float:
-    hours, minutes, seconds = map(float, time.groups())
-    return 3600.0 * hours + 60.0 * minutes + seconds
-
-
-def named(words: list[str]) -> list[str]:
-    """The names in a header, with words that a capital begins apart."""
-    return [re.sub("(?<=[a-z])(?=[A-Z])", "_", word.strip()).lower() for word in words]
-
-
-def _names(words: list[str]) -> bool:
-    """Whether words are the names of columns, most of which are numbers, such as bearings."""
-    first, *others = words
-    return not all(map(is_number, others)) or (
-        not is_number(first) and bool((np.diff(np.array(others, dtype=np.float64)) > 0.0).all())
-    )
-
-
-def is_number(word: str) -> bool:
-    """Whether a word is a number."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def mostly_numbers(words: list[str]) -> bool:
-    """Whether words are those of a line of numbers."""
-    return sum(map(is_number, words)) > 0.5 * len(words)
 
 
 def _quantity(text: str, units: Mapping[str, float], item: str) -> float:

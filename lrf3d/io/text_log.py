@@ -20,7 +20,8 @@ from lrf3d.errors import InputError, shown
 from lrf3d.io.array_log import is_records, records
 from lrf3d.io.laser_log import Intake
 from lrf3d.io.table import ROLES, SETTINGS, Table, padded
-from lrf3d.io.text_layout import PRESETS, Form, Layout
+from lrf3d.io.text_form import Form
+from lrf3d.io.text_layout import PRESETS, Layout, preset_of
 
 MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
 """The format of a LEGO robot's second file: the motors, named as the scans but for that word."""
@@ -34,7 +35,7 @@ SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 def text_table(intake: Intake, format: str | None) -> Table:
     """The table of a text file."""
     path, notes, form, table = intake.path, intake.notes, Form(intake.path), Table(intake, {})
-    preset = (format or form.preset).strip()
+    preset = (format or preset_of(form)).strip()
     spec, layout = PRESETS.get(preset, format), Layout(table)
     if format is None and preset:
         notes.append(f"read as --format {preset}, by its columns")
@@ -126,6 +127,8 @@ def _find_poses(layout: Layout, form: Form) -> None:
         layout.by_header(form.header, length)
     if not {"x", "dx"} & layout.columns.keys():
         usual = {8: "stamp x y - qx qy qz qw", 4: "stamp x y theta", 3: "x y theta"}
+        # Odometry as ros2 topic echo --csv prints it, with covariances of its pose and speed.
+        usual[89] = "stamp nanosec - - x y - qx qy qz qw"
         names = usual.get(length, "").split()
         layout.table.units = {}
         layout.columns = {name: k for k, name in enumerate(names) if name != "-"}

@@ -20,6 +20,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
 from lrf3d.world.annotations import is_frame
+from lrf3d.world.enclosure import closes_rooms
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
@@ -86,10 +87,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
-    ragged = ""
-    long = lengths(segments)
+    doubt, long = "", lengths(segments)
     if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
-        ragged = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
         if even is not None and threshold is None:
             remedy = "cut the picture to the plan, or choose --threshold"
             raise WorldError(
@@ -97,12 +97,14 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
                 f" is in pieces of under {SHORT} pixels; {remedy} and look at it by `lrf3d world"
                 " show`"
             )
+    elif not closes_rooms(walls, thin[0], pixels):
+        doubt = "hardly any of it closes a room: is it a plan? "
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
         rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
-        said=f"{ragged}walls are {darker}{how}{coarse}",
+        said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * resolution,
     )
 
@@ -322,11 +324,16 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
-    radius = np.append(
-        np.inf, maximum(distance_transform_edt(~dark), parts, np.arange(1, count + 1))
-    )
+    away, most = distance_transform_edt(~dark), 0.5 * THICKEST * pixels
+    radius = np.append(np.inf, maximum(away, parts, np.arange(1, count + 1)))
     radius[on_border(parts)] = np.inf
-    narrow = radius <= 0.5 * THICKEST * pixels
+    area = np.bincount(parts.ravel(), minlength=count + 1)
+    # The space in a wall may have a wide place, such as a pier.
+    wide, square = np.bincount(parts[away > most], minlength=count + 1), radius**2
+    pier = (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
+    narrow = (radius <= most) | pier
+    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
+    small = (area < 24.0 * square) & ~pier
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
@@ -337,22 +344,19 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     by_solid = np.bincount(parts[rim & grown(solid, 1.5)], minlength=count + 1)
     share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
     narrow &= (share < 0.2) | (share > 0.8)
-    area = np.bincount(parts.ravel(), minlength=count + 1)
-    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
-    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
     compact: Bool = (narrow & small)[parts]
     room = _opened(dark | compact, 0.55 * THICKEST * pixels)
     pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
-    places, most = parts_of(pattern)
+    places, number = parts_of(pattern)
     # A line beside a wall is none.
     gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
-    many = np.bincount(gaps, minlength=most + 1) >= 5
+    many = np.bincount(gaps, minlength=number + 1) >= 5
     left_out["floor pattern"] = int(many[1:].sum())
     # Of two spaces that are too thick together, the wider one is beside a wall.
-    thick, most = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
+    thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
     held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
     for place in np.unique(held[0]):
-        own = held[1, held[0] == place]
+        own = held[1, (held[0] == place) & (radius[held[1]] <= most)]
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
     within = narrow[parts]
