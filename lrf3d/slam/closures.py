@@ -41,8 +41,8 @@ LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.
 
 AGREEING, AGREEING_IN_THE_END, DOUBTFUL_VOTE = 3, 2, 0.5
 """Closures that must agree before any of them is accepted: while the robot drives, and when the
-drive is over, if no other contradicts them. In the end two scans whose places are doubtful count as
-one closure: where scans show little, that is what most of the right places are."""
+drive is over, if they are more than twice as many as contradict them. In the end two scans whose
+places are doubtful count as one: where scans show little, most of the right places are doubtful."""
 
 STRETCH = 2.0 * LEAST_DISTANCE
 """Closures are compared if the old key scans of both are this near along the graph [m], and the new
@@ -172,7 +172,7 @@ class LoopCloser:
             agreeing_scans = {other.new for other, agree in doubtful.items() if agree}
             others = {other.new for other in doubtful} - agreeing_scans
             together += DOUBTFUL_VOTE * max(len(agreeing_scans) - len(others), 0)
-        if together < enough or together <= against or (strict and against):
+        if together < enough or together <= against or (strict and together <= 2.0 * against):
             return []
         agreeing = [other for other in self.unconfirmed if agrees.get(other)]
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
@@ -212,8 +212,8 @@ class LoopCloser:
     def _doubtful_places(new: int, places: list[tuple[int, Place]]) -> list[Closure]:
         """The places of a new key scan that may be right."""
         # Log odds that a place must have, log odds by which it may fall short of the best one, and
-        # share of the scan that it must explain: half of what a closure must.
-        least, short, share = 0.5, 1.0, 0.15
+        # share of the scan that it must explain: a third of what a closure must.
+        least, short, share = 0.3, 1.0, 0.1
         enough = max(least, max(place.evidence for _, place in places) - short)
         return [
             _closure(old, new, place.match)
