@@ -70,18 +70,14 @@ def swept(
 
 def _uneven_pairs(poses: Float) -> list[list[int]]:
     """Pairs of scans, at poses (k, 3) near each other, of a robot that turned at other rates."""
-    if len(poses) < 2:
-        return []
-    pairs, uneven = np.empty((0, 2), np.int64), np.empty(0)
-    # Least difference of the turns from scan to scan, and largest turn between both [rad].
-    rates, least, widest = np.gradient(poses[:, 2]), 0.05, 1.0
-    for apart in (2, 4, 6):
-        x, y, turn = (poses[apart:] - poses[:-apart]).T
-        change = np.abs(rates[apart:] - rates[:-apart])
-        near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(turn) < widest) & (change > least)
-        first = np.flatnonzero(near)
-        pairs = np.vstack([pairs, np.column_stack([first, first + apart])])
-        uneven = np.concatenate([uneven, change[first]])
-    most_pairs = 120
-    chosen: list[list[int]] = pairs[np.argsort(-uneven, kind="stable")[:most_pairs]].tolist()
-    return chosen
+    # Scans from one to the other, and least difference of their turns from scan to scan and largest
+    # turn between them [rad].
+    apart, least, widest, most_pairs = 4, 0.03, 1.0, 120
+    rates = np.gradient(poses[:, 2])
+    x, y, turn = (poses[apart:] - poses[:-apart]).T
+    change = np.abs(rates[apart:] - rates[:-apart])
+    near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(turn) < widest) & (change > least)
+    first = np.flatnonzero(near)
+    first = first[np.argsort(-change[first], kind="stable")[:most_pairs]]
+    pairs: list[list[int]] = np.column_stack([first, first + apart]).tolist()
+    return pairs
