@@ -99,6 +99,7 @@ class LoopCloser:
         self.refused: list[Refusal] = []
         self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
+        self._submaps: dict[tuple[int, tuple[Key, ...]], Submap] = {}
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
         # The distance at each key scan [m], and now.
@@ -262,9 +263,16 @@ class LoopCloser:
         The poses are as seen from the old one, and by the front end: over a stretch so short these
         are better than those of the graph.
         """
-        around = self._around(old, new)
-        poses = np.array([key.pose for key in around])
-        return Submap(around, between(self.keys[old].pose, poses))
+        around = tuple(self._around(old, new))
+        if (known := self._submaps.pop((old, around), None)) is None:
+            poses = np.array([key.pose for key in around])
+            known = Submap(around, between(self.keys[old].pose, poses))
+        # The last ones are kept, as the next key scan often meets the same.
+        self._submaps[old, around] = known
+        most_submaps = 16
+        for oldest in list(self._submaps)[:-most_submaps]:
+            del self._submaps[oldest]
+        return known
 
     def _around(self, old: int, new: int) -> list[Key]:
         """The key scans around an old one, some way before a new one."""

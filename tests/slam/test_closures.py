@@ -3,7 +3,7 @@ import pytest
 
 from lrf3d.pose import between
 from lrf3d.slam.closures import Closure, LoopCloser
-from lrf3d.slam.key_scans import Fan, Key, MixedPixels
+from lrf3d.slam.key_scans import Key, MixedPixels, fan
 from lrf3d.slam.surface import SURFACE
 
 NOTHING = np.empty(0, SURFACE)
@@ -11,8 +11,8 @@ INFORMATION = np.diag([1e3, 1e3, 1e4])
 
 
 def key(number, pose):
-    beams = np.linspace(-1.0, 1.0, 3), np.ones(3)
-    return Key(number, pose, NOTHING, NOTHING, NOTHING, (Fan(0.0, 0.0, *beams),), 0.01)
+    beams = fan(np.linspace(-1.0, 1.0, 3), np.ones(3), x=0.0, y=0.0, noise=0.01)
+    return Key(number, pose, NOTHING, NOTHING, NOTHING, beams)
 
 
 def driven(poses, jump):
