@@ -349,9 +349,10 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     (away, radius), most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
     radius[[0, *on_border(parts)]] = np.inf
     area = np.bincount(parts.ravel(), minlength=count + 1)
-    # The space in a wall may have a wide place, such as a pier.
+    # The space in walls around rooms may have a wide place, such as a pier.
     wide, square = np.bincount(parts[away > most], minlength=count + 1), radius**2
-    pier = (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
+    around = area < 0.5 * np.append(0, sides_of(parts).prod(axis=1))
+    pier = around & (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
     narrow = (radius <= most) | pier
     # Tiles and stairs that fill a place are no wall. The space in a wall is long.
     small = (area < 24.0 * square) & ~pier
@@ -380,8 +381,7 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         own = held[1, (held[0] == place) & (radius[held[1]] <= most)]
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
-    within = narrow[parts]
-    return np.asarray((dark | (within & ~(compact & pattern))) & ~many[places])
+    return np.asarray((dark | (narrow[parts] & ~(compact & pattern))) & ~many[places])
 
 
 def _opened(cells: Bool, radius: float) -> Bool:

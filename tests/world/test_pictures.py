@@ -315,3 +315,14 @@ def test_solid_blocks_in_a_paler_ink_are_furniture(ink, tmp_path):
     assert off(world) < 0.06
     low = world.segments[world.heights < 2.0].reshape(-1, 2) - 1.0
     assert shapely.multipoints(low).bounds == pytest.approx((0.5, 0.5, 7.0, 6.0), abs=0.04)
+
+
+def test_specks_in_rooms_make_them_no_walls(tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=True)
+    sheet.furnish()
+    for x in np.arange(0.5, 9.6, 0.66):
+        for y in np.arange(0.5, 6.6, 0.66):
+            sheet.draw.rectangle([*sheet.at((x, y))[0], *sheet.at((x + 0.03, y - 0.03))[0]], fill=0)
+    world = sheet.read(tmp_path)
+    assert off(world) < 0.06 and find_route(world).notes == ()
