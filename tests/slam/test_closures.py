@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, between
@@ -52,3 +53,21 @@ def test_closures_with_two_earlier_drives_past_a_place_agree():
         closer.unconfirmed = list(closures)
         closer.settle(last)
         assert closer.accepted == (closures if joined else [])
+
+
+@pytest.mark.parametrize(
+    ("agreeing", "against", "accepted"), [(2, 0, True), (1, 0, False), (3, 1, True), (2, 1, False)]
+)
+def test_a_closure_is_confirmed_by_places_that_alone_are_doubtful(agreeing, against, accepted):
+    there = [np.array([float(x), 0.0, 0.0]) for x in range(10)]
+    poses = np.array([*there, *(pose + np.array([0.0, 0.1, 0.0]) for pose in there)])
+    closer = driven(poses, 10)
+    pairs = [(k, k + 10) for k in range(3, 4 + agreeing)]
+    clear, *doubtful = [Closure(*k, between(*poses[list(k)]), INFORMATION) for k in pairs]
+    elsewhere = np.array([4.0, 1.0, 0.0])
+    contradicting = [Closure(1, 18 - k, elsewhere, INFORMATION) for k in range(against)]
+    closer.unconfirmed, closer.doubtful = [clear], doubtful + contradicting
+    # A scan of which one place agrees has one vote, whatever its other places are.
+    closer.doubtful += [Closure(1, each.new, elsewhere, INFORMATION) for each in doubtful]
+    closer.settle(poses)
+    assert closer.accepted == [clear] * accepted
