@@ -159,7 +159,7 @@ class LoopCloser:
         away = np.abs(self.driven[news] - self.driven[newest.new])
         near = np.flatnonzero((lengths < STRETCH) & (away < STRETCH))
         others = [closures[k] for k in near.tolist()]
-        agree = self._agree(others, newest, (lengths + away)[near])
+        agree = self._agree(others, newest, (lengths + away)[near]) if others else near
         return dict(zip(others, agree.tolist(), strict=True))
 
     def _accept(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
