@@ -142,7 +142,8 @@ class FrontEnd:
                 expected = expected._replace(doubtful=np.inf, other=coasting)
         placed = self._placed(scan, expected)
         far, jumped = self._is_far(expected.step, since), False
-        if increment is not None and (far or not placed.accepted):
+        unsure = not placed.accepted or self._half_seen(placed, expected)
+        if increment is not None and (far or unsure):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
@@ -191,6 +192,11 @@ class FrontEnd:
         # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
         faster, beyond = 2.0, 0.25
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
+
+    def _half_seen(self, placed: Placed, expected: Prediction) -> bool:
+        """Whether a scan contradicts the wheels, and leaves a direction to them all the same."""
+        slipped = self._slip(placed.match, expected) > SLIP_LIMIT**2
+        return slipped and weakest_direction(placed.match.information)[1] < WEAK
 
     def _worth(self, placed: Placed, expected: Prediction) -> float:
         """The evidence for a scan where it was placed by a prediction."""
