@@ -141,16 +141,15 @@ class FrontEnd:
                 # Wheels that slip go on, and few beams show it by several scans alone.
                 expected = expected._replace(doubtful=np.inf, other=coasting)
         placed = self._placed(scan, expected)
-        # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
-        faster, beyond, jumped = 2.0, 0.25, False
-        far = (np.array(size_of(expected.step)) > faster * self._speeds * since + beyond).any()
-        if increment is not None and (far or not placed.accepted):
+        far, jumped = self._is_far(expected.step, since), False
+        unsure = not placed.accepted or self._half_seen(placed, expected)
+        if increment is not None and (far or unsure):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
             other = self._placed(scan, coasting)
             better = self._worth(other, coasting) + CLEARLY >= self._worth(placed, expected)
-            jumped = bool(better and (far or other.match.explained > CERTAIN_SHARE))
+            jumped = better and (far or other.match.explained > CERTAIN_SHARE)
             if jumped:
                 expected, placed, increment = coasting, other, None
         match, accepted, still, self._contradicted = placed
@@ -187,6 +186,17 @@ class FrontEnd:
         self.pose = pose
         self._recent.append((pose, self.surface))
         return Tracked(pose, information, accepted, match.deviation, covariance, jumped)
+
+    def _is_far(self, step: Float, since: float) -> bool:
+        """Whether a step (3,) of the wheels is far larger than those of the robot in a time [s]."""
+        # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
+        faster, beyond = 2.0, 0.25
+        return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
+
+    def _half_seen(self, placed: Placed, expected: Prediction) -> bool:
+        """Whether a scan contradicts the wheels, and leaves a direction to them all the same."""
+        slipped = self._slip(placed.match, expected) > SLIP_LIMIT**2
+        return slipped and weakest_direction(placed.match.information)[1] < WEAK
 
     def _worth(self, placed: Placed, expected: Prediction) -> float:
         """The evidence for a scan where it was placed by a prediction."""
