@@ -2,11 +2,10 @@
 
 ``$INSUNITS`` gives the unit; a drawing without one is in metres. Heights (z) and what is off or
 frozen are ignored; paper space is read if model space is empty. Hatches with a pattern, texts,
-dimensions, leaders, pictures and endless lines are counted. Names are in the code page in which
-most of them are known words, as old files declare none, or a wrong one.
+dimensions, leaders, pictures and endless lines are counted.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -18,7 +17,7 @@ import shapely
 from lrf3d.errors import WorldError
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark
-from lrf3d.world.plan import role_of
+from lrf3d.world.layers import rename
 
 # It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
 with redirect_stdout(StringIO()):
@@ -45,12 +44,6 @@ LEFT_OUT = {
 }
 """Entities that are no walls, by what they are called in the line that counts them."""
 
-CODE_PAGES = (
-    "utf-8 cp1252 cp1250 cp1251 cp1253 cp1254 cp1255 cp1256 cp1257 cp932 gbk big5 cp949 cp866 cp850"
-    " cp852 mac_roman"
-).split()
-"""Encodings that names may be in."""
-
 
 def draw(path: Path, scale: float) -> Canvas:
     """The marks of a DXF drawing, enlarged by a scale."""
@@ -73,32 +66,8 @@ def draw(path: Path, scale: float) -> Canvas:
     if (layout := next(filled, None)) is not None:
         with redirect_stdout(StringIO()):
             _Walker(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
-    _rename(canvas, file.encoding)
+    rename(canvas, file.encoding)
     return canvas
-
-
-def _rename(canvas: Canvas, encoding: str) -> None:
-    """Read the names of marks in the code page in which more of them are known."""
-    names = dict.fromkeys(name for mark in canvas.marks for name in (mark.layer, *mark.names))
-    foreign = [name for name in names if not name.isascii()]
-    # Of many names a few are words in a wrong page, too.
-    most = max(_known(foreign), len(foreign) // 3)
-    found = dict[str, str]()
-    for page in CODE_PAGES:
-        try:
-            read = [n.encode(encoding, "surrogateescape").decode(page) for n in foreign]
-        except UnicodeError:
-            continue
-        if _known(read) > most:
-            most, found = _known(read), dict(zip(foreign, read, strict=True))
-            canvas.said = f"layer names read as {page}"
-    for number, mark in enumerate(canvas.marks if found else ()):
-        layer, *own = (found.get(name, name) for name in (mark.layer, *mark.names))
-        canvas.marks[number] = mark._replace(layer=layer, names=tuple(own))
-
-
-def _known(names: Sequence[str]) -> int:
-    return sum(role_of(name) != "other" for name in names)
 
 
 class _Walker(Frontend):

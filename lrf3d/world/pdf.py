@@ -16,6 +16,7 @@ import shapely
 from lrf3d.errors import WorldError, missing_extra
 from lrf3d.geometry import Float
 from lrf3d.world.drawing import PALEST, Canvas, Mark, area_of, curve_points
+from lrf3d.world.layers import rename
 from lrf3d.world.pictures import plan_of_picture
 from lrf3d.world.plan import Plan
 
@@ -53,6 +54,7 @@ def draw(
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
     painter = _Painter(raw, canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
+    rename(canvas, "latin-1")
     others = len(document) - 1
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
     # A scan may have a border, and white paper below it.
@@ -79,7 +81,14 @@ def _hidden(file: Any) -> set[str]:
     if usual.get("/BaseState") == "/OFF":
         on = {each.idnum for each in usual.get("/ON", [])}
         off = [each for each in content.get("/OCGs", []) if each.idnum not in on]
-    return {str(each.get_object().get("/Name", "")) for each in off}
+    names = (each.get_object().get("/Name", "") for each in off)
+    return {_decoded(getattr(name, "original_bytes", b"")) for name in names}
+
+
+def _decoded(name: bytes) -> str:
+    """A name; one without a mark of its encoding is in that of old files, or in none."""
+    marks = {b"\xfe\xff": "utf-16", b"\xff\xfe": "utf-16", b"\xef\xbb": "utf-8-sig"}
+    return name.decode(marks.get(name[:2], "latin-1"), "replace")
 
 
 class _Painter:
@@ -173,19 +182,19 @@ class _Painter:
 
     def _layer(self, each: Any) -> str:
         """The name of the layer in which an object stands."""
-        raw, name = self.raw, ""
+        raw, name = self.raw, b""
         for number in range(raw.FPDFPageObj_CountMarks(each)):
             mark = raw.FPDFPageObj_GetMark(each, number)
-            if self._text(raw.FPDFPageObjMark_GetName, mark) == "OC":
-                name = self._text(raw.FPDFPageObjMark_GetParamStringValue, mark, b"Name") or name
-        return name
+            if self._bytes(raw.FPDFPageObjMark_GetName, mark) == "OC\0".encode("utf-16-le"):
+                name = self._bytes(raw.FPDFPageObjMark_GetParamBlobValue, mark, b"Name") or name
+        return _decoded(name)
 
     @staticmethod
-    def _text(read: Callable[..., Any], *arguments: Any) -> str:
-        """What a function of pdfium writes into a buffer of UTF-16."""
-        size, buffer = ctypes.c_ulong(), (ctypes.c_ushort * 256)()
-        read(*arguments, buffer, 512, size)
-        return bytes(buffer)[: max(min(size.value, 512) - 2, 0)].decode("utf-16-le", "replace")
+    def _bytes(read: Any, *arguments: Any) -> bytes:
+        """What a function of pdfium writes into a buffer."""
+        size, buffer = ctypes.c_ulong(), (ctypes.c_ubyte * 512)()
+        read(*arguments, ctypes.cast(buffer, read.argtypes[-3]), 512, size)
+        return bytes(buffer)[: min(size.value, 512)]
 
     def _matrix(self, each: Any) -> Float:
         m = self.raw.FS_MATRIX()

@@ -10,7 +10,7 @@ from lrf3d.world import load_world
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.errors.Lrf3dNote")
 
 
-def pdf(folder, content, page="", forms="", root=""):
+def pdf(folder, content, page="", forms="", root="", layer="(A-WALL)"):
     """A file of a page of 144 by 72 points, with what is drawn on it, and a form F."""
     stream = "<</Length {0}{1}>>\nstream\n{2}\nendstream"
     objects = [
@@ -20,7 +20,7 @@ def pdf(folder, content, page="", forms="", root=""):
         f" R>>/Properties<</L 6 0 R/M 7 0 R>>>>{page}>>",
         stream.format(len(content), "", content),
         stream.format(len(forms), "/Type/XObject/Subtype/Form/BBox[0 0 50 50]", forms),
-        "<</Type/OCG/Name(A-WALL)>>",
+        f"<</Type/OCG/Name{layer}>>",
         "<</Type/OCG/Name(hidden)>>",
     ]
     text, places = "%PDF-1.7\n", []
@@ -56,6 +56,13 @@ def test_a_page_of_pdf_is_read_as_it_is_shown(content, page, low, high, tmp_path
     layers = "/OCProperties<</OCGs[6 0 R 7 0 R]/D<</OFF[7 0 R]>>>>"
     world = pdf(tmp_path, content, page, forms="0 18 m 100 18 l S", root=layers)
     assert world.bounds / INCH == pytest.approx(np.array([low, high]), abs=1e-3)
+
+
+@pytest.mark.parametrize("layer", ["<FEFF5C3A5BF8>", "<B3DFB4E7>"])
+def test_names_of_layers_are_read_in_any_encoding(layer, tmp_path):
+    content = "/OC /L BDC 0 0 m 144 72 l S EMC 36 0 m 36 72 l S"
+    world = pdf(tmp_path, content, layer=layer)
+    assert world.bounds / INCH == pytest.approx(np.array([[0.5, 0], [0.5, 1]]), abs=1e-3)
 
 
 def test_a_scanned_page_is_read_as_a_picture(tmp_path):

@@ -271,3 +271,58 @@ def test_round_letters_are_no_columns(tmp_path):
         sheet.draw.line(sheet.at((x, 5.4), (x, 4.98)), fill=0)
     with pytest.warns(Lrf3dNote, match="1 small part"):
         assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
+
+
+def test_what_closes_no_room_is_doubted_but_not_a_town_or_an_open_room(tmp_path):
+    def doubted(sheet, name):
+        with pytest.warns(Lrf3dNote) as notes:
+            sheet.read(tmp_path, f"{name}.png")
+        return any("closes a room: is it a plan?" in str(note.message) for note in notes)
+
+    words, star, blocks, room, plan = (Sheet() for _ in range(5))
+    words.draw.text((20, 120), "HELLO", fill=0, font_size=180)
+    turn = np.arange(10) * 0.2 * np.pi
+    reach = np.where(np.arange(10) % 2, 1.2, 3.0)
+    corners = np.column_stack([4 + reach * np.cos(turn), 4 + reach * np.sin(turn)])
+    star.draw.polygon(star.at(*corners), fill=0)
+    for x in range(5):
+        for y in range(4):
+            blocks.box(2 * x, 2 * y, 2 * x + 1, 2 * y + 1, fill=0)
+    room.draw.line(room.at((4, 0), (0, 0), (0, 6), (9, 6), (9, 0), (8, 0)), fill=0, width=3)
+    plan.walls()
+    assert doubted(words, "words") and doubted(star, "star")
+    assert not (doubted(blocks, "blocks") or doubted(room, "room") or doubted(plan, "plan"))
+
+
+def test_the_faces_of_a_wall_with_a_pier_are_one_wall(tmp_path):
+    sheet = Sheet()
+    gates = shapely.union_all([shapely.box(3, 0, 4, 0.3), shapely.box(9.7, 5, 10, 6)])
+    body = WALLS.union(shapely.box(8.5, 0.3, 9.7, 1.2)).difference(gates)
+    for part in body.geoms:
+        sheet.draw.line(sheet.at(*part.exterior.coords), fill=0, width=2)
+    found = sheet.read(tmp_path).segments.reshape(-1, 2, 2) - 1.0
+    assert shapely.hausdorff_distance(shapely.multilinestrings(found), body.boundary) < 0.06
+
+
+@pytest.mark.parametrize("ink", [(110, 110, 110), (90, 100, 130)])
+def test_solid_blocks_in_a_paler_ink_are_furniture(ink, tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    sheet.box(0.5, 0.5, 2.1, 1.0, fill=ink)
+    sheet.box(6.0, 5.0, 7.0, 6.0, fill=ink)
+    sheet.draw.ellipse([*sheet.at((6.3, 5.7))[0], *sheet.at((6.7, 5.3))[0]], outline=0)
+    world = sheet.read(tmp_path)
+    assert off(world) < 0.06
+    low = world.segments[world.heights < 2.0].reshape(-1, 2) - 1.0
+    assert shapely.multipoints(low).bounds == pytest.approx((0.5, 0.5, 7.0, 6.0), abs=0.04)
+
+
+def test_specks_in_rooms_make_them_no_walls(tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=True)
+    sheet.furnish()
+    for x in np.arange(0.5, 9.6, 0.66):
+        for y in np.arange(0.5, 6.6, 0.66):
+            sheet.draw.rectangle([*sheet.at((x, y))[0], *sheet.at((x + 0.03, y - 0.03))[0]], fill=0)
+    world = sheet.read(tmp_path)
+    assert off(world) < 0.06 and find_route(world).notes == ()
