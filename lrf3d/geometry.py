@@ -183,6 +183,8 @@ def wrap_angle(angle: ArrayLike) -> Any:
         return np.float64(angle)
     angle = np.asarray(angle, dtype=np.float64)
     inside = (angle > -np.pi) & (angle <= np.pi)
+    if inside.all():
+        return angle.copy()[()]
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
     # The remainder of a float above π may round to a full turn.
     wrapped = np.where(wrapped > -np.pi, wrapped, np.pi)

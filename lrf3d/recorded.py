@@ -39,6 +39,7 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
+from lrf3d.slam.sweeps import swept
 from lrf3d.solved_log import SolvedLog, maps_of, run_of
 from lrf3d.text import counted
 
@@ -204,9 +205,8 @@ def solve_log(
         # Odometry that never moves counts as missing.
         log = replace(log, placed=False)
     places = recording.places
-    scans, turns, mirrored, fan = _agreeing(
-        log, recording.scans, ScanConverter(offset), path, places
-    )
+    converter = ScanConverter(offset)
+    scans, turns, mirrored, fan = _agreeing(log, recording.scans, converter, path, places)
     log = replace(log, notes=(*log.notes, *fan))
     for name, pairs in (("close", close), ("apart", apart)):
         none = isinstance(pairs, tuple | list) and not pairs
@@ -217,8 +217,13 @@ def solve_log(
                     f" {len(scans) - 1}, the earlier one first"
                 )
     increments: Sequence[Float | None] = [None] * len(scans)
+    sweep = 0.0
     if log.placed:
-        increments = list(path.increments(places - fitted_lag(turns, path, places)))
+        lags = fitted_lag(turns, path, places)
+        if not log.parts and (rolled := swept(converter, scans, path, places - lags)):
+            scans, sweep = rolled, max(scan.duration for scan in rolled)
+            lags = fitted_lag(turns_between(converter, scans, path, places), path, places)
+        increments = list(path.increments(places - lags))
     start = path.at(places[:1].astype(np.float64))[0]
     # The beginning is followed twice: at first the errors of the wheels are not known.
     slam = Slam(laser_offset=offset)
@@ -264,8 +269,9 @@ def solve_log(
     lines[:, 2] = np.unwrap(lines[:, 2])
     jumps = recording.repairs.odometry_jumps + sum(scan.jumped for scan in slam.tracked)
     repairs = replace(
-        recording.repairs, late=path.late(lags), odometry_jumps=jumps, mirrored=mirrored
-    )
+        recording.repairs, late=path.late(lags), odometry_jumps=jumps, mirrored=mirrored,
+        sweep=sweep,
+    )  # fmt: skip
     check_ = slam.self_check() if both is None else both.check
     lag = float(lags.mean())
     return SolvedLog(log, slam, scans, poses, lines, lag, repairs, check_, passes, both)
@@ -339,11 +345,15 @@ def _agreeing(
     """
     wheels = np.abs(np.diff(path.at(places)[:, 2]))
 
-    def misfit(turns: Float) -> float:
+    def share(turns: Float) -> float:
+        """How much of the turns of the robot the scans show; infinite where that is not known."""
         known = np.isfinite(turns) & (wheels > LEAST_TURN)
         if known.sum() < LEAST_PAIRS:
             return np.inf
-        return abs(float(np.median(np.abs(turns[known]) / wheels[known])) - 1.0)
+        return float(np.median(np.abs(turns[known]) / wheels[known]))
+
+    def misfit(turns: Float) -> float:
+        return abs(share(turns) - 1.0)
 
     try:
         turns, notes = turns_between(converter, scans, path, places), list[str]()
@@ -373,6 +383,14 @@ def _agreeing(
         mirrored = is_mirrored(turns, path, places)
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
+    # Least share of the turns of a robot that show in scans of a level plane.
+    least_turned = 0.1
+    if share(turns) < least_turned:
+        warnings.warn(
+            f"{log.name}: its scans stay as they are where the robot turns: the laser does not scan"
+            " a level plane, or the poses are not those of its robot",
+            Lrf3dWarning, stacklevel=3,
+        )  # fmt: skip
     if mirrored:
         # The order of the beams in time is lost with that of their angles.
         angles_of = {id(scan.angles): sealed(-scan.angles[::-1]) for scan in scans}

@@ -29,7 +29,6 @@ from lrf3d.slam.search import (
     Field,
     Place,
     Submap,
-    field_of,
     thin,
     window_scores,
 )
@@ -99,7 +98,7 @@ class KnownPlaces:
 
     @cached_property
     def _field(self) -> Field:
-        return field_of(self.keys, self.poses)
+        return Submap(self.keys, self.poses).field
 
     @cached_property
     def _free(self) -> Int:

@@ -39,9 +39,10 @@ DRIFT, DRIFT_TURN = 0.01, 0.0015
 LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
-AGREEING, AGREEING_IN_THE_END = 3, 2
+AGREEING, AGREEING_IN_THE_END, DOUBTFUL_VOTE = 3, 2, 0.5
 """Closures that must agree before any of them is accepted: while the robot drives, and when the
-drive is over, if no other contradicts them."""
+drive is over, if they are more than twice as many as contradict them. In the end two scans whose
+places are doubtful count as one: where scans show little, most of the right places are doubtful."""
 
 STRETCH = 2.0 * LEAST_DISTANCE
 """Closures are compared if the old key scans of both are this near along the graph [m], and the new
@@ -92,10 +93,13 @@ class LoopCloser:
         self.accepted: list[Closure] = []
         # Closures that too few others agree with.
         self.unconfirmed: list[Closure] = []
+        # Places that alone are none: others fit nearly as well, or too little is explained.
+        self.doubtful: list[Closure] = []
         # Closures that are contradicted, and pairs of scans that the user ruled out.
         self.refused: list[Refusal] = []
         self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
+        self._submaps: dict[tuple[int, tuple[Key, ...]], Submap] = {}
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
         # The distance at each key scan [m], and now.
@@ -149,7 +153,8 @@ class LoopCloser:
 
         Old key scans of several drives past a place are near each other along the graph.
         """
-        olds, news = np.array([(each.old, each.new) for each in closures]).reshape(-1, 2).T
+        pairs = np.array([(each.old, each.new) for each in closures], np.int64)
+        olds, news = pairs.reshape(-1, 2).T
         lengths = self.paths.lengths(newest.old, STRETCH)[olds]
         away = np.abs(self.driven[news] - self.driven[newest.new])
         near = np.flatnonzero((lengths < STRETCH) & (away < STRETCH))
@@ -162,8 +167,13 @@ class LoopCloser:
         agrees = self._votes(newest, [*self.unconfirmed, *self.accepted])
         votes = list(agrees.values())
         # Of sets that contradict each other the larger one is accepted.
-        together, against = votes.count(True), votes.count(False)
-        if together < enough or together <= against or (strict and against):
+        together, against = float(votes.count(True)), votes.count(False)
+        if strict:
+            doubtful = self._votes(newest, self.doubtful)
+            agreeing_scans = {other.new for other, agree in doubtful.items() if agree}
+            others = {other.new for other in doubtful} - agreeing_scans
+            together += DOUBTFUL_VOTE * max(len(agreeing_scans) - len(others), 0)
+        if together < enough or together <= against or (strict and together <= 2.0 * against):
             return []
         agreeing = [other for other in self.unconfirmed if agrees.get(other)]
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
@@ -178,17 +188,16 @@ class LoopCloser:
 
     def _best_closure(self, new: int) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
-        places = self._all_places(new)
+        if not (places := self._all_places(new)):
+            return None
         there = [compose(self._poses[old], place.match.pose) for old, place in places]
         best = clearest(there, [place.evidence for _, place in places])
-        if best is None:
-            self.refused += [Refusal(old, new, "elsewhere fits as well") for old, _ in places[:1]]
-            return None
-        old, (match, worth) = places[best]
+        old, (match, worth) = places[best or 0]
         around = self._submap(old, new)
         why = ""
-        if worth <= 0.0 or match.explained < FOUND_SHARE:
-            why = "too little is explained"
+        if best is None or worth <= 0.0 or match.explained < FOUND_SHARE:
+            why = "elsewhere fits as well" if best is None else "too little is explained"
+            self.doubtful += self._doubtful_places(new, places)
         elif any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
             why = "ruled out"
         elif self.mixed_pixels.contradict(
@@ -199,6 +208,19 @@ class LoopCloser:
             self.refused.append(Refusal(old, new, why))
             return None
         return _closure(old, new, match)
+
+    @staticmethod
+    def _doubtful_places(new: int, places: list[tuple[int, Place]]) -> list[Closure]:
+        """The places of a new key scan that may be right."""
+        # Log odds that a place must have, log odds by which it may fall short of the best one, and
+        # share of the scan that it must explain: a third of what a closure must.
+        least, short, share = 0.3, 1.0, 0.1
+        enough = max(least, max(place.evidence for _, place in places) - short)
+        return [
+            _closure(old, new, place.match)
+            for old, place in places
+            if place.evidence > enough and place.match.explained > share
+        ]
 
     def _all_places(self, new: int) -> list[tuple[int, Place]]:
         """Pairs of an old key scan near a new one, and a place of the new one in its frame."""
@@ -241,9 +263,16 @@ class LoopCloser:
         The poses are as seen from the old one, and by the front end: over a stretch so short these
         are better than those of the graph.
         """
-        around = self._around(old, new)
-        poses = np.array([key.pose for key in around])
-        return Submap(around, between(self.keys[old].pose, poses))
+        around = tuple(self._around(old, new))
+        if (known := self._submaps.pop((old, around), None)) is None:
+            poses = np.array([key.pose for key in around])
+            known = Submap(around, between(self.keys[old].pose, poses))
+        # The last ones are kept, as the next key scan often meets the same.
+        self._submaps[old, around] = known
+        most_submaps = 16
+        for oldest in list(self._submaps)[:-most_submaps]:
+            del self._submaps[oldest]
+        return known
 
     def _around(self, old: int, new: int) -> list[Key]:
         """The key scans around an old one, some way before a new one."""

@@ -15,11 +15,11 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.pose import Pose, between, compose, turned
-from lrf3d.slam.key_scans import BEHIND, PASSED, Key, MixedPixels, views_of
+from lrf3d.slam.key_scans import BEHIND, PASSED, Key, MixedPixels, all_fans, views_of
 from lrf3d.slam.motion import DOUBTFUL, FORGETTING, Coasting, Prediction, Wheels, size_of
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.search import CLEARLY, Submap, clearest
-from lrf3d.slam.surface import SURFACE, moved, thinned
+from lrf3d.slam.surface import SURFACE, concatenated, moved, thinned
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """Distance [m] or turn [rad] to the next key scan. Errors hardly change from 0.4 to 0.6 m."""
@@ -142,12 +142,13 @@ class FrontEnd:
                 expected = expected._replace(doubtful=np.inf, other=coasting)
         placed = self._placed(scan, expected)
         far, jumped = self._is_far(expected.step, since), False
-        if increment is not None and (far or not placed.accepted):
+        unsure = not placed.accepted or self._half_seen(placed, expected)
+        if increment is not None and (far or unsure):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
             other = self._placed(scan, coasting)
-            better = self._worth(other) + CLEARLY >= self._worth(placed)
+            better = self._worth(other, coasting) + CLEARLY >= self._worth(placed, expected)
             jumped = better and (far or other.match.explained > CERTAIN_SHARE)
             if jumped:
                 expected, placed, increment = coasting, other, None
@@ -192,18 +193,24 @@ class FrontEnd:
         faster, beyond = 2.0, 0.25
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
 
-    def _worth(self, placed: Placed) -> float:
-        """The evidence for a placement."""
-        return self._map.place(placed.still, placed.match).evidence if placed.accepted else -np.inf
+    def _half_seen(self, placed: Placed, expected: Prediction) -> bool:
+        """Whether a scan contradicts the wheels, and leaves a direction to them all the same."""
+        slipped = self._slip(placed.match, expected) > SLIP_LIMIT**2
+        return slipped and weakest_direction(placed.match.information)[1] < WEAK
+
+    def _worth(self, placed: Placed, expected: Prediction) -> float:
+        """The evidence for a scan where it was placed by a prediction."""
+        if not placed.accepted:
+            return -np.inf
+        return self._map.place(self._judged(placed.still, expected), placed.match).evidence
+
+    def _judged(self, scan: Key, expected: Prediction) -> Key:
+        """A scan as places of it are judged: only by hits that stand still."""
+        return replace(scan, hits=self._standing(scan.hits, expected))
 
     def _placed(self, scan: Key, expected: Prediction) -> Placed:
         """A scan placed around a prediction."""
-        guess = compose(self.pose, expected.step)
-        still = replace(
-            scan,
-            surface=self._standing(scan.surface, guess, expected),
-            hits=self._standing(scan.hits, guess, expected),
-        )
+        still = replace(scan, surface=self._standing(scan.surface, expected))
         placed = self._match(still, expected)
         if not placed.accepted and (relocated := self._at_any_heading(scan, expected)):
             placed = Placed(relocated, True, scan, placed.contradicted)
@@ -240,9 +247,9 @@ class FrontEnd:
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
         that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        guess = compose(self.pose, expected.step)
-        places = self._map.places(scan, guess, np.diag(expected.window**2))
-        places.append(self._map.place(scan, match))
+        guess, judged = compose(self.pose, expected.step), self._judged(scan, expected)
+        places = self._map.places(judged, guess, np.diag(expected.window**2))
+        places.append(self._map.place(judged, match))
         worth = np.array([place.evidence for place in places])
         odds = worth.copy()
         if expected.trusted:
@@ -277,7 +284,7 @@ class FrontEnd:
             return None
         return match
 
-    def _standing(self, points: Records, guess: Float, expected: Prediction) -> Records:
+    def _standing(self, points: Records, expected: Prediction) -> Records:
         """The points of a scan without dynamic obstacles, which beams of key scans passed."""
         if len(self._keys) < THROUGH:
             return points
@@ -285,8 +292,9 @@ class FrontEnd:
         x, y, turn = np.sqrt(expected.uncertain.diagonal())
         far = np.hypot(points["x"], points["y"])
         known = 3.0 * (max(x, y) + turn * far) < BEHIND
+        guess = compose(self.pose, expected.step)
         poses = between(np.array([key.pose for key in self._keys]), guess)
-        gone = known & ((views_of(points, poses, self._keys) == PASSED).sum(axis=0) >= THROUGH)
+        gone = known & ((views_of(points, poses, self._fans) == PASSED).sum(axis=0) >= THROUGH)
         # If beams passed most of the points, the guess is wrong.
         return points if 2 * gone.sum() >= len(gone) else points[~gone]
 
@@ -297,10 +305,6 @@ class FrontEnd:
         length, turn = size_of(between(self._keys[-1].pose, self.pose))
         return length >= self.key_distance or turn >= KEY_TURN
 
-    def key(self, scan: Key) -> Key:
-        """The scan that was just placed, as a key scan."""
-        return replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
-
     def _walls(self) -> Records:
         """The walls that the last scan and some scans before saw, in the frame of the last one.
 
@@ -309,11 +313,11 @@ class FrontEnd:
         count = min(ENOUGH // max(len(self.surface), 1) + 1, len(self._recent))
         chosen = np.linspace(0, len(self._recent) - 1, count + 1).astype(np.int64)[1:]
         parts = [self._recent[k] for k in chosen.tolist()]
-        seen = [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
-        return np.concatenate(seen)
+        return concatenated(moved(thinned(part), between(self.pose, pose)) for pose, part in parts)
 
-    def add_key(self, key: Key) -> None:
+    def add_key(self, scan: Key) -> Key:
         """Add the scan that was just placed to the local map, as a key scan."""
+        key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
@@ -322,8 +326,10 @@ class FrontEnd:
         self.mixed_pixels.learn(self._certain, key)
         self._certain.append(key)
         self._keys.append(key)
+        self._fans = all_fans(near.fans for near in self._keys)
         local = list(self._keys)[-LOCAL_KEYS:]
         self._map = Submap(local, np.array([near.pose for near in local]))
+        return key
 
 
 def refined(

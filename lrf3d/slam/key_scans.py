@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
-from lrf3d.geometry import Float, Records, wrap_angle
+from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
@@ -24,6 +24,7 @@ from lrf3d.slam.surface import (
     CONNECTED_GROWTH,
     FLATTEST,
     LEAST_NOISE,
+    concatenated,
     placement,
     points_of,
     range_noise,
@@ -44,11 +45,18 @@ Moment = tuple[LaserScan, ...]
 """The scans of all lasers at one moment."""
 
 
-class Fan(NamedTuple):
-    """The beams of a laser at x, y [m] on the robot: rising angles [rad], and ranges [m]."""
+class Fans(NamedTuple):
+    """The beams of lasers (f,) at x, y [m] on their robots.
 
-    x: float
-    y: float
+    Each laser belongs to a key scan, by its number, whose ranges have a noise [m]; its beams begin
+    at a first one among all (b,), with rising angles [rad], and ranges [m].
+    """
+
+    keys: Int
+    x: Float
+    y: Float
+    noise: Float
+    first: Int
     angles: Float
     ranges: Float
 
@@ -58,7 +66,7 @@ class Key:
     """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
 
     It is recognised by its surface, in the frame of the robot, and adds walls to a map; its hits
-    are the points of all returns, without normals. The ranges of its fans have a noise [m].
+    are the points of all returns, without normals.
     """
 
     scan: int
@@ -66,8 +74,7 @@ class Key:
     surface: Records
     walls: Records
     hits: Records
-    fans: tuple[Fan, ...]
-    noise: float
+    fans: Fans
 
 
 class ScanConverter:
@@ -86,15 +93,12 @@ class ScanConverter:
         for each in scans:
             kept = FORGETTING if self._noise else 0.0
             self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
-        fans, surface = list[Fan](), self.surface(scans)
-        for each in scans:
-            x, y, heading = self.mount(each)
-            # A laser that is mounted upside down turns clockwise.
-            order = -1 if each.angles[0] > each.angles[-1] else 1
-            fans.append(Fan(x, y, (each.angles + heading)[::order], each.ranges[::order]))
+        fans, *others = (fan_of(each, self.mount(each), self._noise) for each in scans)
+        if others:
+            fans = all_fans([fans, *others])._replace(keys=np.zeros(len(scans), np.int64))
         hits = np.concatenate([points_of(each, self.mount(each)) for each in scans])
-        origin = np.zeros(3)
-        return Key(number, origin, surface, thinned(surface), hits, tuple(fans), self._noise)
+        surface = self.surface(scans)
+        return Key(number, np.zeros(3), surface, thinned(surface), hits, fans)
 
     def mount(self, scan: LaserScan) -> Pose:
         """The pose of a scan's laser on the robot."""
@@ -104,68 +108,79 @@ class ScanConverter:
         """The surface that the scans of a moment show, in the frame of the robot."""
         scans = (scan,) if isinstance(scan, LaserScan) else scan
         noise = max(self._noise, LEAST_NOISE)
-        return np.concatenate(
-            [surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans]
+        return concatenated(
+            surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans
         )
 
 
-def views_of(points: Records, poses: Float, keys: Sequence[Key]) -> NDArray[np.uint8]:
-    """How each of the key scans (k,) sees points (m,): `OUT_OF_VIEW`, …, `HIT`, as (k, m).
+def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:
+    """The beams of one laser."""
+    x, y, heading = (np.array([value]) for value in mount)
+    # A laser that is mounted upside down turns clockwise.
+    order = -1 if scan.angles[0] > scan.angles[-1] else 1
+    angles, ranges = (scan.angles + heading)[::order], scan.ranges[::order]
+    first = np.array([0, len(ranges)])
+    return Fans(np.zeros(1, np.int64), x, y, np.array([noise]), first, angles, ranges)
 
-    The frame of the points is at poses (k, 3), as seen from the key scans. Walls that beams run
-    along are out of view.
-    """
-    views = np.zeros((len(keys), len(points)), np.uint8)
-    for row, key in enumerate(keys):
-        for fan in key.fans:
-            np.maximum(views[row], _view(points, poses[row], fan, key.noise), out=views[row])
-    return views
+
+def all_fans(fans: Iterable[Fans]) -> Fans:
+    """The fans of some key scans, which are numbered from 0 on."""
+    keys, *at, first, angles, ranges = zip(*fans, strict=True)
+    numbers = np.repeat(np.arange(len(keys)), [len(each) for each in keys])
+    begins = np.cumsum(np.concatenate([[0], *map(np.diff, first)]))
+    x, y, noise = map(np.concatenate, at)
+    return Fans(numbers, x, y, noise, begins, np.concatenate(angles), np.concatenate(ranges))
 
 
 @compiled
-def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.uint8]:
-    """How the beams of a laser see points (m,), whose frame is at a pose (3,).
+def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
+    """How each of the key scans (k,) of fans sees points (m,): `OUT_OF_VIEW`, …, `HIT`, as (k, m).
 
-    A beam counts with the smallest range of itself and its neighbours, so that one that slips past
-    an edge is no free-space violation. A point between two hits on one surface is a hit, too.
+    The frame of the points is at poses (k, 3), as seen from the key scans. Walls that beams run
+    along are out of view. A beam counts with the smallest range of itself and its neighbours, so
+    that one that slips past an edge is no free-space violation. A point between two hits on one
+    surface is a hit, too.
     """
-    angles, ranges = fan.angles, fan.ranges
-    begin = angles[0]
-    step = (angles[-1] - begin) / (len(angles) - 1)
-    passed, hit = BEHIND + 3.0 * noise, AT + 3.0 * noise
-    at, views = placement(pose), np.zeros(len(points), np.uint8)
-    for i in range(len(points)):
-        point = points[i]
-        dx = at.x + at.cos * point.x - at.sin * point.y - fan.x
-        dy = at.y + at.sin * point.x + at.cos * point.y - fan.y
-        away = np.arctan2(dy, dx) - begin
-        away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-        # The beam nearest to the point. Those of several lasers together are not spread evenly.
-        beam, bearing = max(min(int(away / step + 0.5), len(angles) - 1), 0), begin + away
-        while beam > 0 and bearing - angles[beam - 1] < angles[beam] - bearing:
-            beam -= 1
-        while beam < len(angles) - 1 and angles[beam + 1] - bearing < bearing - angles[beam]:
-            beam += 1
-        if beam < 1 or beam > len(angles) - 2:
-            continue
-        least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
-        if not (least > 0.0 and np.isfinite(least)):
-            continue
-        distance = np.sqrt(dx * dx + dy * dy)
-        nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
-        # A post has no normal.
-        if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
-            continue
-        views[i] = PASSED if least > distance + passed else HIDDEN
-        for side in range(-1, 2):
-            one, other = ranges[beam], ranges[beam + side]
-            joined = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
-            if joined and min(one, other) - hit < distance < max(one, other) + hit:
-                views[i] = HIT
+    views = np.zeros((len(poses), len(points)), np.uint8)
+    for number, key in enumerate(fans.keys):
+        first, last, at = fans.first[number], fans.first[number + 1] - 1, placement(poses[key])
+        angles, ranges, begin = fans.angles, fans.ranges, fans.angles[first]
+        step = (angles[last] - begin) / (last - first)
+        passed, hit = BEHIND + 3.0 * fans.noise[number], AT + 3.0 * fans.noise[number]
+        for i in range(len(points)):
+            point = points[i]
+            dx = at.x + at.cos * point.x - at.sin * point.y - fans.x[number]
+            dy = at.y + at.sin * point.x + at.cos * point.y - fans.y[number]
+            away = np.arctan2(dy, dx) - begin
+            away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
+            # The beam nearest to the point. Those of several lasers together are not spread evenly.
+            beam, bearing = first + max(int(away / step + 0.5), 0), begin + away
+            beam = min(beam, last)
+            while beam > first and bearing - angles[beam - 1] < angles[beam] - bearing:
+                beam -= 1
+            while beam < last and angles[beam + 1] - bearing < bearing - angles[beam]:
+                beam += 1
+            if beam <= first or beam >= last:
+                continue
+            least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
+            if not (least > 0.0 and np.isfinite(least)):
+                continue
+            distance = np.sqrt(dx * dx + dy * dy)
+            nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
+            # A post has no normal.
+            if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
+                continue
+            view = PASSED if least > distance + passed else HIDDEN
+            for side in range(-1, 2):
+                one, other = ranges[beam], ranges[beam + side]
+                surface = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
+                if surface and min(one, other) - hit < distance < max(one, other) + hit:
+                    view = HIT
+            views[key, i] = max(views[key, i], view)
     return views
 
 
-def evidence(hits: Records, explained: float, poses: Float, keys: Sequence[Key]) -> float:
+def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float:
     """The log odds of a place from which a scan hit points (m,).
 
     The share of points that matching explains and the share that other beams hit support the place;
@@ -174,7 +189,7 @@ def evidence(hits: Records, explained: float, poses: Float, keys: Sequence[Key])
     if not len(hits):
         return -np.inf
     counted = 120  # Most points of a scan that count as evidence.
-    views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, keys)
+    views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, fans)
     hit = (views == HIT).any(axis=0)
     passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
     shares = np.array([float(hit.mean()), explained])
@@ -200,9 +215,9 @@ def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int,
     The sides are a key scan, at poses (k, 3) as seen from older ones, and these. A point counts for
     each key scan that has it in view.
     """
-    views = [views_of(new.surface, poses, olds).ravel()]
+    views = [views_of(new.surface, poses, all_fans(old.fans for old in olds)).ravel()]
     for old, back in zip(olds, between(poses, np.zeros(3)), strict=True):
-        views.append(views_of(old.surface, back[None], [new])[0])
+        views.append(views_of(old.surface, back[None], new.fans)[0])
     _, hidden, passed, hit = np.bincount(np.concatenate(views), minlength=4).tolist()
     return passed, hidden + passed + hit
 

@@ -143,11 +143,12 @@ class Wheels:
         # Squares of the turns' errors, and their number.
         self._squares = self._stretches = 0.0
         self.excess = Excess(ROUGH)
+        self._errors, self._known = self._fit()
 
     @property
     def biases(self) -> Float:
         """The errors (3,): a, b [rad/m] and c."""
-        a, b, c = self._fit()[0].tolist()
+        a, b, c = self._errors.tolist()
         return -np.array([a / (1.0 + a), b / (1.0 + a), c / (1.0 + c)])
 
     def _fit(self) -> tuple[Float, Float]:
@@ -167,8 +168,7 @@ class Wheels:
         # that would turn the first few scans, and with them the whole drive.
         measured_ahead, _, measured_turn = increment
         row = np.array([measured_turn, measured_ahead, 0.0])
-        _, information = self._fit()
-        unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(information, row)])
+        unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(self._known, row)])
         # Encoders that stand still may have failed, and carry no information.
         moved, window = bool(step.any()), slip_window(step)
         return Prediction(step, covariance, covariance + unlearned, window, trusted=moved)
@@ -210,6 +210,7 @@ class Wheels:
         if ahead_known:
             spread, _ = NOISE @ [1.0, farthest, 0.0]
             self._regress(np.array([0.0, 0.0, ahead]) / spread, excess_ahead / spread, 1.0)
+        self._errors, self._known = self._fit()
 
     def _regress(self, row: Float, error: float, variance: float) -> float:
         """Add an error of a stretch and its factors (3,), in deviations of good wheels.

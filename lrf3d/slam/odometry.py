@@ -68,7 +68,7 @@ class Repairs:
 
     Lines out of order were sorted by their stamps, doubled ones read once, and jumps left out; a
     mirrored laser turns clockwise without saying so. Scans are late against the odometry by these
-    times [s] at the beginning and at the end.
+    times [s] at the beginning and at the end, and their beams sweep for a time [s].
     """
 
     put_in_order: bool = False
@@ -77,6 +77,7 @@ class Repairs:
     odometry_jumps: int = 0
     mirrored: bool = False
     late: tuple[float, float] = (0.0, 0.0)
+    sweep: float = 0.0
 
     def sentences(self) -> list[str]:
         """What was wrong and what was done, a sentence each; none where all was well."""
@@ -90,6 +91,7 @@ class Repairs:
             f"{doubled} in the log more than once: read once": doubled,
             f"{jumps} of the odometry left out: the rest may be misplaced": self.odometry_jumps,
             late_sentence(*self.late): max(map(abs, self.late)) >= LATE,
+            f"by their shapes in turns, scans take {self.sweep:.3f} s: unrolled": self.sweep,
         }  # fmt: skip
         return [sentence for sentence, so in said.items() if so]
 

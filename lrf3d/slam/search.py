@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int, Records
 from lrf3d.pose import between
-from lrf3d.slam.key_scans import BEHIND, Fan, Key, evidence, same_place
+from lrf3d.slam.key_scans import BEHIND, Fans, Key, all_fans, evidence, same_place
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SURFACE, SurfaceGrid, grid_of, moved, placement
+from lrf3d.slam.surface import SurfaceGrid, concatenated, grid_of, moved, placement
 
 CELL = 0.15
 """Side of a cell [m]: matching converges from one and a half of them."""
@@ -47,40 +47,44 @@ class Field(NamedTuple):
     low: float
 
 
-def field_of(keys: Sequence[Key], poses: Float) -> Field:
-    """The field that key scans show from poses (k, 3)."""
+def field_of(keys: Sequence[Key], poses: Float, fans: Fans) -> Field:
+    """The field that key scans with some fans show from poses (k, 3)."""
     reach = max(float(np.abs([key.hits["x"], key.hits["y"]]).max(initial=0.0)) for key in keys)
     farthest = 50.0  # Largest range of the cells around key scans [m].
     around = 1.5 * min(reach, farthest) + WALL * CELL
     low, high = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
     columns, rows = ((high - low) / CELL).astype(np.int64).tolist()
     field = Field(np.zeros((rows, columns), np.int8), *low.tolist())
-    for key, pose in zip(keys, poses, strict=True):
-        for fan in key.fans:
-            _clear(field, pose, fan, BEHIND + 3.0 * key.noise)
+    _clear(field, poses, fans)
     for key, pose in zip(keys, poses, strict=True):
         _mark(field, pose, key.hits)
     return field
 
 
 @compiled
-def _clear(field: Field, pose: Float, fan: Fan, behind: float) -> None:
-    """Mark the cells free that the beams of a laser passed, on a robot at a pose (3,)."""
+def _clear(field: Field, poses: Float, fans: Fans) -> None:
+    """Mark the cells free that the beams of key scans at poses (k, 3) passed."""
     high, wide = field.cells.shape
-    ranges, at = fan.ranges, placement(pose)
-    column = (at.x + at.cos * fan.x - at.sin * fan.y - field.left) / CELL
-    row = (at.y + at.sin * fan.x + at.cos * fan.y - field.low) / CELL
-    heading = pose[2]
-    for k in range(1, len(ranges) - 1):
-        least = min(ranges[k - 1], ranges[k], ranges[k + 1])
-        if not (least > 0.0 and np.isfinite(least)):
-            continue
-        along, up = np.cos(heading + fan.angles[k]), np.sin(heading + fan.angles[k])
-        for step in range(int((least - behind) / CELL)):
-            c, r = int(column + step * along), int(row + step * up)
-            if c < 0 or c >= wide or r < 0 or r >= high:
-                break
-            field.cells[r, c] = FREE
+    ranges = fans.ranges
+    for number, key in enumerate(fans.keys):
+        at, heading, behind = (
+            placement(poses[key]),
+            poses[key, 2],
+            BEHIND + 3.0 * fans.noise[number],
+        )
+        x, y = fans.x[number], fans.y[number]
+        column = (at.x + at.cos * x - at.sin * y - field.left) / CELL
+        row = (at.y + at.sin * x + at.cos * y - field.low) / CELL
+        for k in range(fans.first[number] + 1, fans.first[number + 1] - 1):
+            least = min(ranges[k - 1], ranges[k], ranges[k + 1])
+            if not (least > 0.0 and np.isfinite(least)):
+                continue
+            along, up = np.cos(heading + fans.angles[k]), np.sin(heading + fans.angles[k])
+            for step in range(int((least - behind) / CELL)):
+                c, r = int(column + step * along), int(row + step * up)
+                if c < 0 or c >= wide or r < 0 or r >= high:
+                    break
+                field.cells[r, c] = FREE
 
 
 @compiled
@@ -100,20 +104,23 @@ def _mark(field: Field, pose: Float, hits: Records) -> None:
                 field.cells[r, c] = max(field.cells[r, c], here)
 
 
+@compiled
 def shifts_within(guess: Float, spread: Float, near: float) -> Int:
     """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
     # A step more, so that the least window has neighbours to each side.
-    wide = spread + np.diag(np.full(2, (CELL / DEVIATIONS) ** 2))
-    x, y = (
-        np.arange(-most, most + 1)
-        for most in np.ceil(DEVIATIONS * np.sqrt(wide.diagonal()) / CELL).astype(np.int64)
-    )
-    shifts = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    metres = CELL * shifts
-    inside = np.hypot(*(guess[:2] + metres).T) < near
-    square = np.einsum("si,ij,sj->s", metres, np.linalg.inv(wide), metres)
-    chosen: Int = shifts[inside & (square <= DEVIATIONS**2)]
-    return chosen
+    wide = (CELL / DEVIATIONS) ** 2
+    xx, xy, yy = spread[0, 0] + wide, spread[0, 1], spread[1, 1] + wide
+    right = int(np.ceil(DEVIATIONS * np.sqrt(xx) / CELL))
+    up = int(np.ceil(DEVIATIONS * np.sqrt(yy) / CELL))
+    shifts, count = np.empty(((2 * right + 1) * (2 * up + 1), 2), np.int64), 0
+    for row in range(-up, up + 1):
+        for column in range(-right, right + 1):
+            x, y = CELL * column, CELL * row
+            square = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
+            if np.hypot(guess[0] + x, guess[1] + y) < near and square <= DEVIATIONS**2:
+                shifts[count] = column, row
+                count += 1
+    return shifts[:count]
 
 
 @compiled
@@ -139,6 +146,26 @@ def window_scores(
     return scores
 
 
+@compiled
+def _peaks(scores: Float, shifts: Int, close: float, most: int) -> Int:
+    """The heading and the shift (p, 2), by number, of at most some peaks of scores (a, s).
+
+    Their scores are positive, and at least close to the best, as a share of it. Those around a
+    peak, which lead to the same place, are set to 0.
+    """
+    peaks, least = np.empty((most, 2), np.int64), max(close * scores.max(), 0.0)
+    for number in range(most):
+        a, s = divmod(scores.argmax(), len(shifts))
+        if scores[a, s] <= least:
+            return peaks[:number]
+        peaks[number] = a, s
+        for other in range(len(shifts)):
+            dx, dy = shifts[other, 0] - shifts[s, 0], shifts[other, 1] - shifts[s, 1]
+            if max(abs(dx), abs(dy)) <= 2:
+                scores[max(a - 2, 0) : a + 3, other] = 0.0
+    return peaks
+
+
 class Place(NamedTuple):
     """A match of a scan with a map, and the evidence for it."""
 
@@ -153,10 +180,20 @@ class Submap:
         self.keys, self.poses = keys, poses
 
     @cached_property
+    def fans(self) -> Fans:
+        """The fans of all key scans."""
+        return all_fans(key.fans for key in self.keys)
+
+    @cached_property
+    def field(self) -> Field:
+        """The field of all key scans."""
+        return field_of(self.keys, self.poses, self.fans)
+
+    @cached_property
     def grid(self) -> SurfaceGrid | None:
         """The walls of all key scans; None if there are none."""
         parts = zip(self.keys, self.poses, strict=True)
-        walls = np.concatenate([np.empty(0, SURFACE), *(moved(key.walls, at) for key, at in parts)])
+        walls = concatenated(moved(key.walls, at) for key, at in parts)
         return grid_of(walls) if len(walls) else None
 
     def seen_from(self, pose: Float) -> Float:
@@ -173,7 +210,7 @@ class Submap:
     def place(self, scan: Key, match: Match) -> Place:
         """A match with the evidence for it."""
         poses = self.seen_from(match.pose)
-        return Place(match, evidence(scan.hits, match.explained, poses, self.keys))
+        return Place(match, evidence(scan.hits, match.explained, poses, self.fans))
 
     def places(self, scan: Key, guess: Float, spread: Float, near: float = np.inf) -> list[Place]:
         """The places in a window where a scan lies on the map, those first whose hits fit best.
@@ -181,7 +218,7 @@ class Submap:
         The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
         distance [m] from the map's origin are left out.
         """
-        shifts, surface, hits = shifts_within(guess, spread[:2, :2], near), scan.surface, scan.hits
+        shifts, surface, hits = shifts_within(guess, spread, near), scan.surface, scan.hits
         if self.grid is None or not len(surface) or not len(shifts):
             return []
         far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))
@@ -191,16 +228,12 @@ class Submap:
         *_, turn = np.sqrt(spread.diagonal())
         turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
         angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-        field, sample = field_of(self.keys, self.poses), thin(surface)
-        scores = window_scores(thin(hits), field, guess, shifts, angles)
+        sample = thin(surface)
+        scores = window_scores(thin(hits), self.field, guess, shifts, angles)
         found: list[tuple[Float, Float]] = []
-        close = 0.7  # Least score of a peak, as a share of the best.
-        least = max(close * float(scores.max()), 0.0)
-        most_matched = 6  # Poses of the window that are refined.
-        for _ in range(most_matched):
-            a, s = np.unravel_index(int(scores.argmax()), scores.shape)
-            if scores[a, s] <= least:
-                break
+        # Least score of a peak, as a share of the best, and peaks that are refined.
+        close, most_matched = 0.7, 6
+        for a, s in _peaks(scores, shifts, close, most_matched).tolist():
             peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
             place, prior = match_scan(sample, self.grid, peak, LOOSE).pose, LOOSE
             if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
@@ -208,9 +241,6 @@ class Submap:
                 place, prior = peak, HELD
             if not any(same_place(place, other) for other, _ in found):
                 found.append((place, prior))
-            # The peak's surroundings lead to the same place.
-            around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
-            scores[max(a - 2, 0) : a + 3, around] = 0.0
         matches = [match_scan(surface, self.grid, place, prior) for place, prior in found]
         return [self.place(scan, match) for match in matches]
 

@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, distance_transform_edt, label, maximum_filter
+from scipy.ndimage import (
+    binary_dilation,
+    distance_transform_edt,
+    find_objects,
+    label,
+    maximum_filter,
+)
 from scipy.spatial import cKDTree
 
 from lrf3d.errors import WorldError
@@ -36,13 +42,39 @@ def parts_of(cells: Bool) -> tuple[Int, int]:
     return np.asarray(parts, dtype=np.int64), int(count)
 
 
+def box_of(cells: Bool, margin: int = 0) -> tuple[slice, slice]:
+    """The rows and columns of the box around some cells, with a margin [cells]."""
+    found = (np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0))
+    row, column = (
+        slice(max(int(own[0]) - margin, 0), int(own[-1]) + margin + 1) if len(own) else slice(0)
+        for own in found
+    )
+    return row, column
+
+
+def sides_of(parts: Any) -> Int:
+    """Height and width (count, 2) [pixels] of the box around each part."""
+    boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
+    return np.array(boxes, dtype=np.int64).reshape(-1, 2)
+
+
+def extent_of(cells: Bool) -> float:
+    """The larger side [pixels] of the box around some cells."""
+    return float(max(side.stop - side.start for side in box_of(cells)) if cells.any() else 0)
+
+
 def grown(cells: Bool, radius: float) -> Bool:
     """Which cells are within a radius [cells] of some cells."""
-    # Distances take much time and memory.
-    if radius < 3.0:
+    near, box = np.zeros_like(cells), box_of(cells, int(radius) + 2)
+    if near[box].size:
+        # Distances take much time and memory.
         row, column = np.indices((5, 5)) - 2
-        return np.asarray(binary_dilation(cells, row**2 + column**2 <= radius**2))
-    return np.asarray(distance_transform_edt(~cells) <= radius) if cells.any() else cells
+        near[box] = (
+            binary_dilation(cells[box], row**2 + column**2 <= radius**2)
+            if radius < 3.0
+            else distance_transform_edt(~cells[box]) <= radius
+        )
+    return near
 
 
 def on_border(cells: Any) -> Any:

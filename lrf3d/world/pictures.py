@@ -14,14 +14,22 @@ from typing import Any
 import numpy as np
 import shapely
 from PIL import Image, ImageDraw
-from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label, maximum
+from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, directions, lengths, number
 from lrf3d.text import counted
 from lrf3d.world.annotations import is_frame
 from lrf3d.world.enclosure import closes_rooms
-from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
+from lrf3d.world.grid_walls import (
+    box_of,
+    extent_of,
+    grown,
+    on_border,
+    parts_of,
+    sides_of,
+    walls_of_grid,
+)
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import contrast_of, evened, on_paper, pixels_of, threshold_of
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
@@ -81,6 +89,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     # A thick area is a floor if it is pale.
     drawn = stands & ~_floors(stands & (lightness < 0.5), key, pixels, left_out)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
+    pale = _pale_blocks(walls & drawn, lightness, pixels)
+    walls, furniture = walls & ~pale, furniture | pale
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * resolution
     darker = f"darker than grey {255.0 * (1.0 - found):.0f} of 255"
@@ -91,12 +101,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
         doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
         if even is not None and threshold is None:
-            remedy = "cut the picture to the plan, or choose --threshold"
-            raise WorldError(
-                f"a photograph in which no plan is found, as half of the length of what is {darker}"
-                f" is in pieces of under {SHORT} pixels; {remedy} and look at it by `lrf3d world"
-                " show`"
-            )
+            held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
+            remedy = "cut it to the plan, or choose --threshold and look at `lrf3d world show`"
+            raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
     elif not closes_rooms(walls, thin[0], pixels):
         doubt = "hardly any of it closes a room: is it a plan? "
     return Plan(
@@ -138,7 +145,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     thin = [np.empty((0, 4)), np.empty((0, 4))]
     building = _building(solid, pixels)
     # In a plan of thin lines, thick parts are lettering, or some columns.
-    share = _extent(solid & building) / max(_extent(dark), 1.0)
+    share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
         strokes = dark & ~grown(solid, 1.5)
         left_out["outside part"] = parts_of((strokes | solid) & ~building)[1]
@@ -154,7 +161,8 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
 def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
     """The pixels of coloured parts that touch nothing black or grey, where walls are that."""
     grey = dark & (np.ptp(colours, axis=2) < 64)
-    if _extent(grey) < 0.7 * _extent(dark) or grey.sum() < 0.5 * dark.sum():
+    share = grey.sum() / max(dark.sum(), 1)
+    if share == 1.0 or share < 0.5 or extent_of(grey) < 0.7 * extent_of(dark):
         return np.zeros_like(dark)
     parts, count = parts_of(dark & ~grey)
     loose = np.ones(count + 1, dtype=bool)
@@ -182,7 +190,7 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     )
     # On a sheet, thick walls stand beside thin lines.
     thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
-    sheet = _extent(thick) > 0.3 * _extent(drawn)
+    sheet = extent_of(thick) > 0.3 * extent_of(drawn)
     found = is_frame(np.concatenate(lines) / pixels, sheet)
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
     left_out["frame part"] = int(framed.sum())
@@ -196,7 +204,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """
     # Fine arcs have gaps.
     parts, count = label(~grown(drawn, 2.0))
-    boxes, sides = find_objects(parts), _sides(parts)
+    boxes, sides = find_objects(parts), sides_of(parts)
     least, most = sides.min(axis=1), sides.max(axis=1)
     opened = np.zeros(count + 1, dtype=bool)
     door = (least > 0.5 * pixels) & (most < 1.4 * pixels) & (least > 0.8 * most)
@@ -218,8 +226,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         return np.zeros_like(drawn)
     inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
     parts, count = label(~drawn)
-    radius = maximum(distance_transform_edt(~drawn), parts, np.arange(count + 1))
-    walls = radius < 0.5 * THICKEST * pixels
+    walls = _radii(drawn, parts, count)[1] < 0.5 * THICKEST * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
     return np.asarray(
@@ -271,7 +278,7 @@ def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
 def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str]) -> list[Float]:
     """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
     parts, count = parts_of(strokes)
-    box = _sides(parts)
+    box = sides_of(parts)
     meets = np.isin(np.arange(1, count + 1), parts[grown(solid, 3.0)])
     # Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
     # strokes stays.
@@ -293,11 +300,11 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
 def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """Take small loose parts out of the solid ones; returns those that are furniture."""
     parts, count = parts_of(solid)
-    sides = _sides(parts)
+    sides = sides_of(parts)
     area, inked = (np.bincount(parts[of], minlength=count + 1)[1:] for of in (solid, solid & drawn))
     space = sides.prod(axis=1)
     letter = 0.6  # Largest size [m] of a letter.
-    small = sides.max(axis=1) <= min(letter * pixels, 0.04 * _extent(solid))
+    small = sides.max(axis=1) <= min(letter * pixels, 0.04 * extent_of(solid))
     # The letters of a word may touch: the outline of such a part is long.
     edges: Any = sum(
         np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
@@ -306,7 +313,7 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     small |= (sides.min(axis=1) <= letter * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other, and to the thin strokes of others.
     strokes, _ = parts_of(drawn & ~grown(solid, 1.5))
-    thin = np.append(False, _sides(strokes).max(axis=1) <= letter * pixels)[strokes]
+    thin = np.append(False, sides_of(strokes).max(axis=1) <= letter * pixels)[strokes]
     words, _ = parts_of(grown(np.append(False, small)[parts] | thin, 0.1 * pixels))
     word = np.zeros(count + 1, dtype=np.int64)
     word[parts[solid]] = words[solid]
@@ -314,23 +321,38 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     alone = (np.bincount(word, minlength=1)[word] == 1) & ~np.isin(word, words[thin])
     full = 0.7  # Share of dark pixels in its box from which on a part is solid.
     stands = (area >= full * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
-    hollow = (inked < full * area) & (sides.max(axis=1) <= 0.3 * _extent(solid))
+    hollow = (inked < full * area) & (sides.max(axis=1) <= 0.3 * extent_of(solid))
     out = small & ~stands
     left_out["small part"] = int(out.sum())
     solid &= ~np.append(False, out)[parts]
     return np.asarray(np.append(False, ~out & hollow)[parts])
 
 
+def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
+    """The solid blocks that touch no other part and are of a paler ink than walls: furniture."""
+    parts, count = parts_of(dark)
+    sides, area = sides_of(parts), np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    block = (sides.min(axis=1) > 0.3 * pixels) & (sides.max(axis=1) < 3.0 * pixels)
+    block &= area > 0.7 * sides.prod(axis=1)
+    # The rim of what is dark is pale.
+    inner = parts * (dark & ~grown(~dark, 1.5))
+    held, shade = (
+        np.bincount(inner.ravel(), weights, count + 1)[1:] for weights in (None, lightness.ravel())
+    )
+    block &= shade < (np.quantile(lightness[dark], 0.9) - 0.15) * held if count else False
+    return np.asarray(np.append(False, block)[parts])
+
+
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
-    away, most = distance_transform_edt(~dark), 0.5 * THICKEST * pixels
-    radius = np.append(np.inf, maximum(away, parts, np.arange(1, count + 1)))
-    radius[on_border(parts)] = np.inf
+    (away, radius), most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
+    radius[[0, *on_border(parts)]] = np.inf
     area = np.bincount(parts.ravel(), minlength=count + 1)
-    # The space in a wall may have a wide place, such as a pier.
+    # The space in walls around rooms may have a wide place, such as a pier.
     wide, square = np.bincount(parts[away > most], minlength=count + 1), radius**2
-    pier = (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
+    around = area < 0.5 * np.append(0, sides_of(parts).prod(axis=1))
+    pier = around & (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
     narrow = (radius <= most) | pier
     # Tiles and stairs that fill a place are no wall. The space in a wall is long.
     small = (area < 24.0 * square) & ~pier
@@ -359,23 +381,20 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         own = held[1, (held[0] == place) & (radius[held[1]] <= most)]
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
-    within = narrow[parts]
-    return np.asarray((dark | (within & ~(compact & pattern))) & ~many[places])
+    return np.asarray((dark | (narrow[parts] & ~(compact & pattern))) & ~many[places])
 
 
 def _opened(cells: Bool, radius: float) -> Bool:
     """Which cells are in a disc of a radius [pixels] of such cells."""
-    core = distance_transform_edt(np.pad(cells, 1, mode="edge")) > radius
-    return grown(core, radius)[1:-1, 1:-1] & cells
+    found, box = np.zeros_like(cells), box_of(cells, 1)
+    if (own := cells[box]).size:
+        core = distance_transform_edt(np.pad(own, 1, mode="edge")) > radius
+        found[box] = grown(core, radius)[1:-1, 1:-1] & own
+    return found
 
 
-def _sides(parts: Any) -> Int:
-    """Height and width (count, 2) [pixels] of the box around each part."""
-    boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
-    return np.array(boxes, dtype=np.int64).reshape(-1, 2)
-
-
-def _extent(cells: Bool) -> float:
-    """The larger side [pixels] of the box around some cells."""
-    sides = (np.flatnonzero(cells.any(axis=axis)) for axis in (0, 1))
-    return float(max((np.ptp(side) + 1 for side in sides if len(side)), default=0))
+def _radii(dark: Bool, parts: Any, count: int) -> tuple[Float, Float]:
+    """Distances of cells to dark ones, and the largest of each part; that of the dark one is 0."""
+    away, radius = distance_transform_edt(~dark), np.zeros(count + 1)
+    np.maximum.at(radius, parts, away)
+    return away, radius

@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 
-from lrf3d.pose import between
+from lrf3d.laser import LaserScan
+from lrf3d.pose import Pose, between
 from lrf3d.slam.closures import Closure, LoopCloser
-from lrf3d.slam.key_scans import Fan, Key, MixedPixels
+from lrf3d.slam.key_scans import Key, MixedPixels, fan_of
 from lrf3d.slam.surface import SURFACE
 
 NOTHING = np.empty(0, SURFACE)
@@ -10,8 +12,8 @@ INFORMATION = np.diag([1e3, 1e3, 1e4])
 
 
 def key(number, pose):
-    beams = np.linspace(-1.0, 1.0, 3), np.ones(3)
-    return Key(number, pose, NOTHING, NOTHING, NOTHING, (Fan(0.0, 0.0, *beams),), 0.01)
+    scan = LaserScan(Pose(0, 0, 0), np.linspace(-1.0, 1.0, 3), np.ones(3))
+    return Key(number, pose, NOTHING, NOTHING, NOTHING, fan_of(scan, scan.pose, 0.01))
 
 
 def driven(poses, jump):
@@ -51,3 +53,21 @@ def test_closures_with_two_earlier_drives_past_a_place_agree():
         closer.unconfirmed = list(closures)
         closer.settle(last)
         assert closer.accepted == (closures if joined else [])
+
+
+@pytest.mark.parametrize(
+    ("agreeing", "against", "accepted"), [(2, 0, True), (1, 0, False), (3, 1, True), (2, 1, False)]
+)
+def test_a_closure_is_confirmed_by_places_that_alone_are_doubtful(agreeing, against, accepted):
+    there = [np.array([float(x), 0.0, 0.0]) for x in range(10)]
+    poses = np.array([*there, *(pose + np.array([0.0, 0.1, 0.0]) for pose in there)])
+    closer = driven(poses, 10)
+    pairs = [(k, k + 10) for k in range(3, 4 + agreeing)]
+    clear, *doubtful = [Closure(*k, between(*poses[list(k)]), INFORMATION) for k in pairs]
+    elsewhere = np.array([4.0, 1.0, 0.0])
+    contradicting = [Closure(1, 18 - k, elsewhere, INFORMATION) for k in range(against)]
+    closer.unconfirmed, closer.doubtful = [clear], doubtful + contradicting
+    # A scan of which one place agrees has one vote, whatever its other places are.
+    closer.doubtful += [Closure(1, each.new, elsewhere, INFORMATION) for each in doubtful]
+    closer.settle(poses)
+    assert closer.accepted == [clear] * accepted

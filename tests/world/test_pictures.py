@@ -302,3 +302,27 @@ def test_the_faces_of_a_wall_with_a_pier_are_one_wall(tmp_path):
         sheet.draw.line(sheet.at(*part.exterior.coords), fill=0, width=2)
     found = sheet.read(tmp_path).segments.reshape(-1, 2, 2) - 1.0
     assert shapely.hausdorff_distance(shapely.multilinestrings(found), body.boundary) < 0.06
+
+
+@pytest.mark.parametrize("ink", [(110, 110, 110), (90, 100, 130)])
+def test_solid_blocks_in_a_paler_ink_are_furniture(ink, tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    sheet.box(0.5, 0.5, 2.1, 1.0, fill=ink)
+    sheet.box(6.0, 5.0, 7.0, 6.0, fill=ink)
+    sheet.draw.ellipse([*sheet.at((6.3, 5.7))[0], *sheet.at((6.7, 5.3))[0]], outline=0)
+    world = sheet.read(tmp_path)
+    assert off(world) < 0.06
+    low = world.segments[world.heights < 2.0].reshape(-1, 2) - 1.0
+    assert shapely.multipoints(low).bounds == pytest.approx((0.5, 0.5, 7.0, 6.0), abs=0.04)
+
+
+def test_specks_in_rooms_make_them_no_walls(tmp_path):
+    sheet = Sheet()
+    sheet.walls(faces=True)
+    sheet.furnish()
+    for x in np.arange(0.5, 9.6, 0.66):
+        for y in np.arange(0.5, 6.6, 0.66):
+            sheet.draw.rectangle([*sheet.at((x, y))[0], *sheet.at((x + 0.03, y - 0.03))[0]], fill=0)
+    world = sheet.read(tmp_path)
+    assert off(world) < 0.06 and find_route(world).notes == ()
