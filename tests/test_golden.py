@@ -56,7 +56,7 @@ def drive():
 def test_a_robot_that_is_not_given_its_poses_finds_them_and_the_map(drive):
     off = np.hypot(*(drive.estimate.poses - drive.trajectory.poses)[:, :2].T)
     lost = np.hypot(*(drive.odometry - drive.trajectory.poses)[:, :2].T)
-    assert (off.max(), lost.max(), len(drive.map)) == pytest.approx((0.0105, 0.6777, 34), abs=5e-4)
+    assert (off.max(), lost.max(), len(drive.map)) == pytest.approx((0.0077, 0.6777, 34), abs=5e-4)
 
 
 def test_a_drive_goes_out_as_a_bag_and_is_solved_and_mapped(drive, tmp_path):
