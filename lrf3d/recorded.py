@@ -345,11 +345,15 @@ def _agreeing(
     """
     wheels = np.abs(np.diff(path.at(places)[:, 2]))
 
-    def misfit(turns: Float) -> float:
+    def share(turns: Float) -> float:
+        """How much of the turns of the robot the scans show; infinite where that is not known."""
         known = np.isfinite(turns) & (wheels > LEAST_TURN)
         if known.sum() < LEAST_PAIRS:
             return np.inf
-        return abs(float(np.median(np.abs(turns[known]) / wheels[known])) - 1.0)
+        return float(np.median(np.abs(turns[known]) / wheels[known]))
+
+    def misfit(turns: Float) -> float:
+        return abs(share(turns) - 1.0)
 
     try:
         turns, notes = turns_between(converter, scans, path, places), list[str]()
@@ -379,6 +383,14 @@ def _agreeing(
         mirrored = is_mirrored(turns, path, places)
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
+    # Least share of the turns of a robot that show in scans of a level plane.
+    least_turned = 0.1
+    if share(turns) < least_turned:
+        warnings.warn(
+            f"{log.name}: its scans stay as they are where the robot turns: the laser does not scan"
+            " a level plane, or the poses are not those of its robot",
+            Lrf3dWarning, stacklevel=3,
+        )  # fmt: skip
     if mirrored:
         # The order of the beams in time is lost with that of their angles.
         angles_of = {id(scan.angles): sealed(-scan.angles[::-1]) for scan in scans}

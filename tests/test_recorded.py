@@ -7,7 +7,7 @@ import pytest
 from synthetic_run import box, make_world
 
 import lrf3d
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.io import LaserLog, load_log
 from lrf3d.laser import ConstantNoise
 from lrf3d.recorded import punctual, solve_log
@@ -54,6 +54,19 @@ def test_a_fan_that_is_none_of_the_usual_ones_is_refused(drive_with, tmp_path):
     log = load_log(flaser(tmp_path / "a.log", drive_with(310, 311).scans))
     for solve in (punctual, solve_log):
         with pytest.raises(InputError, match="turn unlike the odometry"):
+            solve(log)
+
+
+def test_scans_of_a_vertical_plane_are_warned_of(drive_with):
+    angles, scans = np.linspace(-np.pi / 2, np.pi / 2, 181), []
+    with np.errstate(divide="ignore"):
+        floor = np.where(angles < 0.0, 0.5, 2.0) / np.abs(np.sin(angles))
+        for scan in drive_with(180, 181).scans:
+            ranges = np.minimum(scan.ranges[90] / np.cos(angles), floor)
+            scans.append(lrf3d.LaserScan(scan.pose, angles, ranges, time=scan.time))
+    log = LaserLog("sideways", scans)
+    for solve in (punctual, solve_log):
+        with pytest.warns(Lrf3dWarning, match="scan a level plane"):
             solve(log)
 
 

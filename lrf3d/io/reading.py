@@ -150,7 +150,7 @@ def _kind(path: Path) -> str:
         return "CARMEN"
     if is_text and RECORDS(head):
         return "records"
-    if ending.endswith(CARMEN_ENDINGS) and not re.match(rb"\s*[-+.\d]", head):
+    if ending.endswith(CARMEN_ENDINGS) and not re.search(rb"(?m)^\s*[-+.\d]+[\s,;]", head):
         return "CARMEN"
     if is_text:
         return "text"

@@ -41,7 +41,7 @@ SYNONYMS = {
     "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
-    "qw": "qw", "angles": "angle bearing azimuth winkel", "quality": "quality q confidence",
+    "qw": "qw", "angles": "angle bearing azimuth winkel deg", "quality": "quality q confidence",
     "poses": "poses pose trajectory odometry odom",
     "ranges": "ranges range r distances distance dist d scan laser lidar readings"
     " abstand entfernung",
@@ -68,7 +68,7 @@ the second."""
 
 def meaning(name: str) -> tuple[str, str]:
     """What a column of this name holds, and its unit, as far as the name says so."""
-    name = name.lower()
+    name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
     if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
         return f"q{quaternion[1]}", ""
     if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:

@@ -40,6 +40,12 @@ BOOLEANS = {"True": "1", "False": "0"}
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
 """Matches numbers with a decimal comma."""
 
+LEGEND = re.compile(r"(?i).*\b(?:format|legend|columns|fields)\s*:\s*(.*)").match
+"""Matches a sentence that ends with the names of the columns."""
+
+ELLIPSIS = re.compile(r"([A-Za-z_]\w*?)(\d+)\W+(?:\.\.+|…)\W+\1(\d+)")
+"""The first and the last of a series of names."""
+
 LABELS = re.compile(r"(?<!\w)([A-Za-z_]\w*+)\s*+[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
 """Numbers that have their names before them."""
 
@@ -65,11 +71,11 @@ class Form:
         self.labelled = sum(len(LABELS.findall(text)) > 1 for text in body) > 0.5 * len(body)
         marks = [mark for mark in "\t;" if joined.count(mark) >= len(body) > 0]
         self.decimal_commas = "," in joined
-        if not marks and "," in joined:
+        if not marks and 2 * sum("," in text for text in body) > len(body):
             self.decimal_commas = sum(map(bool, map(DECIMAL_COMMA, words))) > 0.5 * len(words)
             marks = [] if self.decimal_commas else [","]
         self.separator = marks[0] if marks else None
-        first = NESTED(texts[0]) if texts else None
+        first = next(filter(None, map(NESTED, texts)), None)
         self.nested = len(first[1].split(",")) if first else 0
         rows = [words for text in texts for words in self.rows(text)]
         numeric = [words for words in rows if mostly_numbers(words)]
@@ -103,6 +109,10 @@ class Form:
 
     def rows(self, text: str) -> list[list[str]]:
         """The words of a line, or of each of the brackets in it."""
+        if legend := LEGEND(text):
+            # Sizes in brackets are no names.
+            names = re.sub(r"(?<=\w)\[[A-Za-z_]{4,}\]", "", UNITS.sub(r"_\1", legend[1]))
+            return [_split(ELLIPSIS.sub(_series, names))]
         if self.labelled:
             words = [number for _, number in LABELS.findall(text)] or [text]
             words += [each for found in LISTED.finditer(text) for each in _split(found[2])]
@@ -114,6 +124,9 @@ class Form:
                 words = [word.replace(",", ".") for word in words]
             elif len(words) <= SHORT:
                 words = [BOOLEANS.get(word, word) for word in words]
+            # Spaces may separate what comes before a list of commas.
+            if len(first := words[0].split()) > 1 and all(map(is_number, first)):
+                words[:1] = first
         size = self.nested or len(words) or 1
         return [words[k : k + size] for k in range(0, len(words), size)]
 
@@ -155,6 +168,13 @@ def _seconds(time: re.Match[str]) -> str:
     except ValueError:
         return time[0]
     return f"{86400.0 * days + 3600.0 * float(hours) + 60.0 * float(minutes) + float(seconds):.6f}"
+
+
+def _series(ends: re.Match[str]) -> str:
+    base, first, last = ends.groups()
+    most_beams = 100_000
+    numbers = range(int(first), min(int(last) + 1, int(first) + most_beams))
+    return " ".join(f"{base}{number}" for number in numbers)
 
 
 def _split(text: str) -> list[str]:

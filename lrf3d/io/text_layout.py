@@ -105,7 +105,8 @@ class Layout:
             self.columns["ranges"], self.beams = places[0], len(places)
             units |= {"ranges": unit} if (unit := meaning(base)[1]) else {}
             bearings = np.array([labels[place] for place in places])
-            if bearings[0] not in (0.0, 1.0) or np.ptp(bearings) != len(bearings) - 1:
+            counts = bearings[0] in (0.0, 1.0) and np.ptp(bearings) == len(bearings) - 1
+            if not counts and np.ptp(bearings) <= 360.0:
                 self.table.values["angles"] = bearings
             # A single angle beside a whole scan is the heading of the robot.
             if (turn := self.columns.pop("angles", None)) is not None:
@@ -217,7 +218,16 @@ def _by_count(sample: list[list[str]]) -> dict[str, int]:
         rests = [(words[place], len(words) - place - 1) for words in sample]
         if all(rest > 8 and is_number(word) and float(word) == rest for word, rest in rests):
             rising = [before for before in range(place) if rises(sample, before)]
-            return {"ranges": place + 1} | ({"stamp": rising[0]} if rising else {})
+            found = {"ranges": place + 1} | ({"stamp": rising[0]} if rising else {})
+            for at in range(place - 2):
+                # The first bearing, the last one, and the step, in either order.
+                numbers = [float(w) if is_number(w) else np.nan for w in sample[0][at : at + 3]]
+                for low, step, high in (numbers, [numbers[k] for k in (0, 2, 1)]):
+                    if abs(low + step * (rests[0][1] - 1) - high) < 2.0 * abs(step) < 0.2:
+                        names = ("first", "step", "last") if step == numbers[1] else (
+                            "first", "last", "step")  # fmt: skip
+                        return found | {name: at + k for k, name in enumerate(names)}
+            return found
     return {}
 
 

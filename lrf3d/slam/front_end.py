@@ -142,7 +142,8 @@ class FrontEnd:
                 expected = expected._replace(doubtful=np.inf, other=coasting)
         placed = self._placed(scan, expected)
         far, jumped = self._is_far(expected.step, since), False
-        if increment is not None and (far or not placed.accepted):
+        unsure = not placed.accepted or self._half_seen(placed, expected)
+        if increment is not None and (far or unsure):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
             # wall the robot goes on as before.
             coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
@@ -191,6 +192,11 @@ class FrontEnd:
         # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
         faster, beyond = 2.0, 0.25
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
+
+    def _half_seen(self, placed: Placed, expected: Prediction) -> bool:
+        """Whether a scan contradicts the wheels, and leaves a direction to them all the same."""
+        slipped = self._slip(placed.match, expected) > SLIP_LIMIT**2
+        return slipped and weakest_direction(placed.match.information)[1] < WEAK
 
     def _worth(self, placed: Placed, expected: Prediction) -> float:
         """The evidence for a scan where it was placed by a prediction."""
@@ -299,10 +305,6 @@ class FrontEnd:
         length, turn = size_of(between(self._keys[-1].pose, self.pose))
         return length >= self.key_distance or turn >= KEY_TURN
 
-    def key(self, scan: Key) -> Key:
-        """The scan that was just placed, as a key scan."""
-        return replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
-
     def _walls(self) -> Records:
         """The walls that the last scan and some scans before saw, in the frame of the last one.
 
@@ -313,8 +315,9 @@ class FrontEnd:
         parts = [self._recent[k] for k in chosen.tolist()]
         return concatenated(moved(thinned(part), between(self.pose, pose)) for pose, part in parts)
 
-    def add_key(self, key: Key) -> None:
+    def add_key(self, scan: Key) -> Key:
         """Add the scan that was just placed to the local map, as a key scan."""
+        key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
@@ -326,6 +329,7 @@ class FrontEnd:
         self._fans = all_fans(near.fans for near in self._keys)
         local = list(self._keys)[-LOCAL_KEYS:]
         self._map = Submap(local, np.array([near.pose for near in local]))
+        return key
 
 
 def refined(

@@ -93,20 +93,12 @@ class ScanConverter:
         for each in scans:
             kept = FORGETTING if self._noise else 0.0
             self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
-        fans, *others = (self._fan(each) for each in scans)
+        fans, *others = (fan_of(each, self.mount(each), self._noise) for each in scans)
         if others:
             fans = all_fans([fans, *others])._replace(keys=np.zeros(len(scans), np.int64))
         hits = np.concatenate([points_of(each, self.mount(each)) for each in scans])
         surface = self.surface(scans)
         return Key(number, np.zeros(3), surface, thinned(surface), hits, fans)
-
-    def _fan(self, scan: LaserScan) -> Fans:
-        """The beams of one laser."""
-        x, y, heading = self.mount(scan)
-        # A laser that is mounted upside down turns clockwise.
-        order = -1 if scan.angles[0] > scan.angles[-1] else 1
-        beams = (scan.angles + heading)[::order], scan.ranges[::order]
-        return fan(*beams, x=x, y=y, noise=self._noise)
 
     def mount(self, scan: LaserScan) -> Pose:
         """The pose of a scan's laser on the robot."""
@@ -121,10 +113,14 @@ class ScanConverter:
         )
 
 
-def fan(angles: Float, ranges: Float, *, x: float, y: float, noise: float) -> Fans:
-    """The beams (b,) of one laser."""
-    one, first = np.zeros(1, np.int64), np.array([0, len(angles)])
-    return Fans(one, np.array([x]), np.array([y]), np.array([noise]), first, angles, ranges)
+def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:
+    """The beams of one laser."""
+    x, y, heading = (np.array([value]) for value in mount)
+    # A laser that is mounted upside down turns clockwise.
+    order = -1 if scan.angles[0] > scan.angles[-1] else 1
+    angles, ranges = (scan.angles + heading)[::order], scan.ranges[::order]
+    first = np.array([0, len(ranges)])
+    return Fans(np.zeros(1, np.int64), x, y, np.array([noise]), first, angles, ranges)
 
 
 def all_fans(fans: Iterable[Fans]) -> Fans:

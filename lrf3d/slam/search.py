@@ -104,23 +104,19 @@ def _mark(field: Field, pose: Float, hits: Records) -> None:
                 field.cells[r, c] = max(field.cells[r, c], here)
 
 
+@compiled
 def shifts_within(guess: Float, spread: Float, near: float) -> Int:
     """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
     # A step more, so that the least window has neighbours to each side.
-    wide = spread + np.diag(np.full(2, (CELL / DEVIATIONS) ** 2))
-    return _shifts(guess, np.asarray(np.linalg.inv(wide)), np.sqrt(wide.diagonal()), near)
-
-
-@compiled
-def _shifts(guess: Float, information: Float, deviations: Float, near: float) -> Int:
-    """The shifts (s, 2) of `shifts_within`, by the information (2, 2) of the window."""
-    right, up = np.ceil(DEVIATIONS * deviations / CELL).astype(np.int64)
+    wide = (CELL / DEVIATIONS) ** 2
+    xx, xy, yy = spread[0, 0] + wide, spread[0, 1], spread[1, 1] + wide
+    right = int(np.ceil(DEVIATIONS * np.sqrt(xx) / CELL))
+    up = int(np.ceil(DEVIATIONS * np.sqrt(yy) / CELL))
     shifts, count = np.empty(((2 * right + 1) * (2 * up + 1), 2), np.int64), 0
     for row in range(-up, up + 1):
         for column in range(-right, right + 1):
             x, y = CELL * column, CELL * row
-            square = x * (information[0, 0] * x + information[0, 1] * y)
-            square += y * (information[1, 0] * x + information[1, 1] * y)
+            square = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
             if np.hypot(guess[0] + x, guess[1] + y) < near and square <= DEVIATIONS**2:
                 shifts[count] = column, row
                 count += 1
@@ -222,7 +218,7 @@ class Submap:
         The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
         distance [m] from the map's origin are left out.
         """
-        shifts, surface, hits = shifts_within(guess, spread[:2, :2], near), scan.surface, scan.hits
+        shifts, surface, hits = shifts_within(guess, spread, near), scan.surface, scan.hits
         if self.grid is None or not len(surface) or not len(shifts):
             return []
         far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))

@@ -134,9 +134,7 @@ class Slam:
         candidate = self.converter.candidate(scans, len(self.tracked))
         self.tracked.append(self._front.track(candidate, increment, since))
         if self._front.key_due():
-            key = self._front.key(candidate)
-            self._front.add_key(key)
-            self._add_to_graph(key, scans)
+            self._add_to_graph(self._front.add_key(candidate), scans)
         self._update_map_poses()
 
     def _checked(

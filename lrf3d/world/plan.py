@@ -89,8 +89,9 @@ class Plan(NamedTuple):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
-        plans = plans_apart(world.segments)
-        # More are the houses of a town.
+        # On a drawing of the size of its paper all touches, and more are the houses of a town.
+        large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
+        plans = plans_apart(world.segments) if large else ()
         if 1 < len(plans) < MOST_PLANS:
             each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
             warnings.warn(

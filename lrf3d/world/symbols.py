@@ -12,7 +12,7 @@ from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.annotations import THICKEST_WALL, is_annotation, is_aside, is_frame
 from lrf3d.world.pieces import connected, groups, members_of
 
-CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 130.0])
+CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 150.0])
 """Turn [rad] between two segments above which they are no chords of one arc; least and largest
 turn along the chords of a door's arc."""
 

@@ -66,6 +66,13 @@ FORMS = {
     "a list over several lines": "\n".join(
         f"[{' '.join(row[:50])}\n {' '.join(row[50:120])}\n {' '.join(row[120:])}]"
         for row in ROWS),
+    "a sentence that ends with the names": units(
+        1.0, ["made on 3 May, 17:53:11, format: time[s], x[m] y[m] yaw[degrees] r1 ... r180"],
+        degrees=True,
+    ).replace(",", " "),
+    "spaces before a list": "\n".join(
+        f"{row[0]} {-np.pi / 2} {np.radians(89)} {np.pi / 180} {BEAMS} {', '.join(row[4:])}"
+        for row in ROWS),
     "records by their numbers": json.dumps({
         f"scan{k}": dict(zip(["time", "x", "y", "theta", "ranges"],
                              [*map(float, row[:4]), [float(r) for r in row[4:]]], strict=True))
@@ -75,7 +82,7 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_drive_is_read_in_each_form(form, tmp_path):
-    path = tmp_path / "drive.csv"
+    path = tmp_path / ("drive.log" if form.startswith("a sentence") else "drive.csv")
     path.write_text(FORMS[form] + "\n")
     log = load_log(path)
     read, known = np.array([scan.ranges for scan in log.scans]), np.ones(BEAMS, dtype=bool)
@@ -83,7 +90,10 @@ def test_a_drive_is_read_in_each_form(form, tmp_path):
         known[86:90] = False
         assert np.isposinf(read[:, ~known]).all()
     assert read[:, known] == pytest.approx(RANGES[:, known])
-    assert log.poses == pytest.approx(POSES)
+    if form == "spaces before a list":
+        assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
+    else:
+        assert log.poses == pytest.approx(POSES)
     assert log.times - log.times[0] == pytest.approx(TIMES - TIMES[0])
     assert log.bad_count == (form == "an empty first cell")
 

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from lrf3d.pose import between
+from lrf3d.laser import LaserScan
+from lrf3d.pose import Pose, between
 from lrf3d.slam.closures import Closure, LoopCloser
-from lrf3d.slam.key_scans import Key, MixedPixels, fan
+from lrf3d.slam.key_scans import Key, MixedPixels, fan_of
 from lrf3d.slam.surface import SURFACE
 
 NOTHING = np.empty(0, SURFACE)
@@ -11,8 +12,8 @@ INFORMATION = np.diag([1e3, 1e3, 1e4])
 
 
 def key(number, pose):
-    beams = fan(np.linspace(-1.0, 1.0, 3), np.ones(3), x=0.0, y=0.0, noise=0.01)
-    return Key(number, pose, NOTHING, NOTHING, NOTHING, beams)
+    scan = LaserScan(Pose(0, 0, 0), np.linspace(-1.0, 1.0, 3), np.ones(3))
+    return Key(number, pose, NOTHING, NOTHING, NOTHING, fan_of(scan, scan.pose, 0.01))
 
 
 def driven(poses, jump):

@@ -2,22 +2,24 @@ import numpy as np
 import pytest
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import Pose, between
 from lrf3d.slam import key_scans
 from lrf3d.slam.front_end import FrontEnd
-from lrf3d.slam.key_scans import HIDDEN, HIT, PASSED, ScanConverter, evidence, fan, views_of
+from lrf3d.slam.key_scans import HIDDEN, HIT, PASSED, ScanConverter, evidence, fan_of, views_of
 from lrf3d.slam.motion import Prediction
 from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
 
-AHEAD = np.linspace(-0.5, 0.5, 11)
+HERE, AHEAD = Pose(0, 0, 0), np.linspace(-0.5, 0.5, 11)
 
 
 def seen_by(ranges, points, angles=AHEAD):
     """How a key scan sees points and normals (n, 4)."""
     rows = np.ascontiguousarray(points, dtype=float).view(SURFACE)[:, 0]
-    return views_of(rows, np.zeros((1, 3)), fan(angles, ranges, x=0.0, y=0.0, noise=0.01)).tolist()
+    return views_of(
+        rows, np.zeros((1, 3)), fan_of(LaserScan(HERE, angles, ranges), HERE, 0.01)
+    ).tolist()
 
 
 def test_what_the_other_saw_is_passed_hidden_out_of_view_or_hit():
@@ -64,9 +66,8 @@ def test_a_lost_scan_adds_what_it_saw_itself_to_the_local_map():
     steps = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [40.8, 2.0, 0.0]])
     for scan, step in zip(scans, steps, strict=True):
         placed = front.track(scan, step)
-        key = front.key(scan)
-        if scan is scans[0]:
-            front.add_key(key)
+        if scan is not scans[1]:
+            key = front.add_key(scan)
     assert not placed.matched
     assert np.array_equal(key.walls, thinned(scans[2].surface))
 
@@ -77,7 +78,7 @@ def test_far_points_are_those_of_an_obstacle_only_where_the_heading_is_known():
     for _ in range(2):
         scan = ScanConverter().candidate(PlanarCaster(WORLD).cast(lrf, pose))
         front.track(scan, np.zeros(3))
-        front.add_key(front.key(scan))
+        front.add_key(scan)
     person = World([*WORLD.segments, [5, 1.8, 5, 2.2]])
     points = ScanConverter().candidate(PlanarCaster(person).cast(lrf, pose)).surface
     near = np.hypot(points["x"] - 2.0, points["y"]) < 0.3

@@ -209,3 +209,5 @@ def test_plans_that_stand_apart_are_reported(tmp_path):
 
     with pytest.warns(Lrf3dWarning, match=r"2 plans stand apart \(8 x 6 m at \(0.0, 0.0\), 8 x 6"):
         dxf(tmp_path, draw)
+    # On a drawing of the size of its paper nothing does.
+    dxf(tmp_path, draw, units.MM)
