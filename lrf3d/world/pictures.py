@@ -226,7 +226,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         return np.zeros_like(drawn)
     inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
     parts, count = label(~drawn)
-    walls = _radii(drawn, parts, count)[1] < 0.5 * THICKEST * pixels
+    walls = _radii(drawn, parts, count) < 0.5 * THICKEST * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
     return np.asarray(
@@ -346,16 +346,12 @@ def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
-    (away, radius), most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
+    radius, most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
     radius[[0, *on_border(parts)]] = np.inf
     area = np.bincount(parts.ravel(), minlength=count + 1)
-    # The space in walls around rooms may have a wide place, such as a pier.
-    wide, square = np.bincount(parts[away > most], minlength=count + 1), radius**2
-    around = area < 0.5 * np.append(0, sides_of(parts).prod(axis=1))
-    pier = around & (wide > 0) & (wide < 0.25 * area) & (area > 12.0 * square)
-    narrow = (radius <= most) | pier
+    narrow = radius <= most
     # Tiles and stairs that fill a place are no wall. The space in a wall is long.
-    small = (area < 24.0 * square) & ~pier
+    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
@@ -378,7 +374,7 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
     held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
     for place in np.unique(held[0]):
-        own = held[1, (held[0] == place) & (radius[held[1]] <= most)]
+        own = held[1, held[0] == place]
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
     return np.asarray((dark | (narrow[parts] & ~(compact & pattern))) & ~many[places])
@@ -393,8 +389,8 @@ def _opened(cells: Bool, radius: float) -> Bool:
     return found
 
 
-def _radii(dark: Bool, parts: Any, count: int) -> tuple[Float, Float]:
-    """Distances of cells to dark ones, and the largest of each part; that of the dark one is 0."""
-    away, radius = distance_transform_edt(~dark), np.zeros(count + 1)
-    np.maximum.at(radius, parts, away)
-    return away, radius
+def _radii(dark: Bool, parts: Any, count: int) -> Float:
+    """The largest distance to dark cells in each part; that of the dark one is 0."""
+    radius = np.zeros(count + 1)
+    np.maximum.at(radius, parts, distance_transform_edt(~dark))
+    return radius

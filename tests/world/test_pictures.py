@@ -294,16 +294,6 @@ def test_what_closes_no_room_is_doubted_but_not_a_town_or_an_open_room(tmp_path)
     assert not (doubted(blocks, "blocks") or doubted(room, "room") or doubted(plan, "plan"))
 
 
-def test_the_faces_of_a_wall_with_a_pier_are_one_wall(tmp_path):
-    sheet = Sheet()
-    gates = shapely.union_all([shapely.box(3, 0, 4, 0.3), shapely.box(9.7, 5, 10, 6)])
-    body = WALLS.union(shapely.box(8.5, 0.3, 9.7, 1.2)).difference(gates)
-    for part in body.geoms:
-        sheet.draw.line(sheet.at(*part.exterior.coords), fill=0, width=2)
-    found = sheet.read(tmp_path).segments.reshape(-1, 2, 2) - 1.0
-    assert shapely.hausdorff_distance(shapely.multilinestrings(found), body.boundary) < 0.06
-
-
 @pytest.mark.parametrize("ink", [(110, 110, 110), (90, 100, 130)])
 def test_solid_blocks_in_a_paler_ink_are_furniture(ink, tmp_path):
     sheet = Sheet()
