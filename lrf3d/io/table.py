@@ -52,14 +52,13 @@ MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": 
 OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
 """Fields of ROS messages that are settings, or hold something else than their words say."""
 
-NUMBERS = {"id", "idx", "index", "number", "nr", "count"}
-"""Words of columns that count, whatever it is."""
-
 CUT, WHOLE = "...", "arrays are cut: ros2 topic echo --full-length prints them whole"
 """What stands for the elements that ``ros2 topic echo`` leaves out, and what to do."""
 
-RATES = {"acceleration", "accel", "acc", "velocity", "vel", "twist", "gyro", "covariance"}
-"""Words of columns that are no poses, though they have an x and a y."""
+FOREIGN = set(
+    "acceleration accel acc velocity vel twist gyro covariance id idx index number nr count".split()
+)
+"""Words of columns that are no poses, though they have an x and a y, or that count."""
 
 FAR, ROOM = 100.0, 1500.0
 """In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
@@ -74,7 +73,7 @@ def meaning(name: str) -> tuple[str, str]:
     if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:
         return MESSAGE_FIELDS.get(last, ""), "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
-    if RATES.union(NUMBERS).intersection(words):
+    if FOREIGN.intersection(words):
         return "", ""
     units = [word for word in words if any(word in known for known in ROLES.values())]
     words = [word for word in words if word not in units or len(words) == 1]

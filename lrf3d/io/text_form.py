@@ -11,17 +11,14 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.io.laser_log import Intake
 
-SAMPLE, SHORT, MANY = 60, 6, 4000
-"""Lines at the beginning that say what the others are like; of lines with few words, many."""
+SHORT = 6
+"""Most words of a line that holds no whole scan."""
 
 BRACKETS = re.compile(r"""["'(){}\[\]]""")
 """Brackets and quotes, which lists of numbers stand in."""
 
 JOINTS, QUOTED = re.compile(r"[\])}]:?\s*[\[({]"), re.compile(r'"(-?\d+),(\d+)"')
 """Where lists follow each other, and quoted numbers with a decimal comma."""
-
-LONGEST_LIST = 500
-"""Most lines that a list in brackets may take."""
 
 UNITS = re.compile(r"(?<=\w)\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
 """Units in brackets after names in headers."""
@@ -35,16 +32,8 @@ CLOCK = re.compile(
 )
 """Times of day, with a date before them or without, and a zone or none."""
 
-BOOLEANS = {"True": "1", "False": "0"}
-
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
 """Matches numbers with a decimal comma."""
-
-LEGEND = re.compile(r"(?i).*\b(?:format|legend|columns|fields)\s*:\s*(.*)").match
-"""Matches a sentence that ends with the names of the columns."""
-
-ELLIPSIS = re.compile(r"([A-Za-z_]\w*?)(\d+)\W+(?:\.\.+|…)\W+\1(\d+)")
-"""The first and the last of a series of names."""
 
 LABELS = re.compile(r"(?<!\w)([A-Za-z_]\w*+)\s*+[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
 """Numbers that have their names before them."""
@@ -63,9 +52,11 @@ class Form:
 
     def __init__(self, path: Path) -> None:
         lines = (text for _, text in texts_of(Intake(path)) if text)
-        texts = list(islice(lines, SAMPLE))
+        # Lines that say what the others are like; of lines with few words, many.
+        sample, many = 60, 4000
+        texts = list(islice(lines, sample))
         if texts and len(texts[-1].split()) < SHORT:
-            texts += islice(lines, MANY)
+            texts += islice(lines, many)
         body = [text for text in texts if not text.startswith("#")]
         joined, words = "".join(body), "".join(body).split()
         self.labelled = sum(len(LABELS.findall(text)) > 1 for text in body) > 0.5 * len(body)
@@ -109,10 +100,11 @@ class Form:
 
     def rows(self, text: str) -> list[list[str]]:
         """The words of a line, or of each of the brackets in it."""
-        if legend := LEGEND(text):
-            # Sizes in brackets are no names.
+        if legend := re.match(r"(?i).*\b(?:format|legend|columns|fields)\s*:\s*(.*)", text):
+            # A sentence ends with the names of the columns; sizes in brackets are none.
             names = re.sub(r"(?<=\w)\[[A-Za-z_]{4,}\]", "", UNITS.sub(r"_\1", legend[1]))
-            return [_split(ELLIPSIS.sub(_series, names))]
+            first_to_last = r"([A-Za-z_]\w*?)(\d+)\W+(?:\.\.+|…)\W+\1(\d+)"
+            return [_split(re.sub(first_to_last, _series, names))]
         if self.labelled:
             words = [number for _, number in LABELS.findall(text)] or [text]
             words += [each for found in LISTED.finditer(text) for each in _split(found[2])]
@@ -123,7 +115,7 @@ class Form:
             if self.decimal_commas:
                 words = [word.replace(",", ".") for word in words]
             elif len(words) <= SHORT:
-                words = [BOOLEANS.get(word, word) for word in words]
+                words = [{"True": "1", "False": "0"}.get(word, word) for word in words]
             # Spaces may separate what comes before a list of commas.
             if len(first := words[0].split()) > 1 and all(map(is_number, first)):
                 words[:1] = first
@@ -145,6 +137,7 @@ def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
     Times of day are in seconds, comments are empty.
     """
     held: list[tuple[int, str]] = []
+    longest = 500  # Most lines that a list in brackets may take.
     for number, data in intake.lines():
         text = data.decode("utf-8-sig", "replace").strip()
         text = CLOCK.sub(_seconds, text) if ":" in text else text
@@ -154,9 +147,9 @@ def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
             continue
         held.append((number, text))
         whole = " ".join(text for _, text in held)
-        if len(held) < LONGEST_LIST and sum(map(whole.count, "[(")) > sum(map(whole.count, "])")):
+        if len(held) < longest and sum(map(whole.count, "[(")) > sum(map(whole.count, "])")):
             continue
-        yield from [(number, whole)] if len(held) < LONGEST_LIST else held
+        yield from [(number, whole)] if len(held) < longest else held
         held.clear()
     yield from held
 

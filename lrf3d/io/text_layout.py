@@ -4,6 +4,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,9 +32,6 @@ SERIES = re.compile(
     r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
 ).fullmatch
 """Matches one of a series of columns: its name, its number, and a unit."""
-
-NOTHING = re.compile(r"(?:null|none|n/?a|nil|-+)?", re.IGNORECASE).fullmatch
-"""Matches what stands for a reading that is none."""
 
 
 def preset_of(form: Form) -> str:
@@ -193,23 +191,28 @@ class Layout:
     def _values(self, words: list[str]) -> dict[str, Float]:
         if self.length is not None and len(words) != self.length:
             raise ValueError(f"{len(words)} columns, expected {self.length}")
-        found = {}
+        found = dict[str, Float]()
         for role, place in self.columns.items():
             if place >= len(words):
                 raise ValueError(f"{len(words)} columns, expected {role} in column {place + 1}")
             end = place + 1
             if role == "ranges":
                 end = len(words) if self.beams is None else place + self.beams
-            try:
-                values = ["nan" if NOTHING(each := word.strip()) else each
-                          for word in words[place:end]]  # fmt: skip
-                found[role] = np.array(values, dtype=np.float64)
-            except ValueError:
-                wrong = next(word for word in values if not is_number(word))
-                raise ValueError(f"{shown(wrong)}, expected a number") from None
+            found[role] = _numbers(words[place:end])
             if role != "ranges" and not np.isfinite(found[role]).all():
                 raise ValueError(f"{role} is {words[place]!r}, expected a finite number")
         return found
+
+
+def _numbers(words: list[str]) -> Float:
+    """The numbers that words are; what stands for a reading that is none is not a number."""
+    with suppress(ValueError):
+        return np.array(words, dtype=np.float64)
+    nothing = re.compile(r"null|none|n/?a|nil|-*", re.IGNORECASE)
+    values = ["nan" if nothing.fullmatch(word.strip()) else word for word in words]
+    if wrong := next((word for word in values if not is_number(word)), ""):
+        raise ValueError(f"{shown(wrong)}, expected a number")
+    return np.array(values, dtype=np.float64)
 
 
 def _by_count(sample: list[list[str]]) -> dict[str, int]:

@@ -39,10 +39,9 @@ DRIFT, DRIFT_TURN = 0.01, 0.0015
 LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
-AGREEING, AGREEING_IN_THE_END, DOUBTFUL_VOTE = 3, 2, 0.5
+AGREEING, AGREEING_IN_THE_END = 3, 2
 """Closures that must agree before any of them is accepted: while the robot drives, and when the
-drive is over, if they are more than twice as many as contradict them. In the end two scans whose
-places are doubtful count as one: where scans show little, most of the right places are doubtful."""
+drive is over, if they are more than twice as many as contradict them."""
 
 STRETCH = 2.0 * LEAST_DISTANCE
 """Closures are compared if the old key scans of both are this near along the graph [m], and the new
@@ -172,7 +171,8 @@ class LoopCloser:
             doubtful = self._votes(newest, self.doubtful)
             agreeing_scans = {other.new for other, agree in doubtful.items() if agree}
             others = {other.new for other in doubtful} - agreeing_scans
-            together += DOUBTFUL_VOTE * max(len(agreeing_scans) - len(others), 0)
+            # Where scans show little, most of the right places are doubtful: two count as one.
+            together += 0.5 * max(len(agreeing_scans) - len(others), 0)
         if together < enough or together <= against or (strict and together <= 2.0 * against):
             return []
         agreeing = [other for other in self.unconfirmed if agrees.get(other)]

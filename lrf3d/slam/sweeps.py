@@ -18,9 +18,6 @@ from lrf3d.slam.key_scans import ScanConverter
 from lrf3d.slam.odometry import LEAST_PAIRS, MOST_DISTANCE, PAIR, WheelPath
 from lrf3d.slam.search import Submap
 
-LONGEST = 0.25
-"""Longest time of a turn of the mirror [s]: slower lasers are those that are turned as a whole."""
-
 
 def swept(
     converter: ScanConverter, scans: Sequence[LaserScan], path: WheelPath, places: Float
@@ -32,9 +29,10 @@ def swept(
     unrolled the other way round.
     """
     interval = usual_step(np.array([scan.time for scan in scans]))
+    longest = 0.25  # Turn of a mirror [s]: slower lasers are those that are turned as a whole.
     known = any(scan.time_increment or scan.motion is not None for scan in scans)
     pairs = _uneven_pairs(path.at(places))
-    if known or not 0.0 < interval <= LONGEST or len(pairs) < LEAST_PAIRS:
+    if known or not 0.0 < interval <= longest or len(pairs) < LEAST_PAIRS:
         return []
     lines = usual_step(places)
 

@@ -13,17 +13,14 @@ from lrf3d.geometry import Bool, Float, lengths
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.plan import THICKEST
 
-DOOR, MODEL = 1.2, 5.0
-"""Width of the widest door, and extent [m] below which a plan is a model, such as a maze for mice,
-with doors of a twentieth of that extent."""
-
-LEAST, BLOCKS, LONG = 0.15, 12, 0.3
-"""Smallest share of the area of a plan that is closed; the number of solid blocks of a town; the
-share of its extent that half of the length of a few long walls exceeds."""
-
 
 def closes_rooms(walls: Bool, thin: Float, pixels: float) -> bool:
     """Whether walls, and thin ones (n, 4) [pixels], may be a plan; so many pixels are a metre."""
+    # Width of the widest door [m]; of a model, which is smaller than this [m], its share.
+    door, model, share = 1.2, 5.0, 0.05
+    # Smallest share of the area of a plan that is closed; the solid blocks of a town; the share of
+    # its extent that half of the length of a few long walls exceeds.
+    least, blocks, longest = 0.15, 12, 0.3
     step = -(-max(walls.shape) // 600)
     rows, columns = (np.arange(0, side, step) for side in walls.shape)
     image = Image.fromarray(
@@ -37,16 +34,16 @@ def closes_rooms(walls: Bool, thin: Float, pixels: float) -> bool:
         return True
     points = sides.reshape(-1, 2)
     extent = np.ptp(points, axis=0).max()
-    door = 0.5 * (DOOR * metre if extent > MODEL * metre else 0.05 * extent)
-    rooms, count = label(distance_transform_edt(~dark) > door)
+    reach = 0.5 * (door * metre if extent > model * metre else share * extent)
+    rooms, count = label(distance_transform_edt(~dark) > reach)
     closed = np.arange(count + 1) > 0
     closed[on_border(rooms)] = False
-    space = grown(closed[rooms], door) & ~dark
-    if space.sum() > LEAST * shapely.convex_hull(shapely.multipoints(points)).area:
+    space = grown(closed[rooms], reach) & ~dark
+    if space.sum() > least * shapely.convex_hull(shapely.multipoints(points)).area:
         return True
     core = distance_transform_edt(dark) > 0.5 * THICKEST * metre
     solid = grown(core, 0.5 * THICKEST * metre) & dark
     long = np.sort(lengths(sides))[::-1]
     half = long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())]
-    few = half > LONG * extent and solid.sum() < 0.9 * dark.sum()
-    return bool(few or parts_of(core)[1] >= BLOCKS)
+    few = half > longest * extent and solid.sum() < 0.9 * dark.sum()
+    return bool(few or parts_of(core)[1] >= blocks)

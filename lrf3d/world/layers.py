@@ -10,12 +10,6 @@ from unicodedata import combining, normalize
 
 from lrf3d.world.drawing import Canvas
 
-ENCODINGS = (
-    "utf-8 cp1252 cp1250 cp1251 cp1253 cp1254 cp1255 cp1256 cp1257 cp932 gbk big5 cp949 cp866 cp850"
-    " cp852 mac_roman utf-16-be"
-).split()
-"""Encodings that names may be in."""
-
 WORDS = {
     "annotation": (
         "anno text txt teks dim bemass cota acot koty quot wymi maatv misure note tag symb simb"
@@ -64,7 +58,6 @@ _KNOWN = {
     role: ["".join(c for c in normalize("NFKD", part) if not combining(c)) for part in text.split()]
     for role, text in WORDS.items()
 }
-NOT_DOORS = ("indoor", "outdoor", "ovid")
 
 
 def role_of(*names: str) -> str:
@@ -75,8 +68,9 @@ def role_of(*names: str) -> str:
     """
     for name in names:
         plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
-        # Matplotlib draws all that it draws in "axes_1".
-        words = set(re.findall(r"[^\W\d_]+", re.sub(r"^axes_\d+$", "", plain))) - set(NOT_DOORS)
+        # Matplotlib draws all that it draws in "axes_1"; some words are no doors.
+        words = set(re.findall(r"[^\W\d_]+", re.sub(r"^axes_\d+$", "", plain)))
+        words -= {"indoor", "outdoor", "ovid"}
         for role, known in _KNOWN.items():
             if any(_means(word, part) for word in words for part in known):
                 return "annotation" if role == "sheet" else role
@@ -98,7 +92,11 @@ def rename(canvas: Canvas, encoding: str) -> None:
     # Of many names a few are words in a wrong encoding, too.
     most = max(_known(foreign), len(foreign) // 3)
     found = dict[str, str]()
-    for each in ENCODINGS:
+    encodings = (
+        "utf-8 cp1252 cp1250 cp1251 cp1253 cp1254 cp1255 cp1256 cp1257 cp932 gbk big5 cp949"
+        " cp866 cp850 cp852 mac_roman utf-16-be"
+    )
+    for each in encodings.split():
         try:
             read = [name.encode(encoding, "surrogateescape").decode(each) for name in foreign]
         except UnicodeError:

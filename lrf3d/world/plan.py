@@ -37,9 +37,6 @@ THICKEST, PALE = 0.6, 0.25
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
 below which one that parts a dark wall is a doorway."""
 
-MOST_PLANS = 10
-"""Number from which on parts that stand apart are no plans of one sheet."""
-
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
 
@@ -90,9 +87,9 @@ class Plan(NamedTuple):
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
         # On a drawing of the size of its paper all touches, and more are the houses of a town.
-        large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
+        large, town = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET, 10
         plans = plans_apart(world.segments) if large else ()
-        if 1 < len(plans) < MOST_PLANS:
+        if 1 < len(plans) < town:
             each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
             warnings.warn(
                 f"{path}: {len(plans)} plans stand apart ({', '.join(each)}), and a route is"
