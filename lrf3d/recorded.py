@@ -6,17 +6,16 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import degrees
 from pathlib import Path
 
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning, expect
-from lrf3d.geometry import Float, Int, as_rows, sealed, usual_step
+from lrf3d.geometry import Float, as_rows, usual_step
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
-from lrf3d.laser import LaserScan, doubtful_ranges
+from lrf3d.laser import doubtful_ranges
 from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose, compose
@@ -26,22 +25,19 @@ from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.key_scans import ScanConverter
 from lrf3d.slam.odometry import (
-    CLEARLY,
-    LEAST_PAIRS,
-    LEAST_TURN,
     SURE_OF_POSES,
     Recording,
     Repairs,
     WheelPath,
     fitted_lag,
     in_order,
-    is_mirrored,
     line_poses,
     turns_between,
 )
 from lrf3d.slam.sweeps import swept
 from lrf3d.solved_log import SolvedLog, maps_of, run_of
 from lrf3d.text import counted
+from lrf3d.turning import agreeing
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -111,7 +107,7 @@ def punctual(log: LaserLog) -> LaserLog:
         own, places = [scans[number] for number in numbers], np.arange(len(numbers))
         interval = usual_step(np.array([scan.time for scan in own]))
         path = WheelPath(np.array([scan.robot for scan in own]), interval)
-        own, turns, mirrored, fan = _agreeing(log, own, ScanConverter(), path, places)
+        own, turns, mirrored, fan = agreeing(log, own, ScanConverter(), path, places)
         lags = fitted_lag(turns, path, places, SURE_OF_POSES)
         late = Repairs(late=path.late(lags)).sentences()
         notes += [*fan, *Repairs(mirrored=mirrored).sentences(), *late]
@@ -206,7 +202,7 @@ def solve_log(
         log = replace(log, placed=False)
     places = recording.places
     converter = ScanConverter(offset)
-    scans, turns, mirrored, fan = _agreeing(log, recording.scans, converter, path, places)
+    scans, turns, mirrored, fan = agreeing(log, recording.scans, converter, path, places)
     log = replace(log, notes=(*log.notes, *fan))
     for name, pairs in (("close", close), ("apart", apart)):
         none = isinstance(pairs, tuple | list) and not pairs
@@ -334,70 +330,3 @@ def _checked(log: LaserLog) -> Recording:
     if len(recording.scans) < 2:
         raise InputError(f"one scan, {len(scans)} times; expected at least two")
     return recording
-
-
-def _agreeing(
-    log: LaserLog, scans: list[LaserScan], converter: ScanConverter, path: WheelPath, places: Int
-) -> tuple[list[LaserScan], Float, bool, list[str]]:
-    """Scans (k,) that turn as the odometry does, their turns, whether they were mirrored, notes.
-
-    They keep their fan unless one that the log may mean fits clearly better.
-    """
-    wheels = np.abs(np.diff(path.at(places)[:, 2]))
-
-    def share(turns: Float) -> float:
-        """How much of the turns of the robot the scans show; infinite where that is not known."""
-        known = np.isfinite(turns) & (wheels > LEAST_TURN)
-        if known.sum() < LEAST_PAIRS:
-            return np.inf
-        return float(np.median(np.abs(turns[known]) / wheels[known]))
-
-    def misfit(turns: Float) -> float:
-        return abs(share(turns) - 1.0)
-
-    try:
-        turns, notes = turns_between(converter, scans, path, places), list[str]()
-        fitting = 0.1  # Share of turns by which those of scans over the right fan may be off.
-        own, wide = misfit(turns), float(np.ptp(scans[0].angles))
-        fans = [(own / CLEARLY, scans, turns, notes)]
-        for first, last in log.fans:
-            # Its turns would differ from those of the odometry by more than that.
-            if own < 0.5 * abs(1.0 - wide / (last - first)):
-                continue
-            check()
-            angles = sealed(np.linspace(first, last, len(scans[0].angles)))
-            note = f"beams from {degrees(first):.4g}° to {degrees(last):.4g}°, as the scans turn"
-            other = [
-                replace(scan, angles=angles if len(angles) == len(scan.angles)
-                        else np.linspace(first, last, len(scan.angles)))
-                for scan in scans
-            ]  # fmt: skip
-            turned = turns_between(converter, other, path, places)
-            fans.append((misfit(turned), other, turned, [note]))
-        least, scans, turns, notes = min(fans, key=lambda fan: fan[0])
-        if notes and least > fitting:
-            raise InputError(
-                "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
-                " it, such as --format '-, ranges*682, x, y, theta, first=-120deg, last=120deg'"
-            )
-        mirrored = is_mirrored(turns, path, places)
-    except InputError as error:
-        raise InputError(f"{log.name}: {error}") from None
-    # Least share of the turns of a robot that show in scans of a level plane.
-    least_turned = 0.1
-    if share(turns) < least_turned:
-        warnings.warn(
-            f"{log.name}: its scans stay as they are where the robot turns: the laser does not scan"
-            " a level plane, or the poses are not those of its robot",
-            Lrf3dWarning, stacklevel=3,
-        )  # fmt: skip
-    if mirrored:
-        # The order of the beams in time is lost with that of their angles.
-        angles_of = {id(scan.angles): sealed(-scan.angles[::-1]) for scan in scans}
-        scans = [
-            replace(scan, angles=angles_of[id(scan.angles)], ranges=scan.ranges[::-1],
-                    time_increment=0.0)
-            for scan in scans
-        ]  # fmt: skip
-        turns = -turns
-    return scans, turns, mirrored, notes

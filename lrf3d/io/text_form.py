@@ -117,7 +117,7 @@ class Form:
             elif len(words) <= SHORT:
                 words = [{"True": "1", "False": "0"}.get(word, word) for word in words]
             # Spaces may separate what comes before a list of commas.
-            if len(first := words[0].split()) > 1 and all(map(is_number, first)):
+            if len(first := words[0].split() if words else []) > 1 and all(map(is_number, first)):
                 words[:1] = first
         size = self.nested or len(words) or 1
         return [words[k : k + size] for k in range(0, len(words), size)]
