@@ -165,6 +165,10 @@ def _lines(segments: Float) -> Any:
     return shapely.linestrings(segments.reshape(-1, 2, 2))
 
 
+def _rays(middles: Float, ahead: Float) -> Any:
+    return _lines(np.hstack([middles - ahead, middles + ahead]))
+
+
 def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
     """Runs of chords of arcs that a leaf may draw: their numbers, middle (2,) and radius [m]."""
     if len(segments) < 3:
@@ -289,7 +293,8 @@ def _of_words(segments: Float, pattern: Bool, extent: float) -> Bool:
                 continue
             wide = sides[sure].min(axis=1) > 0.3 * size[sure]
             high = sides[members, 1]
-            level = np.abs(high / np.median(high) - 1.0) < 0.1
+            middle = float(np.median(high))
+            level = np.abs(high - middle) < 0.1 * middle
             text[members] |= wide.any() and (least == 3 or level.mean() > 0.6)
     # Units and single letters stand next to words.
     while True:
@@ -314,12 +319,19 @@ def is_pattern(segments: Float) -> Bool:
     along *= np.where(along @ [1.0, 1e-3] < 0.0, -1.0, 1.0)[:, None]
     across = np.column_stack([-along[:, 1], along[:, 0]])
     middles = 0.5 * (segments[:, :2] + segments[:, 2:])
-    # Lines of a pattern are no farther apart.
-    rays = np.hstack([middles - 1.5 * across, middles + 1.5 * across])
     # Those of hatched walls are short, and shifted against each other.
     more = (0.5 * long + 0.2)[:, None] * along
-    longer = _lines(np.hstack([middles - more, middles + more]))
-    one, other = shapely.STRtree(longer).query(_lines(rays), predicate="intersects")
+    tree = shapely.STRtree(_lines(np.hstack([middles - more, middles + more])))
+    # Lines of a pattern are no farther apart; where more pairs are than this, they are nearer.
+    reach, most_pairs, apart = 1.5, 5e6, 1 + len(segments) // 100
+    rays = _rays(middles, reach * across)
+    while (
+        reach > 0.05
+        and apart * tree.query(rays[::apart], predicate="intersects").shape[1] > most_pairs
+    ):
+        reach *= 0.5
+        rays = _rays(middles, reach * across)
+    one, other = tree.query(rays, predicate="intersects")
     off = ((middles[other] - middles[one]) * across[one]).sum(axis=1)
     turned = np.abs(along[one, 0] * along[other, 1] - along[one, 1] * along[other, 0])
     alike = np.minimum(long[one], long[other]) > 0.5 * np.maximum(long[one], long[other])

@@ -15,6 +15,7 @@ from lrf3d.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.geometry import lengths
 from lrf3d.world import load_world
 from lrf3d.world.files import load_plan
+from lrf3d.world.symbols import is_pattern
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.errors.Lrf3dNote")
 
@@ -211,3 +212,12 @@ def test_plans_that_stand_apart_are_reported(tmp_path):
         dxf(tmp_path, draw)
     # On a drawing of the size of its paper nothing does.
     dxf(tmp_path, draw, units.MM)
+
+
+def test_a_pattern_is_found_beside_more_lines_than_can_be_compared():
+    turns = np.linspace(0.0, np.pi, 2400, endpoint=False)
+    ways = 0.2 * np.column_stack([np.cos(turns), np.sin(turns)])
+    rungs = 0.1 * np.arange(12)
+    tiles = np.column_stack([np.full(12, 5.0), rungs, np.full(12, 6.0), rungs])
+    found = is_pattern(np.vstack([np.hstack([-ways, ways]), tiles]))
+    assert found[2400:].all()
