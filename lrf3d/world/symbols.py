@@ -326,7 +326,7 @@ def is_pattern(segments: Float) -> Bool:
     reach, most_pairs, apart = 1.5, 5e6, 1 + len(segments) // 100
     rays = _rays(middles, reach * across)
     while (
-        reach > 0.05
+        reach > 0.2
         and apart * tree.query(rays[::apart], predicate="intersects").shape[1] > most_pairs
     ):
         reach *= 0.5
