@@ -21,7 +21,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import LARGEST_COORDINATE, Float, wrap_angle
-from lrf3d.io.fans import even_angles, front_fan
+from lrf3d.io.fans import even_angles, front_ends, front_fan
 from lrf3d.io.laser_log import (
     A_MESSAGE,
     LARGEST_RANGE,
@@ -335,9 +335,7 @@ class _Reading:
         # of usual counts are half a turn or a whole one.
         wide = (240, 270, 360) if unusual else (360,)
         for angle in wide if len(counts) == 1 else ():
-            count = max(counts)
-            start, step = front_fan(count, radians(angle))
-            self.fans += ((start, start + step * (count - 1)),)
+            self.fans += (front_ends(max(counts), radians(angle)),)
         mounts = {laser: self._mount(laser) for laser in numbers}
         first = numbers[0]
         if len(numbers) == 1 or mounts[first] is None:

@@ -22,6 +22,12 @@ def front_fan(count: int, wide: float = np.pi) -> tuple[float, float]:
     return -0.5 * wide, wide / (count - 1) if count % 2 else wide / count
 
 
+def front_ends(count: int, wide: float) -> tuple[float, float]:
+    """First and last angle [rad] of beams spread so over a width [rad]."""
+    start, step = front_fan(count, wide)
+    return start, start + step * (count - 1)
+
+
 @lru_cache(maxsize=4)
 def even_angles(count: int, start: float, step: float) -> Float:
     """Angles (count,) [rad] of a message's beams; successive scans share the array."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, sealed, usual_step
-from lrf3d.io.fans import FANS
+from lrf3d.io.fans import FANS, front_ends
 from lrf3d.io.laser_log import UNTIMED, Intake, LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, compose, heading_of
@@ -230,9 +230,9 @@ class Table:
             first, last = (float(np.radians(end)) for end in FANS[count])
             step = (last - first) / (count - 1)
             # Half a turn may be a whole one, and the other way round.
-            share = 2.0 if last - first < 3.2 else 0.5
-            if share == 2.0 or last - first > 6.2:
-                self.fans = ((-0.5 * share * step * count, (0.5 * count - 1) * share * step),)
+            half = last - first < 3.2
+            if half or last - first > 6.2:
+                self.fans = (front_ends(count, 2.0 * np.pi if half else np.pi),)
             ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
             self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
         if first is None:

@@ -67,11 +67,8 @@ def _clear(field: Field, poses: Float, fans: Fans) -> None:
     high, wide = field.cells.shape
     ranges = fans.ranges
     for number, key in enumerate(fans.keys):
-        at, heading, behind = (
-            placement(poses[key]),
-            poses[key, 2],
-            BEHIND + 3.0 * fans.noise[number],
-        )
+        at, heading = placement(poses[key]), poses[key, 2]
+        behind = BEHIND + 3.0 * fans.noise[number]
         x, y = fans.x[number], fans.y[number]
         column = (at.x + at.cos * x - at.sin * y - field.left) / CELL
         row = (at.y + at.sin * x + at.cos * y - field.low) / CELL
