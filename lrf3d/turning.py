@@ -64,8 +64,8 @@ def agreeing(
     clear = bent * np.hypot(*steps[:, :2].T)
     if wheels[wheels > clear].sum() > whole and share(turns, clear) < least_shown:
         warnings.warn(
-            f"{log.name}: its scans stay as they are where the robot turns: the laser does not scan"
-            " a level plane, or the poses are not those of its robot",
+            f"{log.name}: its scans do not turn with the robot: the laser does not scan a level"
+            " plane, or the poses are not those of its robot",
             Lrf3dWarning, stacklevel=3,
         )  # fmt: skip
     if not mirrored:

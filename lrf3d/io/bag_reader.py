@@ -70,7 +70,7 @@ def load_bag(
         raise InputError(f"{path}: no scans on {scan_topic}; there are {', '.join(scans)}")
     if not contents.by_frame:
         name = scan_topic or scans[0]
-        none = "that can be used" if intake.bad else "though it is a topic"
+        none = "that can be used" if intake.bad else "though the topic exists"
         raise InputError(f"{path}: no scan on {name} {none}{intake.first_bad}{why}")
     contents.scan_topics = scans
     return log_of(contents, poses, part)

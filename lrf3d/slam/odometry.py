@@ -91,7 +91,7 @@ class Repairs:
             f"{doubled} in the log more than once: read once": doubled,
             f"{jumps} of the odometry left out: the rest may be misplaced": self.odometry_jumps,
             late_sentence(*self.late): max(map(abs, self.late)) >= LATE,
-            f"by their shapes in turns, scans take {self.sweep:.3f} s: unrolled": self.sweep,
+            f"walls bend in turns, as a scan takes {self.sweep:.3f} s: unrolled": self.sweep,
         }  # fmt: skip
         return [sentence for sentence, so in said.items() if so]
 

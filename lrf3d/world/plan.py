@@ -92,9 +92,9 @@ class Plan(NamedTuple):
         if 1 < len(plans) < town:
             each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
             warnings.warn(
-                f"{path}: {len(plans)} plans stand apart ({', '.join(each)}), and a route is"
-                " planned in one: --set robot.start=[x,y,0] chooses it, --layers and --page what"
-                " is read; `lrf3d world show` draws them",
+                f"{path}: {len(plans)} plans stand apart ({', '.join(each)}); the route is"
+                " planned in one of them: --set robot.start=[x,y,0] chooses which, --layers and"
+                " --page choose what is read; `lrf3d world show` draws them",
                 Lrf3dWarning,
                 stacklevel=4,
             )
