@@ -6,8 +6,8 @@ from importlib import import_module
 from typing import Any
 
 from benchmarks.report import program
-from lrf3d.cli import main
-from lrf3d.cli.console import print_json, say
+from lrf3d.apps.cli import main
+from lrf3d.apps.cli.console import print_json, say
 
 PARTS = {
     "ranges": "scripts/bench ranges --walls 400,10000 --figure ranges.png",

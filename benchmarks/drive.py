@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import timed
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 from lrf3d.robot.kinematics import drive
 
 HOUR = 3600.0

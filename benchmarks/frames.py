@@ -15,13 +15,13 @@ import numpy as np
 from benchmarks.report import Figure, Report, numbers, scatter
 from benchmarks.stock_pyrender import StockFilm
 from benchmarks.timing import take_turns
-from lrf3d.collecting import simulate
-from lrf3d.geometry import Float
-from lrf3d.render.film import Film
+from lrf3d.geometry.lines import Float
 from lrf3d.robot import follow_route
-from lrf3d.run import Run
-from lrf3d.scenario import load_scenario
-from lrf3d.scene.moments import LAYERS
+from lrf3d.simulation.recorder import simulate
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import load_scenario
+from lrf3d.studio.render.film import Film
+from lrf3d.studio.scene.moments import LAYERS
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 
 SIZE, SCANS, MOMENTS = (1280, 720), 60, 24
@@ -41,7 +41,7 @@ def bench(
     figure: Figure = None,
 ) -> Report:
     """Draw frames with lrf3d and with stock pyrender: run time against error."""
-    from lrf3d.render.gl import require_gl
+    from lrf3d.studio.render.gl import require_gl
 
     require_gl()
     report = Report(__doc__.splitlines()[0])

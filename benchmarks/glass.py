@@ -12,11 +12,11 @@ import numpy as np
 from benchmarks.report import Row
 from benchmarks.score import random_poses
 from lrf3d.casting import PlanarCaster
-from lrf3d.collecting import simulate
-from lrf3d.geometry import Bool, Float, directions, lengths
+from lrf3d.geometry.lines import Bool, Float, directions, lengths
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, reflection_points
-from lrf3d.run import Run
 from lrf3d.scoring import visible_walls
+from lrf3d.simulation.recorder import simulate
+from lrf3d.simulation.run import Run
 from lrf3d.world import World
 
 STEP, NEAR, ASKEW = 0.05, 0.1, np.cos(np.radians(5.0))

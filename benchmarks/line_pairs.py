@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.report import Row
 from lrf3d.casting import PlanarCaster
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, RangeNoise
 from lrf3d.laser.noise import SIGMA
-from lrf3d.localization import OdometryNoise
-from lrf3d.localization.pairing import STRATEGIES, KnownLines, LocalLines, Pairs, pair_lines
-from lrf3d.pose import Pose
+from lrf3d.slam.places import OdometryNoise
+from lrf3d.slam.places.pairing import STRATEGIES, KnownLines, LocalLines, Pairs, pair_lines
 from lrf3d.world import World
 
 

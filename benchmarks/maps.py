@@ -15,15 +15,15 @@ from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import time_updates, timed
 from lrf3d.casting import PlanarCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.collecting import collect
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory, follow_route
-from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.scoring import score_run
 from lrf3d.scoring.matching import sample_offsets
+from lrf3d.simulation.recorder import collect
+from lrf3d.simulation.scenario import Scenario, load_scenario
 from lrf3d.world import Material
 
 CITY = load_scenario("city")

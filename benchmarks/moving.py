@@ -18,11 +18,11 @@ from benchmarks.report import Report
 from benchmarks.timing import take_turns
 from lrf3d.casting import PlanarCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import compose
 from lrf3d.laser import ProportionalNoise
-from lrf3d.pose import compose
 from lrf3d.robot import Trajectory
-from lrf3d.sensor import Sensor
+from lrf3d.simulation.sensor import Sensor
 from lrf3d.world import World
 from lrf3d.world.generators import generate_city
 

@@ -16,15 +16,15 @@ from benchmarks.line_pairs import pair_drive
 from benchmarks.report import Report, duration
 from benchmarks.storage import Storage, storage
 from benchmarks.timing import time_updates
+from lrf3d.apps.sweeping import sweep
+from lrf3d.base.files import make_folder
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.collecting import collect
-from lrf3d.files import make_folder
-from lrf3d.geometry import Float
-from lrf3d.localization.monte_carlo import score_localisation
-from lrf3d.run import Run
-from lrf3d.scenario import load_scenario
+from lrf3d.geometry.lines import Float
 from lrf3d.scoring import buildings_seen
-from lrf3d.sweeping import sweep
+from lrf3d.simulation.recorder import collect
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import load_scenario
+from lrf3d.slam.places.monte_carlo import score_localisation
 
 ROOM, OBJECTS = "paper_room", 3
 """The world of Fig. 5, and its objects G1, G2 and G3."""
@@ -210,7 +210,7 @@ def pictures(scans: int | None) -> Iterator[tuple[str, Callable[[Path], object]]
     """Fig. 5, 6 and 7 redone."""
     from PIL import Image
 
-    from lrf3d.render.figures import draw_map, draw_noise_levels
+    from lrf3d.studio.figures.figures import draw_map, draw_noise_levels
 
     room = load_scenario(ROOM)
     for mode in MODES:
@@ -224,6 +224,6 @@ def pictures(scans: int | None) -> Iterator[tuple[str, Callable[[Path], object]]
 
 if __name__ == "__main__":
     from benchmarks.report import program
-    from lrf3d.cli import main
+    from lrf3d.apps.cli import main
 
     main(program(bench, "scripts/paper", "scripts/paper --json"), "scripts/paper")

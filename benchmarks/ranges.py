@@ -17,7 +17,7 @@ import trimesh
 from benchmarks.report import Figure, Report, numbers, scatter
 from benchmarks.timing import take_turns
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.world import World
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city

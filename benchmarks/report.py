@@ -16,9 +16,9 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 
-from lrf3d.cli.parser import read_value
-from lrf3d.cores import core_count
-from lrf3d.text import table
+from lrf3d.apps.cli.parser import read_value
+from lrf3d.base.cores import core_count
+from lrf3d.base.text import table
 
 Row = dict[str, Any]
 
@@ -132,7 +132,7 @@ def program(
             parser.add_argument(each.name, nargs="?" if "default" in read else None, **read)
 
     def run(words: Sequence[str]) -> None:
-        from lrf3d.cli.console import print_json
+        from lrf3d.apps.cli.console import print_json
 
         options = vars(parser.parse_args(words))
         as_json = options.pop("json")
@@ -144,7 +144,7 @@ def program(
 
 def numbers(option: str, text: str, *, least: int = 1) -> list[int]:
     """Whole numbers from a text with commas between them."""
-    from lrf3d.errors import InputError
+    from lrf3d.base.errors import InputError
 
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isdecimal() and int(part) >= least for part in parts):
@@ -164,7 +164,7 @@ def scatter(
     """Draw rows as points of time and error on logarithmic axes, a line for each method."""
     from matplotlib.figure import Figure as Sheet
 
-    from lrf3d.files import replacing
+    from lrf3d.base.files import replacing
 
     figure = Sheet(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()

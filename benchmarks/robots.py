@@ -12,9 +12,9 @@ import numpy as np
 
 from benchmarks.moving import moving_scenes
 from benchmarks.report import Report
-from lrf3d.cores import core_count
+from lrf3d.base.cores import core_count
 from lrf3d.gym import DriveVectorEnv
-from lrf3d.scenario import load_scenario
+from lrf3d.simulation.scenario import load_scenario
 
 WARM_UP = 5
 """Steps before the watch is started: what is compiled at the first is no part of a step."""

@@ -14,16 +14,16 @@ import numpy as np
 
 from benchmarks.report import Report, numbers
 from benchmarks.timing import time_updates
+from lrf3d.base.errors import InputError
 from lrf3d.casting import PlanarCaster
-from lrf3d.collecting import simulate
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
-from lrf3d.io import load_log
+from lrf3d.geometry.lines import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.mapper import MODES
 from lrf3d.planning.free_space import free_places
+from lrf3d.recordings import load_log
 from lrf3d.scoring import score_log, score_run
+from lrf3d.simulation.recorder import simulate
 from lrf3d.world import World, load_world
 
 CLEARANCE = 1.0
@@ -67,7 +67,7 @@ def maker_of(label: str, sigma: float) -> Callable[[], Any]:
         return lambda: LineMapper(label, sigma=sigma)
     if ":" not in label:
         raise InputError(f"--mapper {label}: expected {', '.join(MODES)} or FILE.py:NAME")
-    from lrf3d.cli.inputs import load_plugin, made
+    from lrf3d.apps.cli.inputs import load_plugin, made
 
     found = load_plugin("mapper", label)
     return lambda: made(found)

@@ -18,11 +18,11 @@ import numpy as np
 
 from benchmarks.report import Row
 from benchmarks.vertex_fit import fit_vertices
+from lrf3d.base.errors import InputError
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.pose import as_pose
 from lrf3d.world import World
 
 GAP = 1.0

@@ -12,11 +12,11 @@ import numpy as np
 
 import lrf3d
 from benchmarks.report import Figure, Report, Row, scatter
-from lrf3d.geometry import Float
-from lrf3d.localization import odometry_increments
-from lrf3d.recorded import solve_log
+from lrf3d.geometry.lines import Float
 from lrf3d.scoring.trajectory_score import Relations, score_trajectory
 from lrf3d.slam import Slam
+from lrf3d.slam.offline import solve_log
+from lrf3d.slam.places import odometry_increments
 
 WORLD = "corridor"
 """The world of the simulated drive: there and back, and there again."""
@@ -35,7 +35,7 @@ def bench(
     figure: Figure = None,
 ) -> Report:
     """Solve a drive by SLAM: how far off it is, online and finished, and how long it takes."""
-    from lrf3d.errors import InputError
+    from lrf3d.base.errors import InputError
 
     if (log is None) != (relations is None):
         raise InputError("--log and --relations: the one needs the other; give both or none")
@@ -56,7 +56,7 @@ def bench(
 
 def recorded(report: Report, log: Path, relations: Path) -> None:
     """A log, solved as ``lrf3d slam`` does."""
-    from lrf3d.io.trajectory_files import load_relations
+    from lrf3d.recordings.formats.trajectory import load_relations
 
     begin = time.process_time()
     poses = solve_log(log).line_poses

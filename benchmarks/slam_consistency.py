@@ -15,11 +15,11 @@ import numpy as np
 from scipy.stats import chi2
 
 import lrf3d
-from lrf3d.cli.console import json_text
-from lrf3d.cores import core_count, process_pool
-from lrf3d.geometry import Float, wrap_angle
-from lrf3d.pose import between
-from lrf3d.scenario import Scenario
+from lrf3d.apps.cli.console import json_text
+from lrf3d.base.cores import core_count, process_pool
+from lrf3d.geometry.lines import Float, wrap_angle
+from lrf3d.geometry.pose import between
+from lrf3d.simulation.scenario import Scenario
 from lrf3d.world import World
 from lrf3d.world.generators import generate
 

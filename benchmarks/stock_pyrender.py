@@ -8,15 +8,15 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.geometry import Float
-from lrf3d.render.buffers import GL, make_current, pyrender
-from lrf3d.run import Run
-from lrf3d.scene.bodies import robot_body, world_from_robot
-from lrf3d.scene.cameras import make_camera
-from lrf3d.scene.look import SUN
-from lrf3d.scene.shapes import Pixels
-from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.timeline import Timeline
+from lrf3d.geometry.lines import Float
+from lrf3d.simulation.run import Run
+from lrf3d.studio.render.buffers import GL, make_current, pyrender
+from lrf3d.studio.scene.bodies import robot_body, world_from_robot
+from lrf3d.studio.scene.cameras import make_camera
+from lrf3d.studio.scene.look import SUN
+from lrf3d.studio.scene.shapes import Pixels
+from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.timeline import Timeline
 
 _LAND = 200.0
 """How far the ground reaches past the world [m]."""

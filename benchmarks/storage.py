@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.mapping import LineMap
-from lrf3d.run import Run
 from lrf3d.scoring.matching import sample_counts, sample_offsets
+from lrf3d.simulation.run import Run
 
 GRID_CELL = 0.1
 """Size of a cell of the occupancy grid [m]."""

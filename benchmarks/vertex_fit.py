@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.laser import LaserScan
 
 UNEXPLAINED = 0.4

@@ -4,14 +4,14 @@ The public names, which stand in the stub next to this file, are loaded when the
 that ``import lrf3d`` costs next to nothing and loads no more than a program needs.
 """
 
-from lrf3d.lazy import ABOVE, loading
+from lrf3d.base.lazy import ABOVE, loading
 
 # Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from lrf3d.run import Run
+    from lrf3d.simulation.run import Run
 
 _homes: "dict[str, str]" = {}
 with open(f"{__file__}i", encoding="utf-8") as _stub:
@@ -25,25 +25,25 @@ __all__ = sorted(name for names in _homes.values() for name in names.split() if 
 
 
 def _figure(value: "Any") -> bytes:
-    from lrf3d.plot import png
+    from lrf3d.studio.figures.plot import png
 
     return png(value)
 
 
 def _frame(run: "Run", *args: "Any", **options: "Any") -> "Any":
-    from lrf3d.render.film import frame
+    from lrf3d.studio.render.film import frame
 
     return frame(run, *args, **options)
 
 
 def _film(run: "Run", *args: "Any", **options: "Any") -> "Any":
-    from lrf3d.render.video import render_video
+    from lrf3d.studio.render.video import render_video
 
     return render_video(run, *args, **options)
 
 
 def _settings(table: str) -> "Any":
-    from lrf3d.equipment import settings
+    from lrf3d.simulation.tables import settings
 
     return settings(table)
 

@@ -7,8 +7,8 @@ def main() -> None:
     """Run the program; an interrupt while it loads is one line, too."""
     status = 130
     try:
-        from lrf3d.cli import program
-        from lrf3d.interrupts import asked, limit_patience
+        from lrf3d.apps.cli import program
+        from lrf3d.base.interrupts import asked, limit_patience
 
         program.open_streams()
         limit_patience("lrf3d")

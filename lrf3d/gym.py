@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.base.errors import InputError, missing_extra, shown
 from lrf3d.casting import PlanarCaster
+from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import moves_of
-from lrf3d.collision import Body, CollisionChecker, robots_among
-from lrf3d.errors import InputError, missing_extra, shown
-from lrf3d.geometry import Float, Int, is_finite, numbers, whole_number, wrap_angle
+from lrf3d.geometry.lines import Float, Int, is_finite, numbers, whole_number, wrap_angle
+from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.laser.scan import ScanBatch
 from lrf3d.planning.free_space import free_places
-from lrf3d.pose import Pose, as_pose
-from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import MAX_TURN_RATE
 from lrf3d.robot.kinematics import arcs
-from lrf3d.run import Run
-from lrf3d.scenario import Scenario, load_scenario
-from lrf3d.sensor import Sensor
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import Scenario, load_scenario
+from lrf3d.simulation.sensor import Sensor
+from lrf3d.studio.render.window import Window
 
 try:
     import gymnasium
@@ -358,7 +358,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {name: value[0] for name, value in observation.items()}
 
     def _picture(self) -> NDArray[np.uint8]:
-        from lrf3d.render.film import frame
+        from lrf3d.studio.render.film import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario

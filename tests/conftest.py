@@ -6,7 +6,7 @@ import signal
 import hypothesis
 import pytest
 
-from lrf3d import interrupts
+from lrf3d.base import interrupts
 
 # No test depends on the speed of the machine.
 hypothesis.settings.register_profile("lrf3d", deadline=None)
@@ -37,7 +37,7 @@ def handlers():
 @functools.cache
 def has_gl():
     """Whether anything can be drawn with OpenGL here."""
-    from lrf3d.render.gl import gl_available
+    from lrf3d.studio.render.gl import gl_available
 
     return gl_available()
 

@@ -21,11 +21,11 @@ from exact_light import ExactLight
 from rational import ExactWorld
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.cli import main
-from lrf3d.cli.parser import read_value
-from lrf3d.cores import core_count, process_pool
-from lrf3d.geometry import Float
-from lrf3d.interrupts import Progress, silent
+from lrf3d.apps.cli import main
+from lrf3d.apps.cli.parser import read_value
+from lrf3d.base.cores import core_count, process_pool
+from lrf3d.base.interrupts import Progress, silent
+from lrf3d.geometry.lines import Float
 
 Rng = np.random.Generator
 
@@ -358,7 +358,7 @@ def command(words: Sequence[str]) -> int:
     parser.add_argument("--seed", type=seed, default=0, help="The same seed, the same beams.")
     parser.add_argument("--json", action="store_true", help="Print one JSON object.")
     args = parser.parse_args(words)
-    from lrf3d.cli.console import print_json, print_table, progress_bar
+    from lrf3d.apps.cli.console import print_json, print_table, progress_bar
 
     begin = perf_counter()
     with progress_bar("stress") as progress:

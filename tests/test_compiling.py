@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.compiling import borrower, cache
 from lrf3d.compiling.cache import stamp_of
-from lrf3d.errors import Lrf3dWarning
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 from test_kernel_results import kernels
 
 PARTS = '''

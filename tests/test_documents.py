@@ -11,7 +11,7 @@ import pytest
 from snippets import PAGES, PARTS, ROOT, Workshop, snippets
 
 import lrf3d
-from lrf3d.cli.commands import COMMANDS
+from lrf3d.apps.cli.commands import COMMANDS
 from lrf3d.world import Material
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES, settings

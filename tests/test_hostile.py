@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 import lrf3d
-from lrf3d.errors import shown
-from lrf3d.io import bag_files
+from lrf3d.base.errors import shown
+from lrf3d.recordings.formats.bags import files as bag_files
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 FREE = "[free]\nresolution = 1.0\norigin = [0, 0, 0]\nrows = "
@@ -113,13 +113,13 @@ def test_trees_at_one_place_are_one_and_others_all_stand(tmp_path):
 
 
 def test_a_gzipped_log_of_lines_that_hold_nothing_ends_at_a_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr("lrf3d.io.laser_log.MOST_LINES", 1000)
+    monkeypatch.setattr("lrf3d.recordings.log.MOST_LINES", 1000)
     odom = b"ODOM 0 0 0 0 0 0 1.0 h 1.0\n"
     for name, line in (("empty", b"\n"), ("odom", odom)):
         (tmp_path / f"{name}.log.gz").write_bytes(gzip.compress(line * 2000))
         with pytest.raises(lrf3d.InputError, match=r"line 1001: more than 1,000 lines or 2\.1 GB"):
             lrf3d.load_log(tmp_path / f"{name}.log.gz")
-    monkeypatch.setattr("lrf3d.io.laser_log.MOST_READINGS", 10_000)
+    monkeypatch.setattr("lrf3d.recordings.log.MOST_READINGS", 10_000)
     with pytest.raises(lrf3d.InputError, match=r"line 313: more than .* readings"):
         lrf3d.load_log(tmp_path / "odom.log.gz")
 

@@ -16,7 +16,7 @@ CASTING = (
     ("code", "heavy"),
     [
         ("import lrf3d", "numba numpy trimesh pyrender matplotlib scipy shapely"),
-        ("import lrf3d.cli", "numba numpy trimesh pyrender matplotlib scipy shapely rich"),
+        ("import lrf3d.apps.cli", "numba numpy trimesh pyrender matplotlib scipy shapely rich"),
         ("import lrf3d; lrf3d.load_scenario('city')", "numba trimesh scipy shapely"),
         (CASTING, "trimesh embreex pyrender matplotlib"),
     ],

@@ -9,16 +9,16 @@ from test_render import room_run
 
 import lrf3d
 from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World
-from lrf3d.errors import InputError, WorldError
+from lrf3d.base.errors import InputError, WorldError
 from lrf3d.laser import Chain, Limits
 from lrf3d.laser.imperfections import NOISES
 from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.mapping.mapper import MODES
-from lrf3d.scene.cameras import overview
-from lrf3d.scene.moments import MARKS, Scene
-from lrf3d.scene.shapes import Lines, level_lines
-from lrf3d.scene.timeline import Timeline
-from lrf3d.view.message import part_of
+from lrf3d.studio.page.message import part_of
+from lrf3d.studio.scene.cameras import overview
+from lrf3d.studio.scene.moments import MARKS, Scene
+from lrf3d.studio.scene.shapes import Lines, level_lines
+from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.world import READERS
 
 LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)

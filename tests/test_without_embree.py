@@ -23,7 +23,7 @@ sys.meta_path.insert(0, Blocker())
 
 DRAWN = """
 import numpy as np, lrf3d
-from lrf3d.cli import main
+from lrf3d.apps.cli import main
 
 run = lrf3d.load_scenario("corridor").run(rng=0, scan_interval=2.0)
 for view in ("chase", "top"):

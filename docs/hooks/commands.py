@@ -9,8 +9,8 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from lrf3d.cli.commands import COMMANDS
-from lrf3d.cli.parser import Option, lists
+from lrf3d.apps.cli.commands import COMMANDS
+from lrf3d.apps.cli.parser import Option, lists
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:

@@ -5,7 +5,7 @@ Casters are loaded when they are first used: dynamic obstacles need none of thei
 
 from typing import TYPE_CHECKING
 
-from lrf3d.lazy import loading
+from lrf3d.base.lazy import loading
 
 if TYPE_CHECKING:
     from lrf3d.casting.caster import PlanarCaster

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrf3d.base.cores import share
+from lrf3d.base.errors import InputError, expect
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.cores import share
-from lrf3d.errors import InputError, expect
-from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows
+from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows
+from lrf3d.geometry.pose import as_pose, as_poses
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lrf3d.base.errors import expect
+from lrf3d.base.interrupts import Progress, silent
 from lrf3d.casting.caster import PlanarCaster
 from lrf3d.casting.triangle_rays import require_embreex
-from lrf3d.errors import expect
-from lrf3d.geometry import Float, Int, cross
-from lrf3d.interrupts import Progress, silent
+from lrf3d.geometry.lines import Float, Int, cross
+from lrf3d.geometry.pose import as_poses
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import within_limits
-from lrf3d.pose import as_poses
 from lrf3d.world import World
 from lrf3d.world.mesh import extrude
 

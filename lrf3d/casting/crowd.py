@@ -6,6 +6,7 @@ from copy import copy
 
 import numpy as np
 
+from lrf3d.base.cores import share
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.movers import (
     CORNER,
@@ -20,8 +21,7 @@ from lrf3d.casting.kernels.movers import (
 )
 from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.tree import Plain
-from lrf3d.cores import share
-from lrf3d.geometry import Float, Int, Records, wrap_angle
+from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import Patrol

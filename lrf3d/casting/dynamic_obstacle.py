@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Value, as_rows, number
+from lrf3d.base.errors import InputError, shown
+from lrf3d.geometry.lines import Float, Value, as_rows, number
 from lrf3d.laser.range_finder import turn
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import Patrol

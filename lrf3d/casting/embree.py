@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster, cast_one_by_one
 from lrf3d.casting.kernels.echoes import Lit
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
-from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Bool, Float, Int, Records, is_finite, numbers
+from lrf3d.geometry.lines import Bool, Float, Int, Records, is_finite, numbers
+from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import LaserRangeFinder, layer_directions
 from lrf3d.laser.range_finder import within_limits
-from lrf3d.pose import as_pose
 from lrf3d.world import World
 from lrf3d.world.mesh import level_cut
 

@@ -18,7 +18,7 @@ from lrf3d.casting.kernels.echoes import (
 from lrf3d.casting.kernels.light import Optics, light_rays
 from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
 from lrf3d.casting.kernels.tree import Plain, Tree
-from lrf3d.geometry import Float, Records, lengths
+from lrf3d.geometry.lines import Float, Records, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 from lrf3d.world.materials import BUILT_IN, PLAIN, Material

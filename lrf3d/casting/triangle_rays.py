@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.base.errors import Lrf3dWarning, MissingLibraryError
 from lrf3d.casting.kernels.solid import cast_solid
 from lrf3d.casting.kernels.tree import build_tree
-from lrf3d.errors import Lrf3dWarning, MissingLibraryError
-from lrf3d.geometry import Float, Int, Single
+from lrf3d.geometry.lines import Float, Int, Single
 from lrf3d.world import World
 from lrf3d.world.mesh import upright
 

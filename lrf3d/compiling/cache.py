@@ -27,8 +27,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCach
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
-from lrf3d.errors import Lrf3dWarning
-from lrf3d.files import replacing
+from lrf3d.base.errors import Lrf3dWarning
+from lrf3d.base.files import replacing
 
 VERSIONS = (numba.__version__, np.__version__)
 

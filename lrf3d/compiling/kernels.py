@@ -13,8 +13,8 @@ from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
+from lrf3d.base.errors import Lrf3dError
 from lrf3d.compiling.cache import KernelCache
-from lrf3d.errors import Lrf3dError
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 

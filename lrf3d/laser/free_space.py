@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.laser.scan import LaserScan, reflection_points
 from lrf3d.world.free_cells import FreeCells
 

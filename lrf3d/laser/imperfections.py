@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from lrf3d.errors import check_names
-from lrf3d.geometry import Bool, Float, generator, number
+from lrf3d.base.errors import check_names
+from lrf3d.geometry.lines import Bool, Float, generator, number
 from lrf3d.laser.noise import (
     NO_SPREAD,
     Chain,

@@ -22,8 +22,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Float, generator, number
+from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.geometry.lines import Float, generator, number
 from lrf3d.laser.range_finder import LaserRangeFinder, within_limits
 from lrf3d.laser.scan import LaserScan, ScanBatch
 

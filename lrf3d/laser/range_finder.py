@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from lrf3d.errors import InputError, check_names, expect, shown
-from lrf3d.geometry import (
+from lrf3d.base.errors import InputError, check_names, expect, shown
+from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     TINY,
     Float,
@@ -20,7 +20,7 @@ from lrf3d.geometry import (
     sealed,
     whole_number,
 )
-from lrf3d.pose import Pose, as_pose, between, compose
+from lrf3d.geometry.pose import Pose, as_pose, between, compose
 
 ECHO_CHOICES = ("first", "last", "strongest")
 """Which echo of a beam may be its range."""

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float
 from lrf3d.laser.range_finder import within_limits
 
 

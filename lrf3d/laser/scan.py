@@ -9,8 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, number, read_only, sealed
+from lrf3d.base.errors import InputError, shown
+from lrf3d.base.lazy import Pictured
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    Bool,
+    Float,
+    Int,
+    Value,
+    number,
+    read_only,
+    sealed,
+)
+from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser.range_finder import (
     CENTRE,
     LARGEST_ANGLE,
@@ -20,8 +31,6 @@ from lrf3d.laser.range_finder import (
     within_limits,
 )
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
-from lrf3d.lazy import Pictured
-from lrf3d.pose import Pose, as_pose
 
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
 """What a scan has of the light: the number of axes, and what stands for nothing, by attribute."""

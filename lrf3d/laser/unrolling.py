@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry.lines import Float, wrap_angle
+from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.scan import LIGHT, LaserScan
-from lrf3d.pose import between, compose
 
 LONGEST_GAP = 1.0
 """Scans that are farther apart [s] say nothing of how the robot moved during one of them."""

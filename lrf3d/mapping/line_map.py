@@ -8,11 +8,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError, expect
-from lrf3d.files import as_path, read_text, write_text
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, Value, lengths, normal_lines, sealed
-from lrf3d.lazy import Pictured
-from lrf3d.text import counted
+from lrf3d.base.errors import InputError, expect
+from lrf3d.base.files import as_path, read_text, write_text
+from lrf3d.base.lazy import Pictured
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    Float,
+    Int,
+    Value,
+    lengths,
+    normal_lines,
+    sealed,
+)
 from lrf3d.world.free_cells import FreeCells
 
 WALL, GLASS, MIRROR = KINDS = ("wall", "glass", "mirror")

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import number, whole_number
+from lrf3d.base.errors import InputError, shown
+from lrf3d.geometry.lines import number, whole_number
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
 from lrf3d.laser.unrolling import motion_since, together, unrolled

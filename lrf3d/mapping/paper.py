@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, cross, directions, fit_line, lengths
+from lrf3d.geometry.lines import Bool, Float, Int, cross, directions, fit_line, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.mapping.line_map import LineMap, solid_map
 

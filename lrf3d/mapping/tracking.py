@@ -8,7 +8,7 @@ largest part keeps the number.
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int, lengths, sealed
+from lrf3d.geometry.lines import Float, Int, lengths, sealed
 from lrf3d.mapping.line_map import LineMap
 
 _NEAR = 0.5

@@ -16,8 +16,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.planning import Side
 from lrf3d.world import World
 from lrf3d.world.grid_walls import grown, on_border, parts_of

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrf3d.collision import CollisionChecker
-from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
+from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.casting.collision import CollisionChecker
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, is_finite, numbers
+from lrf3d.geometry.pose import as_pose
 from lrf3d.planning import Side
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_free_space
 from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
 from lrf3d.planning.tour import find_tour
-from lrf3d.pose import as_pose
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
 from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World

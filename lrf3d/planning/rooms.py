@@ -7,10 +7,10 @@ through, nor what lies within walls, but rooms that it does not enter.
 import numpy as np
 from scipy.ndimage import binary_dilation, maximum
 
-from lrf3d.geometry import Bool, Float, Int, directions
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import Bool, Float, Int, directions
 from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground
 from lrf3d.robot.kinematics import RADIUS
-from lrf3d.text import counted
 from lrf3d.world import World
 from lrf3d.world.pieces import groups
 

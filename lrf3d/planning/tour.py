@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
+from lrf3d.base.errors import InputError
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.geometry.lines import Bool, Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import COMFORT, FreeSpace
 from lrf3d.planning.rooms import true_rooms

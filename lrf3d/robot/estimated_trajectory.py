@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, sealed
-from lrf3d.pose import as_poses
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float, Int, Value, sealed
+from lrf3d.geometry.pose import as_poses
 
 CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
 """Half axes of the ellipse that holds a position with 95 % probability, in standard deviations:

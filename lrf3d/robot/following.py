@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, as_rows, number, whole_number, wrap_angle
-from lrf3d.pose import Pose, as_pose
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float, Value, as_rows, number, whole_number, wrap_angle
+from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.kinematics import Unicycle, sinc
 from lrf3d.robot.trajectory import Trajectory
 

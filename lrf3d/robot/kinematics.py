@@ -12,9 +12,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, is_finite, number, numbers
-from lrf3d.pose import Pose, as_pose
+from lrf3d.base.errors import InputError, shown
+from lrf3d.geometry.lines import Float, is_finite, number, numbers
+from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 
 RADIUS = 0.35

@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Float, Value, as_rows, is_finite, number
-from lrf3d.pose import between, compose
+from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.geometry.lines import Float, Value, as_rows, is_finite, number
+from lrf3d.geometry.pose import between, compose
 
 GRAVITY = 9.80665
 """[m/s²] What the vertical accelerometer of a robot at rest measures."""

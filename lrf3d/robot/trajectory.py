@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, numbers, read_only, sealed, whole_number, wrap_angle
-from lrf3d.pose import as_poses
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float, Value, numbers, read_only, sealed, whole_number, wrap_angle
+from lrf3d.geometry.pose import as_poses
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -5,10 +5,10 @@ from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any
 
-from lrf3d.errors import OutputError, missing_extra
-from lrf3d.interrupts import check
+from lrf3d.base.errors import OutputError, missing_extra
+from lrf3d.base.interrupts import check
 from lrf3d.ros.stream import Encoded, Settings, Stream
-from lrf3d.scenario import Scenario
+from lrf3d.simulation.scenario import Scenario
 
 PORT = 8765
 """The port that Foxglove opens by default."""

@@ -9,10 +9,10 @@ from math import atan2, inf
 from time import monotonic
 from typing import Any
 
-from lrf3d.errors import InputError, MissingLibraryError, expect
-from lrf3d.interrupts import asked, check
+from lrf3d.base.errors import InputError, MissingLibraryError, expect
+from lrf3d.base.interrupts import asked, check
 from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
-from lrf3d.scenario import Scenario
+from lrf3d.simulation.scenario import Scenario
 
 SECOND_CLOCK = (
     f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"

@@ -11,19 +11,18 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Literal, NamedTuple
 
-from lrf3d.errors import InputError, check_names, expect, missing_extra
-from lrf3d.geometry import is_finite, number, whole_number
-from lrf3d.interrupts import asked
-from lrf3d.io import ros_messages as ros
-from lrf3d.io.bag_poses import ODOMETRY, SCAN, TRANSFORMS
-from lrf3d.io.bag_writer import made
+from lrf3d.base.errors import InputError, check_names, expect, missing_extra
+from lrf3d.base.interrupts import asked
+from lrf3d.geometry.lines import is_finite, number, whole_number
+from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import Stamp
-from lrf3d.live import LiveRobot, live_fleet
 from lrf3d.mapping.tracking import ObjectTracker
-from lrf3d.pose import Pose, as_pose
+from lrf3d.messages import ros
+from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
 from lrf3d.robot.odometry import WheelOdometry
-from lrf3d.scenario import Scenario
-from lrf3d.simulation import line_mapper, update_mapper
+from lrf3d.simulation.live import LiveRobot, live_fleet
+from lrf3d.simulation.loop import line_mapper, update_mapper
+from lrf3d.simulation.scenario import Scenario
 
 LINES_EVERY = 1.0
 """Simulated time from one line map to the next [s]."""

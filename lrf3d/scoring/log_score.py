@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.base.errors import each_of, expect
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import each_of, expect
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry.lines import Float, lengths
 from lrf3d.laser import LaserScan, beam_directions, reflection_points
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap

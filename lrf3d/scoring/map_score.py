@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, expect
-from lrf3d.geometry import Float, Int, as_rows, cross, directions, lengths, numbers
+from lrf3d.base.errors import InputError, expect
+from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths, numbers
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
-from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
+from lrf3d.simulation.run import Run
 from lrf3d.world.pieces import joined_objects
 
 LEAST_VISIBLE = 0.5

@@ -5,7 +5,7 @@ A spatial index finds the neighbours, so that large maps need no table of all pa
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, as_rows, cross, directions, lengths
+from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths
 
 
 def match_segments(segments: Float, walls: Float) -> Int:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, expect
-from lrf3d.geometry import Bool, Float, Int, Value, wrap_angle
-from lrf3d.pose import Pose, as_poses, between, compose
+from lrf3d.base.errors import InputError, expect
+from lrf3d.geometry.lines import Bool, Float, Int, Value, wrap_angle
+from lrf3d.geometry.pose import Pose, as_poses, between, compose
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.map_score import Report
 

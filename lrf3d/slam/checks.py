@@ -14,12 +14,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import cKDTree
 
-from lrf3d.geometry import Float
-from lrf3d.interrupts import check
+from lrf3d.base.interrupts import check
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
-from lrf3d.pose import Pose, between, compose
-from lrf3d.slam.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
+from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
 from lrf3d.slam.motion import size_of
 
 NEAR = 3.0

@@ -11,8 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Records
-from lrf3d.pose import between, compose, turned
+from lrf3d.geometry.lines import Bool, Float, Records
+from lrf3d.geometry.pose import between, compose, turned
+from lrf3d.matching.key_scans import Key, MixedPixels
+from lrf3d.matching.scan_matching import Match
+from lrf3d.matching.search import DEVIATIONS, Place, Submap, clearest
 from lrf3d.slam.front_end import (
     CERTAIN_SHARE,
     FOUND_SHARE,
@@ -21,11 +24,8 @@ from lrf3d.slam.front_end import (
     WEAK,
     weakest_direction,
 )
-from lrf3d.slam.key_scans import Key, MixedPixels
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.pose_graph import GraphPaths, edges_of
-from lrf3d.slam.scan_matching import Match
-from lrf3d.slam.search import DEVIATIONS, Place, Submap, clearest
 
 LEAST_DISTANCE = 6.0
 """Least path length [m] over which a loop is closed, and between the old places that are tried."""

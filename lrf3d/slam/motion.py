@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
+from lrf3d.matching.key_scans import FORGETTING
 
 WINDOW, WINDOW_SHARE = np.array([0.4, 0.4, 0.7]), 0.3
 """Largest slip of wheels between two scans [m], [rad], and the share of their step that is added to
@@ -23,9 +24,6 @@ it: the window that is searched. A bump turns a robot by half a radian."""
 
 DOUBTFUL = 0.65
 """Least share of a scan that a match must explain; otherwise the places around it are searched."""
-
-FORGETTING = 0.98
-"""Weight of the past in running means, at each scan."""
 
 EXPECTED = np.array([0.05, 0.05, 0.03])
 """Standard deviations of a, b [rad/m] and c before anything was driven."""

@@ -15,8 +15,8 @@ from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from lrf3d.compiling import compiled, record
-from lrf3d.geometry import Float, Int, Records, wrap_angle
-from lrf3d.pose import between
+from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
+from lrf3d.geometry.pose import between
 
 EDGE = np.dtype(
     [

@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lrf3d.geometry import Float, wrap_angle
-from lrf3d.pose import between, compose
+from lrf3d.geometry.lines import Float, wrap_angle
+from lrf3d.geometry.pose import between, compose
+from lrf3d.matching.key_scans import Key
+from lrf3d.matching.search import Submap
 from lrf3d.slam.closures import LEAST_DISTANCE, LoopCloser
 from lrf3d.slam.front_end import (
     CERTAIN_SHARE,
@@ -22,8 +24,6 @@ from lrf3d.slam.front_end import (
     WEAK,
     weakest_direction,
 )
-from lrf3d.slam.key_scans import Key
-from lrf3d.slam.search import Submap
 
 CERTAIN = 10.0
 """Longest path along the graph [m] over which the relative pose of a robot is certain: it drifts

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float, generator
+from lrf3d.geometry.lines import Float, generator
+from lrf3d.geometry.pose import between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
-from lrf3d.pose import between, compose
 from lrf3d.robot import EstimatedTrajectory
-from lrf3d.run import Run
+from lrf3d.simulation.run import Run
 from lrf3d.slam.slam import Slam
 
 COVARIANCE_INTERVAL, COVARIANCE_SHARE = 4, 32

@@ -10,19 +10,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Int, Records, is_finite, whole_number
+from lrf3d.base.errors import InputError, shown
+from lrf3d.geometry.lines import Float, Int, Records, is_finite, whole_number
+from lrf3d.geometry.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap, LineMapper
-from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
+from lrf3d.matching.key_scans import Key, Moment, ScanConverter
+from lrf3d.matching.scan_matching import SIGMA
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
 from lrf3d.slam.checks import SelfCheck, self_check
 from lrf3d.slam.closures import MATCHING_SHARE, Closure, LoopCloser, closure_edges
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
-from lrf3d.slam.key_scans import Key, Moment, ScanConverter
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.pose_graph import (
     EDGE,
@@ -33,7 +34,6 @@ from lrf3d.slam.pose_graph import (
     variance_factor,
 )
 from lrf3d.slam.revisits import Anchor, in_known_place
-from lrf3d.slam.scan_matching import SIGMA
 
 REDRAWN_PER_SCAN = 2
 """Key scans that may be drawn again for each new scan, on average: this takes as long as tracking

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
-from lrf3d.errors import WorldError, check_names, expect, shown
-from lrf3d.geometry import LARGEST_COORDINATE, is_finite, number
+from lrf3d.base.errors import WorldError, check_names, expect, shown
+from lrf3d.geometry.lines import LARGEST_COORDINATE, is_finite, number
 
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""

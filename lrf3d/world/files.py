@@ -7,9 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import Lrf3dError, OutputError, WorldError, expect
-from lrf3d.files import as_path, check_ordinary, data_folder
-from lrf3d.interrupts import reading
+from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, expect
+from lrf3d.base.files import as_path, check_ordinary, data_folder
+from lrf3d.base.interrupts import reading
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
 
@@ -18,11 +18,11 @@ DRAWINGS, PICTURES = (".dxf", ".svg", ".pdf"), (".png", ".pgm", ".jpg", ".jpeg",
 
 READERS: dict[str, tuple[str | Callable[..., Any], int]] = {
     ".toml": ("lrf3d.world.toml_file:read_toml", 1 << 28),
-    **dict.fromkeys((".geojson", ".json"), ("lrf3d.world.geojson:read_geojson", 1 << 28)),
-    ".osm": ("lrf3d.world.osm:read_osm", 1 << 28),
+    **dict.fromkeys((".geojson", ".json"), ("lrf3d.world.towns.geojson:read_geojson", 1 << 28)),
+    ".osm": ("lrf3d.world.towns.osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("lrf3d.world.ros_map:read_ros_map", 1 << 16)),
-    **dict.fromkeys(PICTURES, ("lrf3d.world.pictures:read_picture", 1 << 28)),
-    **dict.fromkeys(DRAWINGS, ("lrf3d.world.files:_read_drawing", 1 << 26)),
+    **dict.fromkeys(PICTURES, ("lrf3d.plans.reading:plan_of_file", 1 << 28)),
+    **dict.fromkeys(DRAWINGS, ("lrf3d.plans.reading:plan_of_file", 1 << 26)),
     **dict.fromkeys(
         (".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), ("lrf3d.world.mesh:read_mesh", 1 << 27)
     ),
@@ -44,7 +44,7 @@ OPTIONS = {
 
 WRITERS = {
     ".toml": "lrf3d.world.toml_file:write_toml",
-    ".geojson": "lrf3d.world.geojson:write_geojson",
+    ".geojson": "lrf3d.world.towns.geojson:write_geojson",
     ".yaml": "lrf3d.world.ros_map:write_ros_map",
     ".glb": "lrf3d.world.mesh:write_glb",
 }
@@ -83,29 +83,16 @@ def load_world(
     """
     path = find_world(name_or_path)
     check_scale(scale)
-    if is_plan(path):
-        given = {"resolution": resolution, "threshold": threshold, **drawing}
-        with reading(), at(str(path)):
-            world: World = load_plan(path, scale=scale, trees=trees, **given).world(path)
-        return world
-    options = _options(path, trees=trees, resolution=resolution, threshold=threshold, **drawing)
+    options = options_of(path, trees=trees, resolution=resolution, threshold=threshold, **drawing)
     with reading(), at(str(path)):
-        world = _read(path, options)
+        found = read_file(path, {"scale": scale, **options} if is_plan(path) else options)
+        # A plan, which has its scale, becomes a world; it says what it leaves out.
+        world: World = found.world(path) if is_plan(path) else found
         expect(world, World, f"the reader of {path.suffix} files: what it returns")
-    return world.scaled(scale)
+    return world if is_plan(path) else world.scaled(scale)
 
 
-def load_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Any:
-    """The :class:`~lrf3d.world.plan.Plan` of a drawing or a picture, as :func:`load_world` does."""
-    path = find_world(path)
-    options = _options(path, **options)
-    with reading(), at(str(path)):
-        if is_picture(path):
-            return _read(path, options).scaled(scale)
-        return _read(path, {"scale": scale, **options})
-
-
-def _options(path: Path, **options: Any) -> dict[str, Any]:
+def options_of(path: Path, **options: Any) -> dict[str, Any]:
     """The options that are given, each of which the format of a file must have."""
     # What is 0 is given, and refused by the reader.
     given = {
@@ -119,7 +106,7 @@ def _options(path: Path, **options: Any) -> dict[str, Any]:
     return given
 
 
-def _read(path: Path, options: dict[str, Any]) -> Any:
+def read_file(path: Path, options: dict[str, Any]) -> Any:
     """What the reader of a file returns."""
     try:
         return _function(READERS[path.suffix.lower()][0])(path, **options)
@@ -132,17 +119,6 @@ def _read(path: Path, options: dict[str, Any]) -> Any:
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
         kind = path.suffix[1:].lower()
         raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
-
-
-def _read_drawing(
-    path: Path, scale: float = 1.0, layers: Any = (), without: Any = (), **options: Any
-) -> Any:
-    """Read a drawing as a plan; a scanned page of a PDF is one already."""
-    from lrf3d.world.plan import Plan, plan_of
-
-    draw = _function(f"lrf3d.world.{path.suffix[1:].lower()}:draw")
-    found = draw(path, scale, **options)
-    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
 
 
 def is_picture(path: str | Path) -> bool:

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, number, numbers, sealed
-from lrf3d.pose import as_pose
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Bool, Float, number, numbers, sealed
+from lrf3d.geometry.pose import as_pose
 
 MOST_CELLS = 1 << 26
 """Largest number of cells of a grid in a file: 400 m by 400 m at 5 cm."""

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
+from lrf3d.geometry.lines import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected

@@ -13,8 +13,8 @@ import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 

@@ -23,8 +23,8 @@ from scipy.ndimage import (
 )
 from scipy.spatial import cKDTree
 
-from lrf3d.errors import WorldError
-from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.base.errors import WorldError
+from lrf3d.geometry.lines import Bool, Float, Int, lengths
 from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from lrf3d.errors import WorldError, check_names, shown
-from lrf3d.geometry import number
+from lrf3d.base.errors import WorldError, check_names, shown
+from lrf3d.geometry.lines import number
 from lrf3d.world.schema import at, check_unique, made
 
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from lrf3d.errors import WorldError, shown
-from lrf3d.files import own_name, replacing
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, quad_indices
+from lrf3d.base.errors import WorldError, shown
+from lrf3d.base.files import own_name, replacing
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, quad_indices
 from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repeats, world_of_parts

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, WorldError, shown
-from lrf3d.geometry import (
+from lrf3d.base.errors import InputError, WorldError, shown
+from lrf3d.base.lazy import Pictured
+from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     Float,
     Int,
@@ -20,7 +21,6 @@ from lrf3d.geometry import (
     read_only,
     sealed,
 )
-from lrf3d.lazy import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked

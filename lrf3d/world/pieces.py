@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import WorldError
-from lrf3d.files import own_name
-from lrf3d.geometry import Float, Int, lengths
-from lrf3d.interrupts import check
+from lrf3d.base.errors import WorldError
+from lrf3d.base.files import own_name
+from lrf3d.base.interrupts import check
+from lrf3d.geometry.lines import Float, Int, lengths
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value

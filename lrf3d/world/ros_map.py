@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import Lrf3dWarning, OutputError, WorldError, shown
-from lrf3d.files import own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int, Single, number
-from lrf3d.pose import Pose
+from lrf3d.base.errors import Lrf3dWarning, OutputError, WorldError, shown
+from lrf3d.base.files import own_name, read_text, replacing
+from lrf3d.geometry.lines import Bool, Float, Int, Single, number
+from lrf3d.geometry.pose import Pose
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World

@@ -17,10 +17,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from lrf3d.errors import InputError, Lrf3dWarning, WorldError, check_names, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Float, number, whole_number
-from lrf3d.lazy import ABOVE
-from lrf3d.pose import Pose
+from lrf3d.base.errors import InputError, Lrf3dWarning, WorldError, check_names, shown
+from lrf3d.base.lazy import ABOVE
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, number, whole_number
+from lrf3d.geometry.pose import Pose
 
 Converter = Callable[[Any, str], Any]
 

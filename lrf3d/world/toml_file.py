@@ -1,8 +1,8 @@
 """World files in TOML: what a person writes, checked; errors name the key that is wrong.
 
 A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario. A world is
-written as text that is read again to the last bit.
+the noise, the mapper and the film, of which :mod:`lrf3d.simulation.scenario` makes a scenario.
+A world is written as text that is read again to the last bit.
 """
 
 import json
@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, check_names
-from lrf3d.files import own_name, read_text, write_text
-from lrf3d.geometry import Float
-from lrf3d.interrupts import reading
+from lrf3d.base.errors import InputError, check_names
+from lrf3d.base.files import own_name, read_text, write_text
+from lrf3d.base.interrupts import reading
+from lrf3d.geometry.lines import Float
 from lrf3d.world import schema
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells

@@ -9,7 +9,7 @@ from program import lrf3d as program
 from lrf3d import LaserRangeFinder, World
 from lrf3d.casting import PlanarCaster, crosscheck
 from lrf3d.casting.comparison import UNEXPLAINED, BareEmbree
-from lrf3d.render.figures import draw_crosscheck
+from lrf3d.studio.figures.figures import draw_crosscheck
 from lrf3d.world.generators import generate_city
 
 ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))

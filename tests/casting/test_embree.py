@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
+from lrf3d.base.errors import InputError, Lrf3dWarning, MissingLibraryError
 from lrf3d.casting.triangle_rays import TriangleRays, embreex_installed, require_embreex
-from lrf3d.errors import InputError, Lrf3dWarning, MissingLibraryError
 from stress import aimed, blocks
 
 FANS = [

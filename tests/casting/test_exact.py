@@ -5,7 +5,7 @@ import pytest
 from rational import ExactWorld, cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 
 AHEAD = (1.0, 0.0)
 

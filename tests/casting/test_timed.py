@@ -6,11 +6,11 @@ from rational import ExactWorld
 
 import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world
+from lrf3d.base.errors import InputError
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.errors import InputError
 from lrf3d.robot.following import Patrol
-from lrf3d.sensor import Sensor
+from lrf3d.simulation.sensor import Sensor
 
 CITY = load_world("city")
 CASTERS = pytest.mark.parametrize("make", [PlanarCaster, EmbreeCaster])

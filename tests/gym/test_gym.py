@@ -15,9 +15,9 @@ from matplotlib import pyplot
 
 import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveVectorEnv
-from lrf3d.render import film
-from lrf3d.render.gl import gl_available
-from lrf3d.scenario import Scenario, load_scenario
+from lrf3d.simulation.scenario import Scenario, load_scenario
+from lrf3d.studio.render import film
+from lrf3d.studio.render.gl import gl_available
 
 CORRIDOR = load_scenario("corridor")
 

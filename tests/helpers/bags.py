@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lrf3d.io.bag_poses import ODOMETRY, POSE, SCAN, TRANSFORMS
-from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
+from lrf3d.recordings.formats.bags.poses import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.recordings.formats.bags.writer import made
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs pip install 'lrf3d[ros]'")
 from rosbags.typesys import Stores, get_typestore  # noqa: E402

@@ -6,10 +6,10 @@ import numpy as np
 
 import lrf3d
 from benchmarks.slam_consistency import identical_rooms
-from lrf3d.io import LaserLog
-from lrf3d.io.laser_log import WheelRecord
-from lrf3d.pose import between, compose
-from lrf3d.recorded import solve_log
+from lrf3d.geometry.pose import between, compose
+from lrf3d.recordings import LaserLog
+from lrf3d.recordings.log import WheelRecord
+from lrf3d.slam.offline import solve_log
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
 

@@ -23,7 +23,7 @@ from rational import integers, meet
 from lrf3d.casting.kernels import echoes
 from lrf3d.casting.kernels.echoes import LEAST_SHARE, MOST_WALLS, SHARES
 from lrf3d.casting.kernels.light import MOST_TURNS
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 from lrf3d.world.materials import PLAIN, Material
 
 Vector = tuple[int, int]

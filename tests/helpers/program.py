@@ -6,7 +6,7 @@ import sys
 from subprocess import CompletedProcess
 from unittest import mock
 
-from lrf3d.cli import main
+from lrf3d.apps.cli import main
 
 
 def lrf3d(*arguments, cwd=".", program=None):

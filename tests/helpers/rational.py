@@ -7,7 +7,7 @@ least t ≥ 0 with o + t·d on a wall is a fraction, too. It is computed without
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 
 
 class ExactWorld:

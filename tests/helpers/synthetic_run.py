@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.collecting import simulate
-from lrf3d.geometry import Float, fit_line
+from lrf3d.geometry.lines import Float, fit_line
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMap
-from lrf3d.run import Run
+from lrf3d.simulation.recorder import simulate
+from lrf3d.simulation.run import Run
 from lrf3d.world import World
 
 

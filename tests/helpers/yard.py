@@ -1,7 +1,7 @@
 """A yard with a shed, as a world file; what moves in it, and drives through it."""
 
-from lrf3d.scenario import load_scenario
-from lrf3d.view.hand_drive import HandDrive
+from lrf3d.simulation.scenario import load_scenario
+from lrf3d.studio.page.hand_drive import HandDrive
 
 YARD = """\
 name = "yard"

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lrf3d
-import lrf3d.geometry
+import lrf3d.geometry.lines
 from lrf3d.laser.free_space import DRIVEN, MARGIN, SIGHT, distinct_poses, free_cells
 
 LRF = lrf3d.LaserRangeFinder()
@@ -25,7 +25,7 @@ def test_no_cell_behind_a_return_is_free_and_cells_well_before_are(pose, ranges)
     free = free_cells([lrf3d.LaserScan(pose, angles, np.array(ranges))])
     places = middles(free) - pose[:2]
     away = np.hypot(*places.T)
-    bearing = lrf3d.geometry.wrap_angle(np.arctan2(places[:, 1], places[:, 0]) - pose[2])
+    bearing = lrf3d.geometry.lines.wrap_angle(np.arctan2(places[:, 1], places[:, 0]) - pose[2])
     known = np.array(ranges)
     shown = np.minimum(known[:-1], known[1:])
     # A beam frees the cells that it goes through, also beside it.

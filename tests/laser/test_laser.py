@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrf3d import LaserRangeFinder, LaserScan, Pose
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 
 
 @given(st.floats(-10, 10))

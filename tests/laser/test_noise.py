@@ -5,7 +5,7 @@ import pytest
 
 import lrf3d
 from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World, simulate
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 from lrf3d.laser import (
     AngleNoise,
     Chain,

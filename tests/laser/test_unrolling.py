@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.io.laser_log import LaserLog
 from lrf3d.laser.unrolling import unrolled, with_motions
+from lrf3d.recordings.log import LaserLog
 from lrf3d.scoring import score_log
 
 ROOM = lrf3d.load_world("paper_room")

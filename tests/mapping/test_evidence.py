@@ -20,7 +20,7 @@ from lrf3d import (
     simulate,
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
-from lrf3d.geometry import lengths
+from lrf3d.geometry.lines import lengths
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.extraction import END_DEVIATIONS, LikelihoodExtractor
 from lrf3d.mapping.robust.rays import LEAST_HITS

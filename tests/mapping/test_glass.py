@@ -11,7 +11,7 @@ from synthetic_run import box
 
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, ProportionalNoise, World
-from lrf3d.errors import InputError, Lrf3dWarning
+from lrf3d.base.errors import InputError, Lrf3dWarning
 from lrf3d.mapping.robust.glass.optics import Optics, image_lines
 from lrf3d.mapping.robust.glass.surfaces import IS_GLASS, IS_MIRROR
 from lrf3d.world import Material

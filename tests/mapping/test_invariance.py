@@ -17,7 +17,7 @@ from lrf3d import (
     follow_route,
     load_scenario,
 )
-from lrf3d.geometry import lengths
+from lrf3d.geometry.lines import lengths
 
 BLOCKS = [(0, 0, 6, 4, 0.1), (12, 1, 5, 5, -0.2), (1, 11, 7, 4, 0.0), (13, 12, 4, 6, 0.3)]
 LANES = np.array([[-3, -3], [9, -3], [9.5, 8], [-3, 8], [9.5, 19], [20, 8], [20, -3], [-3, 18]])

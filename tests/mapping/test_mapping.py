@@ -19,7 +19,7 @@ from lrf3d import (
     load_map,
     save_map,
 )
-from lrf3d.geometry import lengths
+from lrf3d.geometry.lines import lengths
 from lrf3d.laser.free_space import free_cells
 from lrf3d.mapping.robust.beams import Beams, widen
 from lrf3d.mapping.robust.extraction import SPAN, segment_cluster

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d import LaserRangeFinder, LaserScan
-from lrf3d.geometry import fit_line
+from lrf3d.geometry.lines import fit_line
 from lrf3d.mapping.paper import (
     PaperMapper,
     SegmentTable,

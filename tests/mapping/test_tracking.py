@@ -57,8 +57,8 @@ def test_objects_bear_the_numbers_of_the_true_ones_also_in_a_part_of_the_run(run
 
 
 def test_all_pictures_give_an_object_one_colour_in_all_maps(run):
-    from lrf3d.scene.marks import DrawnMap
-    from lrf3d.scene.stage.structures import Structures
+    from lrf3d.studio.scene.marks import DrawnMap
+    from lrf3d.studio.scene.stage.structures import Structures
 
     numbers, structures = np.concatenate(run.lasting_objects), Structures.from_run(run)
     drawn = [DrawnMap.from_snapshot(run, stage, structures) for stage in range(3)]

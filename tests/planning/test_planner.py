@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import shapely
 
+from lrf3d.base.errors import InputError
 from lrf3d.casting import PlanarCaster
-from lrf3d.collision import find_collision
-from lrf3d.errors import InputError
+from lrf3d.casting.collision import find_collision
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning import rooms
 from lrf3d.planning.free_space import Ground, find_free_space
 from lrf3d.planning.planner import find_route, plan_route
 from lrf3d.robot import follow_route
-from lrf3d.scenario import Scenario
+from lrf3d.simulation.scenario import Scenario
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.generators import generate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 
 POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [2.0, 0.5, 0.2], [3.0, 1.0, 0.3]])
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lrf3d
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 from lrf3d.robot.odometry import InertialUnit, Odometer, increment_of, twist_of
 from lrf3d.slam import SlamMapper
 

@@ -7,7 +7,8 @@ import time
 
 import pytest
 
-from lrf3d import interrupts, load_scenario
+from lrf3d import load_scenario
+from lrf3d.base import interrupts
 
 pytest.importorskip("foxglove")
 connect = pytest.importorskip("websockets.sync.client").connect

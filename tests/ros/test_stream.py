@@ -5,9 +5,9 @@ import math
 import pytest
 
 from lrf3d import LaserRangeFinder, Pose, ProportionalNoise, World
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 from lrf3d.ros.stream import Settings, Stream
-from lrf3d.scenario import Scenario
+from lrf3d.simulation.scenario import Scenario
 
 ROOM = World([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2], [-3, 2, -3, -2]])
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic_run import as_map, box, make_run, make_world, ring
 
+from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
-from lrf3d.pose import Pose
 from lrf3d.scoring import score_log
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from synthetic_run import around, as_map, box, make_run, make_world
 
 import lrf3d
+from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
-from lrf3d.pose import Pose
 from lrf3d.scoring import (
     adjusted_rand_index,
     buildings_seen,

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from program import lrf3d as run_program
 
 import lrf3d
-from lrf3d.errors import InputError
-from lrf3d.io.trajectory_files import load_tum, save_tum
-from lrf3d.pose import compose
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.pose import compose
+from lrf3d.recordings.formats.trajectory import load_tum, save_tum
 from lrf3d.scoring import Relations, score_trajectory
 from lrf3d.scoring.trajectory_score import pose_errors
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
-from lrf3d.pose import Pose, between
+from lrf3d.matching.key_scans import Key, MixedPixels, fan_of
+from lrf3d.matching.surface import SURFACE
 from lrf3d.slam.closures import Closure, LoopCloser
-from lrf3d.slam.key_scans import Key, MixedPixels, fan_of
-from lrf3d.slam.surface import SURFACE
 
 NOTHING = np.empty(0, SURFACE)
 INFORMATION = np.diag([1e3, 1e3, 1e4])

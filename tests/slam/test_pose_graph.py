@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from lrf3d.pose import between
+from lrf3d.geometry.pose import between
 from lrf3d.slam.pose_graph import (
     ROBUST_SCALE,
     GraphPaths,

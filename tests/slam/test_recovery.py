@@ -9,10 +9,10 @@ import shapely
 from drives import drive, errors, path_of, rooms, solved, through
 
 import lrf3d
-from lrf3d.errors import InputError
-from lrf3d.io import LaserLog
-from lrf3d.pose import between, compose
-from lrf3d.recorded import solve_log
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.pose import between, compose
+from lrf3d.recordings import LaserLog
+from lrf3d.slam.offline import solve_log
 
 
 @pytest.mark.parametrize("first, last", [(50, 80), (0, None)])
@@ -67,7 +67,7 @@ def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
 
 def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
-    monkeypatch.setattr("lrf3d.recorded.CALIBRATED", 100)
+    monkeypatch.setattr("lrf3d.slam.offline.CALIBRATED", 100)
     rng = np.random.default_rng(4)
     bare = [[0, 0, 30, 0], [30, 0, 30, 20], [30, 20, 0, 20], [0, 20, 0, 0]]
     block = [[2.4, 2.4, 27.6, 2.4], [27.6, 2.4, 27.6, 17.6], [27.6, 17.6, 2.4, 17.6]]
@@ -133,7 +133,7 @@ def test_the_laser_alone_is_enough_and_says_where_it_is_least_sure(monkeypatch):
     solution = solve_log(alone(scans))
     assert errors(true, solution.poses).max() < 0.1
     assert solution.warnings == []
-    monkeypatch.setattr("lrf3d.solved_log.MOST_UNSURE", 0.0)
+    monkeypatch.setattr("lrf3d.slam.solution.MOST_UNSURE", 0.0)
     [said] = solution.warnings
     assert "by the laser alone the position at scan" in said
 

@@ -5,7 +5,7 @@ import pytest
 from drives import drive, errors, followed, recorded
 
 import lrf3d
-from lrf3d.errors import Lrf3dWarning
+from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.slam.checks import self_check
 from lrf3d.slam.closures import LEAST_DISTANCE
 from lrf3d.slam.front_end import KEY_DISTANCE

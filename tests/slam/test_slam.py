@@ -8,14 +8,14 @@ import shapely
 from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, through
 
 import lrf3d
-from lrf3d.errors import InputError
-from lrf3d.pose import between
-from lrf3d.recorded import followed as recorded_drive
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.pose import between
+from lrf3d.recordings.repair.odometry import WheelPath
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.motion import Wheels
-from lrf3d.slam.odometry import WheelPath
+from lrf3d.slam.offline import followed as recorded_drive
 from lrf3d.slam.slam import REDRAWN_PER_SCAN
-from lrf3d.solved_log import rising
+from lrf3d.slam.solution import rising
 
 
 @pytest.fixture(scope="module")

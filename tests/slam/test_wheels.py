@@ -3,9 +3,9 @@ import pytest
 from drives import drive, errors, followed, path_of, rooms, solved
 
 import lrf3d
-from lrf3d.pose import between
+from lrf3d.geometry.pose import between
+from lrf3d.recordings.repair.odometry import WheelPath, fitted_lag
 from lrf3d.slam.motion import Wheels
-from lrf3d.slam.odometry import WheelPath, fitted_lag
 
 
 def measured(found, a=0.2, b=0.1, c=0.25):

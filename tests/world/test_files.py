@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from lrf3d.errors import InputError, Lrf3dNote, OutputError, WorldError
+from lrf3d.base.errors import InputError, Lrf3dNote, OutputError, WorldError
 from lrf3d.world import Material, World, load_world, save_world, world_names
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells

@@ -3,7 +3,7 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from lrf3d.errors import InputError
+from lrf3d.base.errors import InputError
 from lrf3d.planning.free_space import free_places
 from lrf3d.world.generators import KINDS, generate
 

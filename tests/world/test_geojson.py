@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.errors import Lrf3dNote, MissingLibraryError, WorldError
+from lrf3d.base.errors import Lrf3dNote, MissingLibraryError, WorldError
 from lrf3d.world import load_world
-from lrf3d.world.features import DEFAULT_BUILDING_HEIGHT
+from lrf3d.world.towns.features import DEFAULT_BUILDING_HEIGHT
 
 FAR = np.array([85000.0, 447500.0])
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.errors import WorldError
+from lrf3d.base.errors import WorldError
 from lrf3d.world import Material, World, load_world
 from lrf3d.world.materials import BUILT_IN, material_of
 

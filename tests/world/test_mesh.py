@@ -4,7 +4,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.errors import WorldError
+from lrf3d.base.errors import WorldError
 from lrf3d.world import Material, World, load_world, save_world
 
 FAR = np.array([85_000.0, 447_500.0])

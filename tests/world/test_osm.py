@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lrf3d.errors import Lrf3dNote, WorldError
+from lrf3d.base.errors import Lrf3dNote, WorldError
 from lrf3d.world import World, load_world, save_world
-from lrf3d.world.features import EARTH_RADIUS
-from lrf3d.world.osm import DEFAULT_TREE, is_building, tag_height, tree_height, trunk_radius
+from lrf3d.world.towns.features import EARTH_RADIUS
+from lrf3d.world.towns.osm import DEFAULT_TREE, is_building, tag_height, tree_height, trunk_radius
 
 NODES = [(0, 0), (30, 0), (30, 20), (0, 20), (10, 5), (20, 5), (20, 15), (10, 15)]
 

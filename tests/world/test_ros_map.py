@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from lrf3d.errors import WorldError
-from lrf3d.pose import Pose
+from lrf3d.base.errors import WorldError
+from lrf3d.geometry.pose import Pose
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.ros_map import write_ros_map

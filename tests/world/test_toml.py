@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.errors import WorldError
+from lrf3d.base.errors import WorldError
 from lrf3d.world import load_world
 
 HOUSE = """\

@@ -40,7 +40,7 @@ from lrf3d.casting.kernels.tree import (
     whole,
 )
 from lrf3d.compiling import borrower, compiled, inner, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 
 RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
 """A beam with its own origin [m], direction, and time [s]."""

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.compiling import borrower, record
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
 
 CLOSEST = 0.01
 """Distance [m] up to which intensities do not depend on the distance."""

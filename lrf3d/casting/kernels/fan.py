@@ -34,7 +34,7 @@ from lrf3d.casting.kernels.predicates import (
 )
 from lrf3d.casting.kernels.tree import ROOM, STACK, Tree, column_at, whole
 from lrf3d.compiling import inner, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 
 BEARING_SLACK = 4e-6
 """Bound on the error of a bearing [rad]: 1.7e-6 of the polynomial, and ample room for rounding."""

@@ -28,7 +28,7 @@ from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
 from lrf3d.casting.kernels.predicates import Vector, Wall, wall_at
 from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new_stack, next_leaf
 from lrf3d.compiling import borrower, compiled, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 
 MOST_TURNS = 8
 """How often mirrors turn a beam; at the next one it ends."""

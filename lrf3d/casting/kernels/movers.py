@@ -24,7 +24,7 @@ from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import compiled, inner, record
-from lrf3d.geometry import TINY, Float, Int, Records
+from lrf3d.geometry.lines import TINY, Float, Int, Records
 
 ROWS, MEASURES = (
     ("first", "stop", "leg", "last"),

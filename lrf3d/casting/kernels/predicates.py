@@ -24,7 +24,7 @@ from typing import NamedTuple, SupportsIndex
 import numpy as np
 
 from lrf3d.compiling import borrower, inner
-from lrf3d.geometry import Float
+from lrf3d.geometry.lines import Float
 
 SPLITTER = 134217729.0
 """2²⁷ + 1: multiplying by it cuts a float64 into two halves of 26 bits."""

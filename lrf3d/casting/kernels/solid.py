@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new_stack, next_leaf
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
 
 Vector = tuple[float, float, float]
 

@@ -25,7 +25,7 @@ from lrf3d.casting.kernels.movers import (
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
 from lrf3d.compiling import compiled, inner, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 
 GRAZE = 1e-9
 """Depth up to which a body that meets something does not touch it [m]: more than rounding."""

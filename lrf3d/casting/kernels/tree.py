@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.predicates import LANES, Wall, index_of
 from lrf3d.compiling import borrower, compiled, inner, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 
 SPLIT_BINS = 16
 """Places tried for a cut; more make a tree that is hardly better."""

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.pose import Pose
 
 CELL = 0.1
 """[m] Side of a cell. Memory grows with its inverse square; at 0.2 the purity of the objects of a

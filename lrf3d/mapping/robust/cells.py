@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL, Beams
 
 SIDE_BITS = 4

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.compiling import compiled, inner, record
-from lrf3d.geometry import Bool, Float, Int, Records
+from lrf3d.geometry.lines import Bool, Float, Int, Records
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.line_map import LineMap, solid_map

@@ -13,7 +13,7 @@ are moved to where their lines cross.
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells, is_crossed
 from lrf3d.mapping.robust.walls import (

@@ -9,7 +9,8 @@ update depends neither on the size of the map nor on the number of scans.
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry.lines import Bool, Float, Int
+from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, NoiseEstimate, in_world, pose_in, widen
@@ -33,7 +34,6 @@ from lrf3d.mapping.robust.walls import (
     vector_of,
     widen_box,
 )
-from lrf3d.pose import Pose
 
 Place = tuple[float, float]
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
     FREE_DEPTH,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Int
+from lrf3d.geometry.lines import Int
 from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.cells import (
     FREE_DEPTH,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells
 from lrf3d.mapping.robust.extraction import WALL_COST

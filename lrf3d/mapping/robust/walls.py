@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.compiling import borrower, inner, record
-from lrf3d.geometry import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int, Records
 
 BLOCK = 64
 """[walls] Rows that share a bounding box. It changes speed only."""

@@ -17,9 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.compiling import record
-from lrf3d.errors import Lrf3dWarning
-from lrf3d.geometry import Bool, Float, Records, cross, directions, lengths
+from lrf3d.geometry.lines import Bool, Float, Records, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
 from lrf3d.mapping.robust.beams import CELL, Beams

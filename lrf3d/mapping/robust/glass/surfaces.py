@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, record
-from lrf3d.geometry import Bool, Float, Int, Records
+from lrf3d.geometry.lines import Bool, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BITS, Cells, block_at
 from lrf3d.mapping.robust.rays import forget_hits

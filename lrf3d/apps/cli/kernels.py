@@ -1,0 +1,121 @@
+"""Compile kernels before they are needed, by processes side by side.
+
+A small drive in plain Python finds which kernels are called, and with which types. Their machine
+code is put on disk, where the program that waits for it, and all later ones, find it.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
+from time import sleep
+from typing import Any
+
+from lrf3d.base.cores import core_count, process_pool
+from lrf3d.base.interrupts import Progress, check
+
+FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
+"""The file of the kernel that takes longest: where there is one, kernels have been compiled."""
+
+
+def start_compiling(slam: bool = False) -> "Popen[bytes] | None":
+    """Start to compile, also for SLAM, if nothing has been compiled for this installation."""
+    package, home = Path(__file__).parents[2], Path(os.path.expanduser("~"))
+    writable, cache = [package, home], home / ".cache/numba"
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        writable, cache = [Path(given).parent], Path(given)
+    caches = package / "mapping/robust/__pycache__", cache
+    if any(next(cache.rglob(FILES), None) for cache in caches):
+        return None
+    if not any(os.access(folder, os.W_OK) for folder in writable):
+        return None
+    if "NUMBA_DISABLE_JIT" in os.environ or core_count() < 2 or os.name != "posix":
+        return None
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+    return Popen(
+        [sys.executable, "-m", "lrf3d.apps.cli.kernels", *["slam"] * slam], env=environment,
+        stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True,
+    )  # fmt: skip
+
+
+def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
+    """Wait until kernels are compiled; if that fails they are compiled when they are called."""
+    from multiprocessing.connection import wait
+
+    assert process.stdout is not None
+    number, rest = process.stdout.fileno(), b""
+    while True:
+        check()
+        if wait([number], 0.1):
+            if not (printed := os.read(number, 4096)):
+                return
+            *lines, rest = (rest + printed).split(b"\n")
+            for line in lines:
+                done, total = map(int, line.split())
+                progress(done, total)
+
+
+def main(*parts: str) -> None:
+    """Compile all kernels of a small drive, and print how many are done, and of how many."""
+    from concurrent.futures import as_completed
+    from threading import Thread
+
+    Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+
+    calls = sorted(
+        _calls("slam" in parts), key=lambda call: not call[0].startswith("lrf3d.mapping")
+    )
+    # This process runs kernels as plain Python; those that it starts compile.
+    del os.environ["NUMBA_DISABLE_JIT"]
+    with process_pool(core_count()) as pool:
+        futures = [pool.submit(_compile, *call) for call in calls]
+        for done, future in enumerate(as_completed(futures), start=1):
+            future.result()
+            os.write(1, f"{done} {len(calls)}\n".encode())
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process when the program that waits for it has ended, however it did."""
+    while os.getppid() == parent:
+        sleep(0.1)
+    os._exit(1)
+
+
+def _calls(slam: bool) -> list[tuple[str, str, Any]]:
+    """The module, the name and the types of the arguments of each kernel that a drive calls."""
+    import numba
+
+    import lrf3d.compiling as compiling
+
+    calls: dict[tuple[str, str, Any], None] = {}
+
+    def recorded(kernel: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any) -> Any:
+            types = tuple(numba.typeof(each) for each in args)
+            calls[kernel.__module__, kernel.__qualname__, types] = None
+            return kernel(*args)
+
+        return call
+
+    compiling.compiled = recorded  # type: ignore[assignment]
+    import lrf3d
+    from lrf3d.slam import SlamMapper
+
+    world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
+    lrf = lrf3d.LaserRangeFinder(beams=31)
+    drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
+    for caster, mapper in (("planar", None), ("embree", SlamMapper() if slam else None)):
+        lrf3d.simulate(world, drive, lrf, caster=caster, mapper=mapper, rng=0)
+    return list(calls)
+
+
+def _compile(module: str, name: str, types: Any) -> None:
+    kernel = getattr(import_module(module), name)
+    kernel.compile(types)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

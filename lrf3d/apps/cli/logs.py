@@ -1,0 +1,293 @@
+"""``lrf3d map``, ``slam`` and ``localise``: logs with known poses, with odometry, and on a map."""
+
+from argparse import Namespace
+from collections.abc import Callable
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from lrf3d.apps.cli.console import Report, warn
+from lrf3d.apps.cli.folder import Drawing, ResultsFolder, results_folder
+from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
+from lrf3d.base.errors import InputError
+from lrf3d.base.files import make_folder
+from lrf3d.base.interrupts import Progress
+from lrf3d.base.text import counted
+from lrf3d.geometry.pose import Pose, compose
+from lrf3d.mapping import LineMap, save_map
+from lrf3d.matching.surface import moved
+from lrf3d.recordings import LaserLog, load_run, save_run
+from lrf3d.recordings.degrade import degrade_log
+from lrf3d.recordings.formats.carmen_writer import write_log
+from lrf3d.recordings.formats.trajectory import load_relations, save_tum
+from lrf3d.recordings.reading import CARMEN_ENDINGS
+from lrf3d.scoring import score_log, score_trajectory
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import Scenario
+from lrf3d.slam.checks import LATER
+from lrf3d.slam.offline import map_scans, punctual, solve_log
+from lrf3d.slam.places import OdometryNoise
+from lrf3d.slam.places.monte_carlo import score_localisation
+from lrf3d.slam.places.sessions import localise_log
+from lrf3d.slam.solution import SolvedLog
+from lrf3d.world import World
+
+
+def map_(log: LaserLog, args: Namespace, report: Report) -> None:
+    """Map a log whose poses are known, and test the map."""
+    settings = {"mode": args.mode or "robust", "sigma": args.sigma}
+    log = punctual(log)
+    with report.progress("scans") as progress:
+        progress, milliseconds = timed(progress)
+        run = map_scans(log, **settings, all_scans=args.all, progress=progress)
+    tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
+    score = score_log(run.map, [] if args.all else tests)
+    bad = [{line.kind: line.number, "reason": line.reason} for line in log.bad_lines]
+    summary = {
+        "name": log.name,
+        "mode": settings["mode"],
+        "sigma_m": args.sigma,
+        "log": {**log.counts, "poses": log.source, "first_bad_lines": bad},
+        "map": {"segments": len(run.map), "objects": run.map.object_count},
+        "score": score.as_dict(),
+        "milliseconds_a_scan": milliseconds(),
+    }
+    rows = [*log_rows(log), ("poses", log.source)]
+    rows.append(("map", f"{run.map.counts}, {score.length:.0f} m long"))
+    # Share of returns that a right map explains: 0.85 to 1 in buildings, less among trees.
+    least_explained = 0.6
+    if score.returns:
+        share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
+        rows.append(("explains", f"{share}, which it was not built from"))
+        if score.explained < least_explained:
+            warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
+    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    output = results_folder(report, [args.log], run.world.name, args.out)
+    kept, drawings = _mapped(output, run, run)
+    following = f"lrf3d run {output.path}/map.geojson"
+    files = {"map": "map.geojson"}
+    output.finish(summary, files, drawings, rows=rows, following=following, kept=kept)
+
+
+def slam(log: LaserLog, args: Namespace, report: Report) -> None:
+    """Find poses and map of a log from odometry and scans."""
+    known = None if args.relations is None else load_relations(args.relations)
+    chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
+    on = None if args.on is None else load_run(args.on)
+    pairs = [[(min(pair), max(pair)) for pair in given or ()] for given in (args.close, args.not_)]
+    with report.progress("scans") as progress:
+        progress, milliseconds = timed(progress)
+        solved = solve_log(log, on=on, close=pairs[0], apart=pairs[1], progress=progress, **chosen)
+    score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
+    for sentence in solved.warnings:
+        warn(sentence)
+    summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
+    run, keys = solved.run, solved.slam.key_scans
+    if (both := solved.joined) is not None:
+        keys = np.concatenate([both.keys, len(both.run) + keys])
+
+    def draw(picture: Path) -> None:
+        from lrf3d.studio.figures.figures import Pass, draw_check
+
+        title = f"{log.name}: where the map contradicts itself"
+        shown, poses = solved.key_scans
+        surfaces = (moved(key.surface, pose) for key, pose in zip(shown, poses, strict=True))
+        points = [np.column_stack([surface["x"], surface["y"]]) for surface in surfaces]
+        scans = np.array([key.scan for key in shown])
+        check = solved.check
+        stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, LATER)
+        draw_check(stretch, poses, solved.refused, title, picture)
+
+    output = results_folder(report, [args.log], run.world.name, args.out)
+    kept, drawings = _mapped(output, run, run.part(keys))
+    save_run(run, output.path / "run.npz")
+    save_tum(solved.log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
+    if solved.tried:
+        drawings["check picture"] = "check.png", draw
+    output.finish(
+        summary,
+        {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
+        drawings,
+        rows=_slam_rows(solved, summary),
+        following=f"lrf3d view {output.path}",
+        kept=kept,
+    )
+
+
+def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
+    """Localise a recorded drive on a known map; or simulated ones, and score that."""
+    if isinstance(source, tuple):
+        return _localise_recorded(*source, args, report)
+    scenario = routed(source, args, report)
+    sigma = scenario.sigmas[0] if args.sigma is None else args.sigma
+    odometry = OdometryNoise(args.position, radians(args.heading))
+    with report.progress("first run") as progress:
+        run = scenario.run(
+            mode="robust", sigma=sigma, rng=0, snapshots=1, on_collision=on_collision(args),
+            progress=progress,
+        )  # fmt: skip
+    with report.progress("seeds") as progress:
+        score = score_localisation(
+            run, sigma, odometry, known=args.known, strategy=args.strategy, seeds=args.seeds,
+            workers=args.workers, progress=progress,
+        )  # fmt: skip
+    noise = {"position_m": args.position, "heading_deg": args.heading}
+    report.print(
+        {"name": scenario.name, "sigma_m": sigma, "odometry_noise": noise, **score},
+        [
+            ("known", f"{score['lines']} lines: the {args.known} of {scenario.name}"),
+            ("drives", f"{score['seeds']}, of {score['scans']} scans each"),
+            ("position", f"{score['mean_position_error_m']:.4f} m off on average, at most"
+                         f" {score['largest_position_error_m']:.3f} m"),
+            ("heading", f"{score['mean_heading_error_deg']:.4f}° off on average"),
+        ],
+    )  # fmt: skip
+
+
+def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
+    with report.progress("scans") as progress:
+        progress, milliseconds = timed(progress)
+        found = localise_log(known, log, progress=progress)
+    if not found.stretches:
+        warn(f"{args.log}: nowhere on the map with certainty; the likeliest place has a"
+             f" probability of {found.probability:.2g}")  # fmt: skip
+    world = known.world if isinstance(known, Run) else known
+    line_map = known.map if isinstance(known, Run) else LineMap.empty()
+    true = None if isinstance(known, Run) else known
+    chosen = np.flatnonzero(found.known)
+    poses, times = found.poses[chosen], found.log.times[chosen]
+    # The path is broken where the place is not known.
+    ends = [np.searchsorted(chosen, each.last) + 1 for each in found.stretches[:-1]]
+    drawn, points = np.insert(poses, ends, np.nan, axis=0), [np.empty((0, 2))]
+    for number, pose in zip(chosen.tolist(), poses, strict=True):
+        scan = found.log.scans[number]
+        laser = compose(pose, np.array(scan.mount))
+        points.append(replace(scan, pose=Pose(*laser.tolist())).points())
+
+    def draw(picture: Path) -> None:
+        from lrf3d.studio.figures.figures import draw_map
+
+        draw_map(line_map, picture, points=np.concatenate(points), poses=drawn,
+                 world=true, title=f"{found.log.name} on {world.name or 'the map'}")  # fmt: skip
+
+    output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
+    save_tum(times, poses, output.path / "trajectory.tum")
+    rows = [*log_rows(log), ("map", f"{args.world}, {counted(len(world.segments), 'wall')}")]
+    for each in found.stretches:
+        x, y, theta = poses[np.searchsorted(chosen, each.first)]
+        rows.append(("carried" if each.carried else "found", (
+            f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
+            f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
+    count = len(found.poses)
+    rows.append(("scans", f"{len(chosen):,} of {count:,} placed on the map"))
+    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    output.finish(
+        {**found.summary(), "milliseconds_a_scan": milliseconds()},
+        {"trajectory": "trajectory.tum"},
+        {"map picture": ("map.png", draw)},
+        rows=rows,
+        kept=f"{output.path / 'trajectory.tum'} holds the poses",
+    )
+
+
+def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
+    """Make a log worse on purpose, and write it."""
+    out: Path = args.out
+    if not out.name.lower().endswith(CARMEN_ENDINGS):
+        raise InputError(f"--out {out}: expected a name that ends in {', '.join(CARMEN_ENDINGS)}")
+    if out.exists() and out.samefile(args.log):
+        raise InputError(f"--out {out}: is the log itself; choose another name")
+    changes = {name: vars(args)[name] for name in ("drop", "noise", "every", "beams_every")}
+    worse = degrade_log(log, **changes, rng=args.seed)
+    kept = degrade_log(log, every=args.every, beams_every=args.beams_every)
+    make_folder(out.parent)
+    write_log(worse, out)
+    there, left = (sum(int(scan.hits.sum()) for scan in each.scans) for each in (kept, worse))
+    lost = there - left
+    thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
+    done = (
+        f"{len(worse):,} of {counted(len(log), 'scan')} kept{thinned};"
+        f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
+    )
+    timed = sum(scan.time_increment != 0.0 for scan in log.scans)
+    rows = log_rows(worse)
+    if timed:
+        rows.append(("", f"{counted(timed, 'scan')} with times of beams, which are not kept"))
+    rows += [("poses", log.source), ("worse", done), ("file", str(out))]
+    figures = {
+        "file": str(out), "log": log.counts, "poses": log.source, **changes, "seed": args.seed,
+        "scans": len(worse), "returns": there,
+        "returns_lost": lost,
+    }  # fmt: skip
+    report.print(figures, rows)
+
+
+def timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
+    """Progress that is timed, and the mean time of a scan [ms] after the first, which compiles."""
+    stamps: list[float] = []
+
+    def note(done: int, count: int) -> None:
+        stamps.append(perf_counter())
+        progress(done, count)
+
+    return note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+
+
+def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str, Drawing]]:
+    """Write the map of a run, which a part of it made; where it is, and its picture."""
+
+    def draw(picture: Path) -> None:
+        from lrf3d.studio.figures.figures import draw_map
+
+        draw_map(
+            run.map, picture, points=np.vstack([scan.points() for scan in mapped.scans]),
+            poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
+        )  # fmt: skip
+
+    save_map(run.map, output.path / "map.geojson", free=mapped.free_cells())
+    return f"{output.path / 'map.geojson'} holds the map", {"map picture": ("map.png", draw)}
+
+
+def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
+    """What a log held, and what was left out of it."""
+    sizes = [len(scan.ranges) for scan in log.scans]
+    least, most = min(sizes), max(sizes)
+    beams = (f"{least:,} to " if least < most else "") + counted(most, "beam")
+    rows = [("log", f"{counted(len(log), 'scan')} of {beams}{poses}")]
+    if log.bad_count:
+        bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind}")
+        rows.append(("", f"{bad} left out, the first {log.bad_lines[0]}"))
+        rows += [("", str(line)) for line in log.bad_lines[1:]]
+    if times := [scan.duration for scan in log.scans if scan.motion is not None]:
+        taken = f"{counted(len(times), 'scan')} of up to {max(times):.3g} s unrolled"
+        rows.append(("", f"{taken}: each beam by its own time"))
+    if log.not_numbers:
+        rows.append(("", f"{counted(log.not_numbers, 'reading')} NaN: no return"))
+    return [*rows, *(("", note) for note in log.notes)]
+
+
+def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
+    found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
+    rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
+    if not solved.log.placed:
+        rows.append(("odometry", f"{solved.odometry}; if that is mirrored, so is the map"))
+    rows += [("", sentence) for sentence in solved.repairs.sentences()]
+    closed = counted(found["loop_closures"], "loop closure")
+    rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
+    if lost := found["scans_by_odometry_alone"]:
+        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed as predicted"))
+    if (both := summary["joined"]) is not None:
+        words = f"{both['on']}: found at scan {both['found_at']}, probability"
+        words += f" {both['probability']:.4f}; {counted(both['ties'], 'loop closure')} with it"
+        rows.append(("on", words))
+    rows.append(("map", solved.run.map.counts))
+    rows += [("check", sentence) for sentence in solved.check.sentences()]
+    if score := summary["score"]:
+        text = "{translation_mean:.4f} ± {translation_std:.4f} m, {rotation_mean:.2f} ±"
+        text += " {rotation_std:.2f}° over {relations}"
+        rows.append(("relations", text.format(**score)))
+    return [*rows, ("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan")]

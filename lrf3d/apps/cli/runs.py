@@ -1,0 +1,193 @@
+"""``lrf3d render``, ``view`` and ``export``: runs as films, in the browser, for other programs."""
+
+import sys
+from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from lrf3d.apps.cli.console import Report, say, warn
+from lrf3d.apps.cli.inputs import refuse, routed
+from lrf3d.apps.export import EXPORTERS, export_run
+from lrf3d.base.errors import InputError, MissingLibraryError
+from lrf3d.base.files import make_folder, replacing
+from lrf3d.base.text import counted
+from lrf3d.recordings import load_run
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import Scenario
+
+_LARGE, _SMALL = (1280, 720), (640, 360)
+"""Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
+
+
+def render(run: Run, args: Namespace, report: Report) -> None:
+    """Draw the film of a run, or a picture of one moment."""
+    picture = args.at is not None
+    if picture:
+        refuse(args, "--from --to", "of a film, and --at draws a picture")
+    if args.out is not None and picture != (args.out.suffix.lower() == ".png"):
+        raise InputError(
+            f"--out {args.out}: expected a name that ends in .png, as --at draws a picture"
+            if picture
+            else f"--out {args.out}: a .png is one picture; give its time with --at TIME"
+        )
+    path = _output(args, "run.png" if picture else "run.mp4")
+    if args.trajectory is not None:
+        from lrf3d.apps.cli.scores import with_trajectory
+        from lrf3d.recordings.formats.trajectory import load_tum
+
+        run = with_trajectory(run, load_tum(args.trajectory))
+    if args.points_by is not None:
+        run = replace(run, film=replace(run.film, points_by=args.points_by))
+    if picture:
+        from lrf3d.studio.render.film import frame
+        from lrf3d.studio.render.video import save_png
+
+        drawing = frame(run, args.at, **_look(args))
+        with replacing(path) as unfinished:
+            save_png(drawing, unfinished)
+        report.print({"picture": str(path)}, [("picture", str(path))])
+        return
+    drawn = write_film(run, path, args, report, part=(args.from_, args.to))
+    each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
+    width, height = drawn["size"]
+    by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
+    report.print(
+        {"video": str(path), "drawn": drawn},
+        [
+            ("film", str(path)),
+            ("drawn", f"{counted(drawn['frames'], 'frame')} of {width}x{height}"),
+            ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
+        ],
+    )
+
+
+def write_film(
+    run: Run,
+    path: Path,
+    args: Namespace,
+    report: Report,
+    *,
+    part: tuple[float | None, float | None] = (None, None),
+) -> dict[str, Any]:
+    """Write the film of a run, and return its figures."""
+    from lrf3d.studio.render.video import render_video
+
+    ending, look = path.suffix.lower(), _look(args)
+    if args.size is None and ending in (".gif", ".webp"):
+        look["size"] = _SMALL
+    film_rate, gif_rate = 25.0, 10.0  # Frames a second. A GIF of 15 s then has less than 10 MB.
+    rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
+    began, stamps = perf_counter(), list[float]()
+    with report.progress("film") as progress:
+
+        def note(number: int, total: int) -> None:
+            stamps.append(perf_counter())
+            progress(number, total)
+            before, passed = stamps[-2:][0] - stamps[0], stamps[-1] - stamps[0]
+            time = passed * total / max(len(stamps) - 1, 1)
+            # After 3 s it is known whether the film takes over 20 s; a terminal has a bar for it.
+            if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
+                report.note(f"film: {total:,} frames, which take about {time:.0f} s")
+
+        render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
+    figures = {"size": list(look["size"]), "renderer": look["renderer"]}
+    return {"frames": len(stamps), **figures, "seconds": perf_counter() - began}
+
+
+def _look(args: Namespace) -> dict[str, Any]:
+    """Keyword arguments to draw any picture: with OpenGL, or else with Embree."""
+    from lrf3d.studio.render.gl import require_gl
+
+    renderer = args.renderer or "gl"
+    if args.renderer is None:
+        try:
+            require_gl()
+        except MissingLibraryError as error:
+            warn(f"Embree draws instead, smaller and slower: {error}")
+            renderer = "embree"
+    return {
+        **{name: vars(args)[name] for name in ("view", "playback", "panel")},
+        "samples": int(args.samples),
+        "renderer": renderer,
+        "size": args.size or (_LARGE if renderer == "gl" else _SMALL),
+    }
+
+
+def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
+    """Play a run in the browser, or drive through a world by hand."""
+    from lrf3d.studio.page.server import bound, run_view, serve, world_view
+
+    def shown(address: str) -> None:
+        text = f"{args.world} is shown at {address}; Ctrl-C ends it"
+        report.print({"address": address}, [("view", text)])
+
+    if args.foxglove:
+        from lrf3d.ros.foxglove import PORT, serve_foxglove
+
+        if scenario is None:
+            raise InputError(
+                f"--foxglove: {args.world} is a run; lrf3d export {args.world} --to mcap writes it"
+                " for Foxglove"
+            )
+        serve_foxglove(
+            routed(scenario, args, report),
+            host=args.host,
+            port=args.port or PORT,
+            rng=args.seed,
+            say=lambda level, text: report.note(text),
+            started=shown,
+        )
+        return
+    # A wrong address is refused before the work.
+    with bound(args.host, args.port) as door:
+        if scenario is None:
+            make = run_view(load_run(args.world), args.playback)
+        else:
+            make = world_view(routed(scenario, args, report), args.seed)
+        serve(make, door, host=args.host, browser=args.browser, started=shown)
+
+
+def ros(scenario: Scenario, args: Namespace, report: Report) -> int | None:
+    """Serve a robot in ROS 2; a second clock is wrong usage, and returns 2."""
+    from lrf3d.ros import SecondClockError, serve
+
+    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines")
+    try:
+        serve(
+            scenario if scenario.start else routed(scenario, args, report),
+            arguments=args.ros_words,
+            started=report.note,
+            namespace=args.namespace or "",
+            clock=not args.no_clock,
+            rng=args.seed,
+            **{name: vars(args)[name] for name in names},
+        )
+    except SecondClockError as error:
+        say(str(error))
+        return 2
+    return None
+
+
+def export(run: Run, args: Namespace, report: Report) -> None:
+    """Write a run for another program."""
+    path = _output(args, EXPORTERS[args.to])
+    export_run(run, args.to, path, every=args.every)
+    files = [path] if path.is_file() else sorted(path.iterdir())
+    scans, size = len(range(0, len(run), args.every)), sum(file.stat().st_size for file in files)
+    shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
+    # A page has moments, not scans.
+    kept = {} if args.to == "html" else {"scans": scans}
+    report.print(
+        {"file": str(path), "format": args.to, **kept, "bytes": size},
+        [(args.to, str(path)), *((n, f"{each:,}") for n, each in kept.items()), ("size", shown)],
+    )
+
+
+def _output(args: Namespace, name: str) -> Path:
+    """The file to write, whose folder is made: in the folder of the run if none is given."""
+    folder = args.run if args.run.is_dir() else args.run.parent
+    path: Path = args.out or folder / name
+    make_folder(path.parent)
+    return path

@@ -1,5 +1,0 @@
-"""The command line: one typed function for each command, with heavy imports inside."""
-
-from lrf3d.cli.program import main
-
-__all__ = ["main"]

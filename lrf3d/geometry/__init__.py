@@ -1,0 +1,1 @@
+"""Geometry of the plane: arrays, line segments, poses."""

@@ -1,0 +1,60 @@
+"""Colours of the objects of maps: in figures, films and messages an object has the same one."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float, Int
+
+
+class _Palette(NamedTuple):
+    """Colours of the objects of maps in Oklch.
+
+    A hue that no object has, that of the laser or of the trail, and how far off it those of objects
+    are [turns]; the lightness of one object after the other, and their chroma. The hue of the first
+    object and the step to the next [turns] are of Roberts' sequence, and leave the nearest two of
+    sixty objects furthest apart; with the golden step every 21st looks the same.
+    """
+
+    taken: float
+    free: float
+    tones: Float
+    chroma: float
+    start: float = 0.85
+    step: float = 0.5698402910
+
+
+_ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
+_ON_DARK = _Palette(0.189, 0.1, np.array([0.66, 0.78, 0.70, 0.83, 0.74]), 0.105)
+"""Those of figures, legible on white, and those of films, legible in the dark."""
+
+_LMS_FROM_LAB = np.array(
+    [
+        [1.0, 0.3963377774, 0.2158037573],
+        [1.0, -0.1055613458, -0.0638541728],
+        [1.0, -0.0894841775, -1.2914855480],
+    ]
+)
+_RGB_FROM_LMS = np.array(
+    [
+        [4.0767416621, -3.3077115913, 0.2309699292],
+        [-1.2684380046, 2.6097574011, -0.3413193965],
+        [-0.0041960863, -0.7034186147, 1.7076147010],
+    ]
+)
+
+
+def object_tints(objects: Int, *, dark: bool = False) -> Float:
+    """Colours (n, 3) of the objects of a map on white or on dark, the same for the same number."""
+    palette = _ON_DARK if dark else _ON_PAPER
+    number = np.asarray(objects, dtype=np.float64)
+    # Hues such a step apart never come round; five tones part those that come near.
+    turn = np.mod(palette.start - number * palette.step, 1.0)
+    hue = 2.0 * np.pi * (palette.taken + palette.free + turn * (1.0 - 2.0 * palette.free))
+    lightness = palette.tones[number.astype(np.int64) % len(palette.tones)]
+    # In Oklch (Ottosson, 2020) all hues look equally bright.
+    lab = np.column_stack([lightness, palette.chroma * np.cos(hue), palette.chroma * np.sin(hue)])
+    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
+    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    return colours

@@ -1,0 +1,1 @@
+"""Matching scans: what two scans show of the same walls, and how one lies to the other."""

@@ -1,0 +1,258 @@
+"""Key scans: the scans of all lasers at one moment, and how they agree with other points.
+
+Scans enter, and become key scans. A point is out of view of a key scan, hidden behind what its
+beams hit, passed by them, or hit. At the right place most of what a scan hit was hit by others, or
+is new, and hardly any of it lies where their beams passed.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
+from lrf3d.geometry.pose import Pose, between
+from lrf3d.laser import LaserScan
+from lrf3d.laser.range_finder import CENTRE
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.matching.surface import (
+    CONNECTED,
+    CONNECTED_GROWTH,
+    FLATTEST,
+    LEAST_NOISE,
+    concatenated,
+    placement,
+    points_of,
+    range_noise,
+    surface_of_scan,
+    thinned,
+)
+
+FORGETTING = 0.98
+"""Weight of the past in running means, at each scan."""
+
+OUT_OF_VIEW, HIDDEN, PASSED, HIT = range(4)
+"""How a key scan sees a point. Of several lasers the highest value counts."""
+
+BEHIND, AT = 0.3, 0.05
+"""A beam passed a point if it ends this far behind it [m], and hit it if within the second [m]."""
+
+MOST_THROUGH = 0.04
+"""Largest share of points that beams may pass through: doors open and people walk."""
+
+Moment = tuple[LaserScan, ...]
+"""The scans of all lasers at one moment."""
+
+
+class Fans(NamedTuple):
+    """The beams of lasers (f,) at x, y [m] on their robots.
+
+    Each laser belongs to a key scan, by its number, whose ranges have a noise [m]; its beams begin
+    at a first one among all (b,), with rising angles [rad], and ranges [m].
+    """
+
+    keys: Int
+    x: Float
+    y: Float
+    noise: Float
+    first: Int
+    angles: Float
+    ranges: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Key:
+    """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
+
+    It is recognised by its surface, in the frame of the robot, and adds walls to a map; its hits
+    are the points of all returns, without normals.
+    """
+
+    scan: int
+    pose: Float
+    surface: Records
+    walls: Records
+    hits: Records
+    fans: Fans
+
+
+class ScanConverter:
+    """Converts scans to candidates for key scans, and learns their range noise.
+
+    Lasers without a mount are a distance [m] ahead of the robot's centre.
+    """
+
+    def __init__(self, laser_offset: float = 0.0) -> None:
+        self._laser = Pose(float(laser_offset), 0.0, 0.0)
+        self._noise = 0.0
+
+    def candidate(self, scan: LaserScan | Moment, number: int = 0) -> Key:
+        """Convert the scans of a moment to a candidate for a key scan, at the origin."""
+        scans = (scan,) if isinstance(scan, LaserScan) else scan
+        for each in scans:
+            kept = FORGETTING if self._noise else 0.0
+            self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
+        fans, *others = (fan_of(each, self.mount(each), self._noise) for each in scans)
+        if others:
+            fans = all_fans([fans, *others])._replace(keys=np.zeros(len(scans), np.int64))
+        hits = np.concatenate([points_of(each, self.mount(each)) for each in scans])
+        surface = self.surface(scans)
+        return Key(number, np.zeros(3), surface, thinned(surface), hits, fans)
+
+    def mount(self, scan: LaserScan) -> Pose:
+        """The pose of a scan's laser on the robot."""
+        return self._laser if scan.mount == CENTRE else scan.mount
+
+    def surface(self, scan: LaserScan | Moment) -> Records:
+        """The surface that the scans of a moment show, in the frame of the robot."""
+        scans = (scan,) if isinstance(scan, LaserScan) else scan
+        noise = max(self._noise, LEAST_NOISE)
+        return concatenated(
+            surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans
+        )
+
+
+def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:
+    """The beams of one laser."""
+    x, y, heading = (np.array([value]) for value in mount)
+    # A laser that is mounted upside down turns clockwise.
+    order = -1 if scan.angles[0] > scan.angles[-1] else 1
+    angles, ranges = (scan.angles + heading)[::order], scan.ranges[::order]
+    first = np.array([0, len(ranges)])
+    return Fans(np.zeros(1, np.int64), x, y, np.array([noise]), first, angles, ranges)
+
+
+def all_fans(fans: Iterable[Fans]) -> Fans:
+    """The fans of some key scans, which are numbered from 0 on."""
+    keys, *at, first, angles, ranges = zip(*fans, strict=True)
+    numbers = np.repeat(np.arange(len(keys)), [len(each) for each in keys])
+    begins = np.cumsum(np.concatenate([[0], *map(np.diff, first)]))
+    x, y, noise = map(np.concatenate, at)
+    return Fans(numbers, x, y, noise, begins, np.concatenate(angles), np.concatenate(ranges))
+
+
+@compiled
+def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
+    """How each of the key scans (k,) of fans sees points (m,): `OUT_OF_VIEW`, …, `HIT`, as (k, m).
+
+    The frame of the points is at poses (k, 3), as seen from the key scans. Walls that beams run
+    along are out of view. A beam counts with the smallest range of itself and its neighbours, so
+    that one that slips past an edge is no free-space violation. A point between two hits on one
+    surface is a hit, too.
+    """
+    views = np.zeros((len(poses), len(points)), np.uint8)
+    for number, key in enumerate(fans.keys):
+        first, last, at = fans.first[number], fans.first[number + 1] - 1, placement(poses[key])
+        angles, ranges, begin = fans.angles, fans.ranges, fans.angles[first]
+        step = (angles[last] - begin) / (last - first)
+        passed, hit = BEHIND + 3.0 * fans.noise[number], AT + 3.0 * fans.noise[number]
+        for i in range(len(points)):
+            point = points[i]
+            dx = at.x + at.cos * point.x - at.sin * point.y - fans.x[number]
+            dy = at.y + at.sin * point.x + at.cos * point.y - fans.y[number]
+            away = np.arctan2(dy, dx) - begin
+            away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
+            # The beam nearest to the point. Those of several lasers together are not spread evenly.
+            beam, bearing = first + max(int(away / step + 0.5), 0), begin + away
+            beam = min(beam, last)
+            while beam > first and bearing - angles[beam - 1] < angles[beam] - bearing:
+                beam -= 1
+            while beam < last and angles[beam + 1] - bearing < bearing - angles[beam]:
+                beam += 1
+            if beam <= first or beam >= last:
+                continue
+            least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
+            if not (least > 0.0 and np.isfinite(least)):
+                continue
+            distance = np.sqrt(dx * dx + dy * dy)
+            nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
+            # A post has no normal.
+            if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
+                continue
+            view = PASSED if least > distance + passed else HIDDEN
+            for side in range(-1, 2):
+                one, other = ranges[beam], ranges[beam + side]
+                surface = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
+                if surface and min(one, other) - hit < distance < max(one, other) + hit:
+                    view = HIT
+            views[key, i] = max(views[key, i], view)
+    return views
+
+
+def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float:
+    """The log odds of a place from which a scan hit points (m,).
+
+    The share of points that matching explains and the share that other beams hit support the place;
+    points that beams passed contradict it. The other arguments are those of `views_of`.
+    """
+    if not len(hits):
+        return -np.inf
+    counted = 120  # Most points of a scan that count as evidence.
+    views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, fans)
+    hit = (views == HIT).any(axis=0)
+    passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
+    shares = np.array([float(hit.mean()), explained])
+    # Share of points that agree or disagree by chance, and share of new points that count as
+    # disagreeing.
+    chance, new = 0.05, 0.1
+    against = passed + new * np.maximum(1.0 - shares - passed, 0.0)
+    return float(np.log((shares + chance) / (against + chance)).sum())
+
+
+def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
+    """Whether two poses (3,) are the same place."""
+    x, y, turn = first - second
+    apart, turned = np.hypot(x, y), abs(wrap_angle(turn))
+    # Two poses that differ by more [m], [rad] are different places.
+    farther_apart, turned_apart = 0.3, 0.1
+    return bool(apart < tolerance * farther_apart and turned < tolerance * turned_apart)
+
+
+def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int, int]:
+    """Count the points that beams of the other side pass, and all in view of the other side.
+
+    The sides are a key scan, at poses (k, 3) as seen from older ones, and these. A point counts for
+    each key scan that has it in view.
+    """
+    views = [views_of(new.surface, poses, all_fans(old.fans for old in olds)).ravel()]
+    for old, back in zip(olds, between(poses, np.zeros(3)), strict=True):
+        views.append(views_of(old.surface, back[None], new.fans)[0])
+    _, hidden, passed, hit = np.bincount(np.concatenate(views), minlength=4).tolist()
+    return passed, hidden + passed + hit
+
+
+class MixedPixels:
+    """The share of points that beams pass although the pose is right, by adjacent key scans.
+
+    It differs between recordings, by beams that meet two surfaces, hedges and glass.
+    """
+
+    def __init__(self) -> None:
+        self._through = self._seen = 0
+
+    def learn(self, olds: Iterable[Key], new: Key) -> None:
+        """Add a key scan and those just before it, at their poses by the front end."""
+        if olds := list(olds):
+            poses = between(np.array([key.pose for key in olds]), new.pose)
+            through, seen = seen_through_both(olds, new, poses)
+            self._through, self._seen = self._through + through, self._seen + seen
+
+    @property
+    def rate(self) -> float:
+        """The share; 0 at first."""
+        enough = 1000  # Points from which the rate counts fully.
+        return self._through / max(self._seen, enough)
+
+    def contradict(self, olds: Sequence[Key], new: Key, poses: Float) -> bool:
+        """Whether beams pass more points than at a right place: see `seen_through_both`."""
+        through, seen = seen_through_both(olds, new, poses)
+        return through > most_through(self.rate) * max(seen, 1)
+
+
+def most_through(rate: float) -> float:
+    """Largest share of points that beams may pass, by the rate of mixed pixels."""
+    farther_off = 2.0  # Factor on the rate: from farther off more beams meet edges.
+    return MOST_THROUGH + farther_off * rate

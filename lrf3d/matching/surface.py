@@ -1,0 +1,299 @@
+"""Surfaces: the walls that a scan shows, as points with normals, and a grid to look them up.
+
+Scans enter; rows of `SURFACE` leave. On a straight wall the normal is that of the wall, and faces
+the laser. A post, such as a trunk or the leg of a table, is one point without a normal.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner, record
+from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.pose import Pose
+from lrf3d.laser import LaserScan
+from lrf3d.laser.range_finder import beam_directions
+
+SURFACE = record(x=float, y=float, nx=float, ny=float)
+"""A point [m] and the unit normal there, which is zero where there is none."""
+
+FAR_OFF = 8.0
+"""Range [m] from which baseline and straightness grow: beams fan out."""
+
+CONNECTED, CONNECTED_GROWTH, CONNECTED_SPACING, CONNECTED_NOISE = 0.2, 0.1, 3.0, 5.0
+"""Largest gap between adjacent points of one surface: in metres, as a share of the range, in beam
+spacings, and in standard deviations of the range noise."""
+
+FLATTEST = 0.1
+"""Least cosine between beam and normal: a line along the beam joins two surfaces."""
+
+ALONG = 0.25
+"""Distance along a wall over which a map point supports it [m]."""
+
+CELL, MOST_CELLS = 0.3, 4_000_000
+"""Least side of a grid cell [m], and most cells of a grid; lookups read 3 by 3 cells."""
+
+LEAST_NOISE = 0.01
+"""Least standard deviation of the range noise that is assumed [m]."""
+
+
+class Placement(NamedTuple):
+    """A pose as kernels use it."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+
+@inner
+def placement(pose: Float) -> Placement:
+    """The position, and the cosine and sine of the heading, of a pose (3,)."""
+    return Placement(pose[0], pose[1], np.cos(pose[2]), np.sin(pose[2]))
+
+
+def range_noise(scan: LaserScan) -> float:
+    """Estimate the standard deviation [m] of a scan's ranges; 0 where there are too few.
+
+    On a straight wall the inverse range of a beam follows from those of its neighbours, however far
+    apart beams lie; what differs is noise. The median over beams on one surface ignores corners.
+    """
+    ranges, angles = np.where(scan.hits, scan.ranges, np.nan), scan.angles
+    before, middle, after = ranges[:-2], ranges[1:-1], ranges[2:]
+    gaps = np.sin(np.diff(angles))
+    # Ranges may be 0, and angles equal.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = (gaps[1:] / before + gaps[:-1] / after) / np.sin(angles[2:] - angles[:-2])
+        rough = 2.0 * np.abs(inverse - 1.0 / middle) * middle * middle
+    # Largest difference of adjacent ranges on one surface, also where their noise is 0.3 m [m], and
+    # its growth per metre.
+    apart, growth = 0.5, 0.2
+    differences = np.maximum(np.abs(before - middle), np.abs(after - middle))
+    known = rough[(differences < apart + growth * middle) & np.isfinite(rough)]
+    return float(1.4826 * np.median(known) / np.sqrt(6.0)) if len(known) else 0.0
+
+
+def points_of(scan: LaserScan, mount: Pose) -> Records:
+    """The returns of a scan as points without normals, in the frame of the robot."""
+    hits = scan.hits
+    directions = beam_directions(0.0, scan.angles[hits] + mount.theta)
+    points = np.zeros(len(directions), SURFACE)
+    points["x"], points["y"] = (scan.ranges[hits, None] * directions + np.array(mount[:2])).T
+    return points
+
+
+def surface_of_scan(scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE) -> Records:
+    """Convert a scan, by the mount of its laser, to the surface in the frame of the robot."""
+    points, (x, y, _) = points_of(scan, mount), mount
+    step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
+    posts = _posts(points, scan.ranges[scan.hits], scan.angles[scan.hits], step, noise)
+    return concatenated([posts, _walls(points, x, y, step, noise)])
+
+
+def concatenated(surfaces: Iterable[Records]) -> Records:
+    """Several surfaces as one: as plain numbers, for joining records takes ten times as long."""
+    numbers = [np.empty(0), *(np.ascontiguousarray(each).view(np.float64) for each in surfaces)]
+    one: Records = np.concatenate(numbers).view(SURFACE)
+    return one
+
+
+@compiled
+def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: float) -> Records:
+    """The posts among points (n,) of beams with ranges and angles (n,).
+
+    A post stands in front of its neighbours on both sides: the edge of a partly hidden thing moves
+    with the robot.
+    """
+    # Largest extent of a post [m], and least number of its points, as one may be noise.
+    widest_post, least_hits = 0.6, 2
+    posts, found = np.zeros_like(points), 0
+    sum_x = sum_y = left_x = left_y = 0.0
+    left = -1
+    for k in range(len(points) - 1):
+        sum_x, sum_y = sum_x + points[k].x, sum_y + points[k].y
+        apart = max(CONNECTED + 0.5 * CONNECTED_GROWTH * ranges[k], CONNECTED_NOISE * noise)
+        if np.hypot(points[k + 1].x - points[k].x, points[k + 1].y - points[k].y) <= apart:
+            continue
+        # Between two gaps lie the points of one thing; beyond them, its neighbours.
+        first, number = left + 1, k - left
+        wide = np.hypot(points[k].x - points[first].x, points[k].y - points[first].y)
+        if left >= 0 and number >= least_hits and wide < widest_post:
+            missed, missing = angles[first] - angles[left], angles[k + 1] - angles[k]
+            before = abs(missed) > 1.5 * step or ranges[left] > ranges[first]
+            behind = abs(missing) > 1.5 * step or ranges[k + 1] > ranges[k]
+            if before and behind:
+                posts[found].x, posts[found].y = (
+                    (sum_x - left_x) / number,
+                    (sum_y - left_y) / number,
+                )
+                found += 1
+        left, left_x, left_y = k, sum_x, sum_y
+    return posts[:found]
+
+
+class Line(NamedTuple):
+    """A line by a point [m], its unit normal, and the variance of points about it [m²]."""
+
+    x: float
+    y: float
+    nx: float
+    ny: float
+    variance: float
+
+
+@inner
+def _line(points: Records, first: int, last: int) -> Line:
+    """The line through points from a first to a last one; its variance is inf if it is none."""
+    number = last - first + 1
+    mean_x = mean_y = 0.0
+    for k in range(first, last + 1):
+        mean_x += points[k].x / number
+        mean_y += points[k].y / number
+    xx = xy = yy = 0.0
+    for k in range(first, last + 1):
+        dx, dy = points[k].x - mean_x, points[k].y - mean_y
+        xx += dx * dx
+        xy += dx * dy
+        yy += dy * dy
+    root = np.hypot(0.5 * (xx - yy), xy)
+    across, along = 0.5 * (xx + yy) - root, 0.5 * (xx + yy) + root
+    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    variance = np.inf if number < 3 or across > 0.1 * along else across / (number - 2)
+    return Line(mean_x, mean_y, -np.sin(angle), np.cos(angle), variance)
+
+
+@compiled
+def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: float) -> Records:
+    """Those of points (n,) that lie on straight walls, with normals, as seen by their laser."""
+    found, kept = points.copy(), 0
+    # Largest deviation of points from their line [m], its growth per metre beyond `FAR_OFF`,
+    # where hedges serve as walls, and the same in standard deviations of the range noise.
+    rms_limit, rms_growth, rms_noise = 0.03, 0.006, 1.5
+    for i in range(len(points)):
+        x, y = points[i].x - laser_x, points[i].y - laser_y
+        away = np.hypot(x, y)
+        first = _reach(points, i, -1, away, step, noise)
+        last = _reach(points, i, 1, away, step, noise)
+        straight = rms_limit + rms_growth * max(away - FAR_OFF, 0.0)
+        straight = max(straight, rms_noise * noise)
+        line = _line(points, first, last)
+        if line.variance > straight * straight:
+            # Around a corner only the points on one side lie on the wall.
+            line, after = _line(points, first, i), _line(points, i, last)
+            if after.variance < line.variance:
+                line = after
+        facing = -(line.nx * x + line.ny * y)
+        if line.variance > straight * straight or abs(facing) <= FLATTEST * away:
+            continue
+        sense = 1.0 if facing > 0.0 else -1.0
+        # The point moves onto its line but stays where it was along it.
+        off = line.nx * (points[i].x - line.x) + line.ny * (points[i].y - line.y)
+        wall = found[kept]
+        wall.x, wall.y = points[i].x - off * line.nx, points[i].y - off * line.ny
+        wall.nx, wall.ny = sense * line.nx, sense * line.ny
+        kept += 1
+    return found[:kept]
+
+
+@inner
+def _reach(points: Records, i: int, side: int, away: float, step: float, noise: float) -> int:
+    """The last point of a point's baseline on one side."""
+    # Half the baseline of a normal [m], its growth per metre beyond `FAR_OFF`, and its least size
+    # in standard deviations of the range noise: adjacent points 2 cm apart would give random
+    # normals.
+    half_baseline, baseline_growth, baseline_noise = 0.15, 0.06, 8.0
+    baseline = half_baseline + baseline_growth * max(away - FAR_OFF, 0.0)
+    baseline = max(baseline, baseline_noise * noise)
+    gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
+    gap = max(gap, CONNECTED_NOISE * noise)
+    # Bounds on the points of a baseline on each side: few beams still show a wall, and near walls
+    # cost no more than others. The upper one grows with the noise.
+    least_to_side, most_to_side = 2, 8
+    most = int(most_to_side * max(1.0, baseline_noise * noise / half_baseline))
+    end = i
+    for number in range(most):
+        k = end + side
+        if k < 0 or k >= len(points):
+            break
+        dx, dy = points[k].x - points[end].x, points[k].y - points[end].y
+        if dx * dx + dy * dy > gap * gap:
+            break
+        end = k
+        dx, dy = points[k].x - points[i].x, points[k].y - points[i].y
+        if number + 1 >= least_to_side and dx * dx + dy * dy > baseline * baseline:
+            break
+    return end
+
+
+def moved(surface: Records, pose: Float) -> Records:
+    """A surface moved by a pose (3,)."""
+    x, y, turn = pose
+    cos, sin = np.cos(turn), np.sin(turn)
+    # Points and normals turn alike.
+    pairs = np.ascontiguousarray(surface).view(np.float64).reshape(-1, 2)
+    there = np.ascontiguousarray(pairs @ np.array([[cos, sin], [-sin, cos]]))
+    rows: Records = there.reshape(-1, 4).view(SURFACE)[:, 0]
+    rows["x"] += x
+    rows["y"] += y
+    return rows
+
+
+@compiled
+def thinned(surface: Records) -> Records:
+    """A surface without points nearer to the last than a map needs them."""
+    kept = np.ones(len(surface), np.bool_)
+    last = 0
+    # Least distance between map points of a wall [m]; 0.03 takes 10 % longer for the same errors.
+    spacing = 0.05
+    for i in range(1, len(surface)):
+        point, before = surface[i], surface[last]
+        dx, dy = point.x - before.x, point.y - before.y
+        facing = point.nx * before.nx + point.ny * before.ny
+        kept[i] = dx * dx + dy * dy >= spacing * spacing or facing <= 0.98
+        last = i if kept[i] else last
+    return surface[kept]
+
+
+class SurfaceGrid(NamedTuple):
+    """A surface sorted into square cells, with the number of the first point of each cell."""
+
+    surface: Records
+    first: Int
+    left: float
+    low: float
+    columns: int
+    rows: int
+    cell: float  # The side of a cell [m].
+
+
+def grid_of(surface: Records) -> SurfaceGrid:
+    """Sort a surface, which may not be empty, into cells."""
+    return SurfaceGrid(*_sorted(surface))
+
+
+@compiled
+def _sorted(surface: Records) -> tuple[Records, Int, float, float, int, int, float]:
+    """The fields of the grid of a surface."""
+    left = right = surface[0].x
+    low = high = surface[0].y
+    for point in surface:
+        left, right = min(left, point.x), max(right, point.x)
+        low, high = min(low, point.y), max(high, point.y)
+    width, height = right - left, high - low
+    cell = max(CELL, np.sqrt(width * height / MOST_CELLS))
+    # One empty cell all around spares lookups from asking whether a neighbour exists.
+    columns, rows = int(width / cell) + 3, int(height / cell) + 3
+    first = np.zeros(columns * rows + 1, np.int64)
+    places = np.empty(len(surface), np.int64)
+    for i in range(len(surface)):
+        column, row = int((surface[i].x - left) / cell), int((surface[i].y - low) / cell)
+        places[i] = (row + 1) * columns + column + 1
+        first[places[i] + 1] += 1
+    first = np.cumsum(first)
+    # Sorted by counting: a third of the time of a merge sort.
+    filled, order = first[:-1].copy(), np.empty(len(surface), np.int64)
+    for i in range(len(surface)):
+        order[filled[places[i]]] = i
+        filled[places[i]] += 1
+    return surface[order], first, left - cell, low - cell, columns, rows, cell

@@ -1,0 +1,1 @@
+"""ROS messages as dicts, for bags and for live robots."""

@@ -1,0 +1,156 @@
+"""ROS 2 messages as nested dicts: of bags and of live topics.
+
+Poses, walls and times enter; dicts leave, with the fields of the message types. A field that is
+left out is zero or empty.
+"""
+
+from collections.abc import Mapping
+from math import cos, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.pose import Pose
+from lrf3d.laser import Stamp
+from lrf3d.mapping.tints import object_tints
+from lrf3d.robot.odometry import GRAVITY
+from lrf3d.simulation.run import Run
+from lrf3d.world import World
+from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
+
+MAP, WORLD, BASE = "map", "odom", "base_link"
+"""The frames of the map and of the world, which are the same, and of the robot."""
+
+SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+"""Types of messages that are written and read."""
+
+STATIC_FRAMES = "/tf_static"
+"""The topic of constant transforms; a robot's namespace may come before it."""
+
+Fields = dict[str, Any]
+
+
+def time_fields(stamp: Stamp) -> Fields:
+    """A stamp as builtin_interfaces/Time."""
+    return {"sec": stamp.sec, "nanosec": stamp.nanosec}
+
+
+def header_fields(stamp: Stamp, frame: str) -> Fields:
+    """A std_msgs/Header."""
+    return {"stamp": time_fields(stamp), "frame_id": frame}
+
+
+def place(x: float, y: float, z: float = 0.0) -> Fields:
+    """A point or a vector."""
+    return {"x": x, "y": y, "z": z}
+
+
+def turn(theta: float) -> Fields:
+    """The quaternion of a heading [rad]."""
+    return {"x": 0.0, "y": 0.0, "z": sin(0.5 * theta), "w": cos(0.5 * theta)}
+
+
+def transform(stamp: Stamp, parent: str, child: str, pose: Pose, height: float = 0.0) -> Fields:
+    """The transform of a frame in its parent, at a height [m] above it."""
+    moved = {"translation": place(pose.x, pose.y, height), "rotation": turn(pose.theta)}
+    return {"header": header_fields(stamp, parent), "child_frame_id": child, "transform": moved}
+
+
+def odometry(stamp: Stamp, pose: Pose, speed: list[float], *, prefix: str = "") -> Fields:
+    """The robot in the world, and its speed ahead [m/s] and about itself [rad/s]."""
+    where = {"position": place(pose.x, pose.y), "orientation": turn(pose.theta)}
+    twist = {"linear": place(speed[0], 0.0), "angular": place(0.0, 0.0, speed[1])}
+    return {
+        "header": header_fields(stamp, prefix + WORLD),
+        "child_frame_id": prefix + BASE,
+        "pose": {"pose": where},
+        "twist": {"twist": twist},
+    }
+
+
+def imu_fields(
+    stamp: Stamp, turn_rate: float, ahead: float, left: float, *, prefix: str = ""
+) -> Fields:
+    """A sensor_msgs/Imu: turn rate [rad/s], accelerations [m/s²]; the orientation is unknown."""
+    return {
+        "header": header_fields(stamp, prefix + BASE),
+        "orientation_covariance": [-1.0] + 8 * [0.0],
+        "angular_velocity": place(0.0, 0.0, turn_rate),
+        "linear_acceleration": place(ahead, left, GRAVITY),
+    }
+
+
+def beam_truth(run: Run, index: int, laser: int) -> Fields:
+    """What each beam of a scan met, a row each: true range [m], wall, object, material, or −1.
+
+    The material is its number among those of the world, counted from 0 as the objects have them.
+    """
+    scan, world = run.true_scan(index, laser=laser), run.world
+    objects = np.where(scan.walls >= 0, world.objects[scan.walls], -1)
+    kinds = list(dict.fromkeys(world.materials))
+    numbers = np.array([kinds.index(each) for each in world.materials] or [-1])
+    materials = np.where(objects >= 0, numbers[np.minimum(objects, len(numbers) - 1)], -1)
+    rows = np.column_stack([scan.ranges, scan.walls, objects, materials])
+    layout = [
+        {"label": label, "size": size, "stride": stride}
+        for label, size, stride in (("beam", len(rows), rows.size), ("value", 4, 4))
+    ]
+    return {"layout": {"dim": layout}, "data": rows.ravel()}
+
+
+def occupancy_grid(world: World, finest: float, stamp: Stamp, path: Path) -> Fields:
+    """A world as cells of at least a size [m]: 100 where a wall is, 0 where it is free, or −1."""
+    size = cell_size(world, finest)
+    cells, (x, y) = map_cells(world, size, path)
+    data = np.full(cells.shape, -1, np.int8)
+    data[cells == FREE], data[cells == OCCUPIED] = 0, 100
+    rows, columns = cells.shape
+    corner = {"position": place(x, y), "orientation": turn(0.0)}
+    info = {"map_load_time": time_fields(stamp), "resolution": size}
+    return {
+        "header": header_fields(stamp, MAP),
+        "info": {**info, "width": columns, "height": rows, "origin": corner},
+        "data": data.ravel(),
+    }
+
+
+def line_marker(segments: Float, objects: Int, stamp: Stamp) -> Fields:
+    """Segments (n, 4) [m] of a map as lines in the colours of their objects (n,)."""
+    tints = np.repeat(object_tints(objects), 2, axis=0).tolist()
+    line_width = 0.1  # Width of the lines of the map [m]: to be seen from above a room.
+    line_list = 5  # Number of visualization_msgs/Marker for lines between pairs of points.
+    return {
+        "header": header_fields(stamp, MAP),
+        "ns": "map",
+        "type": line_list,
+        "pose": {"orientation": turn(0.0)},
+        "scale": place(line_width, 0.0),
+        "points": [place(x, y) for x, y in segments.reshape(-1, 2).tolist()],
+        "colors": [{"r": r, "g": g, "b": b, "a": 1.0} for r, g, b in tints],
+        "color": {"a": 1.0},
+    }
+
+
+def made(store: Any, kind: str, fields: Mapping[str, Any]) -> Any:
+    """A message of a type; a field that is not given is zero or empty."""
+    _, definitions = store.fielddefs[kind]
+    values = {
+        name: _value(store, shape, form, fields.get(name)) for name, (shape, form) in definitions
+    }
+    return store.types[kind](**values)
+
+
+def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
+    if shape.name == "NAME":
+        return made(store, form, given or {})
+    if shape.name == "BASE":
+        empty = {"string": "", "bool": False}.get(form[0], 0)
+        return empty if given is None else given
+    (element, inner), count = form
+    if element.name == "NAME":
+        return [made(store, inner, each) for each in given or ()]
+    return np.asarray(np.zeros(count) if given is None else given, dtype=inner[0])

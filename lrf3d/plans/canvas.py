@@ -1,0 +1,239 @@
+"""A drawing: lines and areas as they are seen, each with its layer, its width and its colour.
+
+The readers of DXF, SVG and PDF paint marks on a :class:`Canvas`, in the order of the file and in
+metres; a :class:`Drawing` leaves, in which areas hide what was painted before.
+"""
+
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from lrf3d.base.errors import WorldError
+from lrf3d.base.interrupts import check
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
+from lrf3d.world.pieces import check_crossings
+
+CURVE_ERROR = 0.005
+"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
+
+MOST_MARKS, MOST_POINTS = 150_000, 2_000_000
+"""Largest numbers of marks and of points: of larger drawings, blocks that hold each other."""
+
+PALEST = 0.08
+"""Contrast below which a mark has the colour of the paper."""
+
+HIDDEN = 0.002
+"""Distance [m] within an area from which on a line is hidden: on its edge it is half seen."""
+
+
+class Mark(NamedTuple):
+    """A line or an area (a shapely geometry) [m] that is painted."""
+
+    shape: Any
+    layer: str = ""
+    names: tuple[str, ...] = ()
+    """Names that say what it is, the best first: of layer and block, or of groups from within."""
+    width: float = 0.0
+    contrast: float = 1.0
+    """Difference to the colour of the paper, from 0 to 1; such as the paper it only hides."""
+    opaque: bool = True
+    dashed: bool = False
+    """Whether it shows what is above, such as a beam, or a way, and nothing that stands."""
+
+
+class Drawing(NamedTuple):
+    """The marks that are seen, and how many things of which kind are not read."""
+
+    marks: list[Mark]
+    left_out: Counter[str]
+    said: str = ""
+    """What the reader assumed."""
+
+
+class Canvas:
+    """Takes what a reader paints, and bounds the work for it."""
+
+    def __init__(self, tolerance: float, pen: float = 0.0) -> None:
+        self.tolerance, self.pen = tolerance, pen
+        self.left_out = Counter[str]()
+        self.marks = list[Mark]()
+        self.said = ""
+        self._work = self._points = 0
+
+    @classmethod
+    def of_sheet(cls, side: float, scale: float) -> "Canvas":
+        """The canvas of a sheet of paper, of which a side is so long [m], enlarged by a scale."""
+        # A drawing on paper is a thousandth of the size of what it shows. A line of over 12 cm, and
+        # over a millimetre on paper, has two faces.
+        return cls(min(CURVE_ERROR, 2e-4 * side), max(0.12, 1.05e-3 * scale))
+
+    def count(self, steps: int = 1) -> None:
+        """Count steps of work, also those that paint nothing."""
+        check()
+        self._work += steps
+        if self._work > MOST_MARKS or self._points > MOST_POINTS:
+            raise WorldError(
+                f"draws more than {MOST_MARKS:,} lines or {MOST_POINTS:,} points, blocks and uses"
+                " in each other counted; take out what is no wall"
+            )
+
+    def line(self, points: Float, mark: Mark, clip: Any = None, cap: str = "flat") -> None:
+        """Paint a line through points (k, 2) [m], with the looks of a mark."""
+        self._points += len(points)
+        self.count()
+        points = points[np.append(True, (points[1:] != points[:-1]).any(axis=1))]
+        if len(points) < 2:
+            return
+        if not (np.abs(points) <= LARGEST_COORDINATE).all():
+            raise WorldError(
+                f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away; --scale"
+                " 0.001, if it is in millimetres"
+            )
+        closed = len(points) > 3 and (points[0] == points[-1]).all()
+        shape = shapely.linearrings(points) if closed else shapely.linestrings(points)
+        if mark.width:
+            shape = shape.buffer(mark.width / 2.0, cap_style=cap, join_style="mitre")
+        self._add(shape, mark, clip)
+
+    def area(self, rings: list[Float], mark: Mark, clip: Any = None, winding: bool = False) -> None:
+        """Paint the area in rings (k, 2) [m], by the even-odd rule or the winding numbers."""
+        self._points += sum(map(len, rings))
+        self.count(len(rings))
+        self._add(area_of(rings, winding), mark, clip)
+
+    def shape(
+        self,
+        lines: list[Float],
+        mark: Mark,
+        clip: Any,
+        fill: tuple[float, float, bool],
+        stroke: tuple[float, float, float, bool],
+    ) -> None:
+        """Fill and stroke lines (k, 2) [m].
+
+        A fill is its contrast, how opaque it is, and whether it goes by winding numbers; a stroke
+        is contrast, opacity, width [m], and whether it goes on beyond its ends.
+        """
+        contrast, alpha, winding = fill
+        if alpha > 0.02:
+            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98, dashed=False)
+            self.area(lines, solid, clip, winding)
+        contrast, alpha, width, square = stroke
+        if alpha > 0.02:
+            # A stroke in the colour of the paper hides the marks below it.
+            wide = width if width > self.pen or contrast < PALEST else 0.0
+            pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 0.98)
+            for line in lines:
+                self.line(line, pen, clip, "square" if square else "flat")
+
+    def _add(self, shape: Any, mark: Mark, clip: Any) -> None:
+        inside = clip is None or clip.covers(shape)
+        shape = shape if inside else shape.intersection(clip)
+        if not shape.is_empty:
+            self.marks.append(mark._replace(shape=shape))
+
+    def drawing(self) -> Drawing:
+        """What is seen of all marks."""
+        return Drawing(_seen(_on_paper(self.marks)), self.left_out, self.said)
+
+
+def area_of(rings: list[Float], winding: bool = False) -> Any:
+    """The area in rings (k, 2), by the even-odd rule or by their winding numbers."""
+    rings = [ring for ring in rings if len(ring) > 2 and np.isfinite(ring).all()]
+    if not rings:
+        return shapely.Polygon()
+    plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
+    turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
+    # Curved outlines may cross themselves.
+    check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
+    parts = shapely.buffer(shapely.make_valid(plain), 0.0)
+    kept = shapely.area(parts) > 0.0
+    parts, turns = parts[kept], turns[kept]
+    tree = shapely.STRtree(parts)
+    # Pairs whose boxes meet take next to no time to count; curved ones have most of these.
+    _check_overlaps(len(tree.query(parts)[0]) // 20)
+    inner, outer = tree.query(parts, predicate="covered_by")
+    _check_overlaps(len(inner) - len(parts))
+    depth = np.bincount(inner, minlength=len(parts))
+    number = np.bincount(inner, turns[outer], len(parts)) if winding else depth % 2
+    area = shapely.union_all(parts[(depth == 1) & (number != 0)])
+    for level in range(2, int(depth.max(initial=1)) + 1):
+        area = area.difference(shapely.union_all(parts[(depth == level) & (number == 0)]))
+        area = area.union(shapely.union_all(parts[(depth == level) & (number != 0)]))
+    return area
+
+
+def curve_points(controls: Float, tolerance: float) -> Float:
+    """Points (k, 2) after the first on the Bézier curve of two, three or four controls (n, 2).
+
+    The chords are no farther from the curve than the tolerance.
+    """
+    if len(controls) == 3:
+        one, two, three = controls
+        controls = np.array([one, one + (two - one) / 1.5, three + (two - three) / 1.5, three])
+    if len(controls) < 4:
+        return controls[1:]
+    bends = controls[:-2] - 2.0 * controls[1:-1] + controls[2:]
+    count = np.ceil(np.sqrt(0.75 * np.hypot(*bends.T).max() / (0.9 * tolerance)))
+    t = np.linspace(0.0, 1.0, int(np.clip(np.nan_to_num(count), 1, 2000)) + 1)[1:, None]
+    a, b, c, d = controls
+    points = a * (1 - t) ** 3 + b * 3 * t * (1 - t) ** 2 + c * 3 * t**2 * (1 - t) + d * t**3
+    return np.asarray(points, dtype=np.float64)
+
+
+def _on_paper(marks: list[Mark]) -> list[Mark]:
+    """The marks without a first area that is larger than all others together: it is the paper.
+
+    On dark paper what is light stands out.
+    """
+    if len(marks) < 2 or marks[0].shape.geom_type != "Polygon":
+        return marks
+    first, *rest = marks
+    sheet = shapely.box(*first.shape.bounds)
+    others = shapely.box(*shapely.total_bounds([mark.shape for mark in rest]))
+    if not (first.opaque and first.shape.area > 0.99 * sheet.area and sheet.covers(others)):
+        return marks
+    return [m._replace(contrast=1.0 - m.contrast) if first.contrast > 0.5 else m for m in rest]
+
+
+def _seen(marks: list[Mark]) -> list[Mark]:
+    """What later areas leave of the marks, without what has the colour of the paper."""
+    shapes = np.array([mark.shape for mark in marks], dtype=object)
+    whole = shapes.copy()
+    hiding = np.flatnonzero([mark.opaque and is_area(mark.shape) for mark in marks])
+    if len(hiding):
+        covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
+        cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
+        pairs = np.stack([under, cover])[:, under < hiding[cover]]
+        _check_overlaps(pairs.shape[1])
+        order = np.argsort(pairs[0], kind="stable")
+        for over in np.split(order, np.flatnonzero(np.diff(pairs[0, order])) + 1):
+            check()
+            for number in pairs[0, over[:1]]:
+                solid = is_area(shapes[number])
+                above = pairs[1, over]
+                hidden = shapely.union_all(whole[hiding[above]] if solid else covers[above])
+                left = shapes[number].difference(hidden)
+                if not solid:
+                    # Of a line that ends on the edge of an area no crumb is left.
+                    parts = shapely.get_parts(left)
+                    left = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
+                shapes[number] = left
+    return [
+        mark._replace(shape=shape)
+        for mark, shape in zip(marks, shapes, strict=True)
+        if mark.contrast >= PALEST and not shape.is_empty
+    ]
+
+
+def _check_overlaps(count: int) -> None:
+    """Bound the pairs of areas and lines that lie on each other: each pair is work."""
+    if count > MOST_MARKS:
+        raise WorldError(f"has more than {MOST_MARKS:,} areas and lines that lie on each other")
+
+
+def is_area(shape: Any) -> bool:
+    """Whether a geometry is an area."""
+    return shape.geom_type in ("Polygon", "MultiPolygon")

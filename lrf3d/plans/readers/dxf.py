@@ -1,0 +1,150 @@
+"""Drawings in DXF, as ezdxf draws them: blocks, clips, wipeouts, layers, widths and hatches.
+
+``$INSUNITS`` gives the unit; a drawing without one is in metres. Heights (z) and what is off or
+frozen are ignored; paper space is read if model space is empty. Hatches with a pattern, texts,
+dimensions, leaders, pictures and endless lines are counted.
+"""
+
+from collections.abc import Iterable
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from lrf3d.base.errors import WorldError
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
+from lrf3d.plans.canvas import CURVE_ERROR, Canvas, Mark
+from lrf3d.plans.rules.layers import rename
+
+# It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
+with redirect_stdout(StringIO()):
+    from ezdxf import units
+    from ezdxf.addons.drawing.backend import Backend
+    from ezdxf.addons.drawing.config import BackgroundPolicy, Configuration, LinePolicy
+    from ezdxf.addons.drawing.frontend import Frontend
+    from ezdxf.addons.drawing.properties import RenderContext
+    from ezdxf.enums import InsertUnits
+    from ezdxf.filemanagement import readfile
+
+PAPER = "#fefdfb"
+"""A white that no drawing uses: just wipeouts have it."""
+
+LEFT_OUT = {
+    **dict.fromkeys(("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"), "text"),
+    **dict.fromkeys(("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION"), "dimension"),
+    **dict.fromkeys(("LEADER", "MULTILEADER", "MLEADER", "TOLERANCE"), "leader"),
+    **dict.fromkeys(("IMAGE", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY"), "picture"),
+    **dict.fromkeys(("XLINE", "RAY"), "endless line"),
+    "ACAD_TABLE": "table",
+    "POINT": "point",
+    "VIEWPORT": "viewport",
+}
+"""Entities that are no walls, by what they are called in the line that counts them."""
+
+
+def draw(path: Path, scale: float) -> Canvas:
+    """The marks of a DXF drawing, enlarged by a scale."""
+    file = readfile(path)
+    # The frame of a clip is shown, but not plotted.
+    file.header["$XCLIPFRAME"] = 0
+    code = file.header.get("$INSUNITS", 0)
+    if code not in range(25):
+        raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
+    unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
+    canvas = Canvas(CURVE_ERROR / (unit * scale))
+    config = Configuration(
+        max_flattening_distance=canvas.tolerance,
+        line_policy=LinePolicy.SOLID,
+        background_policy=BackgroundPolicy.CUSTOM,
+        custom_bg_color=PAPER,
+    )
+    # Model space is the first.
+    filled = (layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout))
+    if (layout := next(filled, None)) is not None:
+        with redirect_stdout(StringIO()):
+            _Walker(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+    rename(canvas, file.encoding)
+    return canvas
+
+
+class _Walker(Frontend):
+    """Leaves out and counts what is no wall."""
+
+    def __init__(
+        self, context: RenderContext, canvas: Canvas, scale: float, config: Configuration
+    ) -> None:
+        self.painter = _Painter(canvas, scale)
+        super().__init__(context, self.painter, config)
+        self.canvas = canvas
+
+    def draw_entity(self, entity: Any, properties: Any) -> None:
+        kind, canvas = entity.dxftype(), self.canvas
+        canvas.count(entity.mcount if kind == "INSERT" else 1)
+        if kind in ("HATCH", "MPOLYGON") and not entity.has_solid_fill:
+            canvas.left_out["hatching pattern"] += 1
+        elif kind in LEFT_OUT:
+            canvas.left_out[LEFT_OUT[kind]] += 1
+        else:
+            self.painter.dashed = bool(properties.linetype_pattern)
+            super().draw_entity(entity, properties)
+
+    def skip_entity(self, entity: Any, msg: str) -> None:
+        hidden = msg == "invisible"
+        self.canvas.count()
+        self.canvas.left_out["hidden part" if hidden else entity.dxftype()] += 1
+
+
+class _Painter(Backend):
+    """Paints on a canvas what ezdxf draws."""
+
+    def __init__(self, canvas: Canvas, scale: float) -> None:
+        super().__init__()
+        self.canvas, self.scale, self.dashed = canvas, scale, False
+
+    def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
+        names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
+        own = (properties.layer, next(names, ""))
+        return Mark(None, properties.layer, own, contrast=contrast, dashed=self.dashed)
+
+    def draw_line(self, start: Any, end: Any, properties: Any) -> None:
+        self.canvas.line(np.array([tuple(start), tuple(end)]) * self.scale, self._mark(properties))
+
+    def draw_path(self, path: Any, properties: Any) -> None:
+        mark = self._mark(properties)
+        for part in path.sub_paths():
+            self.canvas.line(self._points(part), mark)
+
+    def draw_filled_paths(self, paths: Iterable[Any], properties: Any) -> None:
+        rings = [self._points(part) for path in paths for part in path.sub_paths()]
+        self._fill(rings, properties)
+
+    def draw_filled_polygon(self, points: Any, properties: Any) -> None:
+        self._fill([np.array(points.to_tuples()) * self.scale], properties)
+
+    def _fill(self, rings: list[Float], properties: Any) -> None:
+        red, green, blue = bytes.fromhex(properties.color[1:7])
+        contrast = max(0.1, 1.0 - min(red, green, blue) / 255.0)
+        mark = self._mark(properties, 0.0 if properties.color == PAPER else contrast)
+        opaque = properties.color[7:].lower() in ("", "ff")
+        self.canvas.area(rings, mark._replace(opaque=opaque))
+
+    def _points(self, path: Any) -> Float:
+        corners = np.array([tuple(point) for point in path.control_vertices()])
+        extent = float(np.ptp(corners, axis=0).max())
+        if not extent * self.scale <= LARGEST_COORDINATE:
+            raise WorldError("holds a curve that is not finite, or far too large")
+        if path.has_curves:
+            distance = 0.5 * min(self.canvas.tolerance, max(extent / 200.0, 1e-12))
+            corners = np.array([tuple(p) for p in path.flattening(distance, segments=4)])
+            # Pieces of splines may be smaller than the distance.
+            line = shapely.simplify(shapely.linestrings(corners), distance, preserve_topology=False)
+            corners = shapely.get_coordinates(line)
+        return corners * self.scale
+
+    def _nothing(self, *_: Any, **__: Any) -> None:
+        """Points and pictures are counted by the walker, and paper has no colour."""
+
+    draw_point = draw_image = set_background = clear = _nothing

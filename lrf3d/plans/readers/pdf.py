@@ -1,0 +1,212 @@
+"""Drawings in PDF: the paths of a page, by pdfium, in metres on paper.
+
+The lower left corner of the page as it is shown is (0, 0). Layers are those of optional content;
+what they hide, and what clips cut off, is left out. Texts, pictures and other pages are counted. A
+page that pictures fill, with hardly a line, was scanned, and is read as a picture.
+"""
+
+import ctypes
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from lrf3d.base.errors import WorldError, missing_extra
+from lrf3d.geometry.lines import Float
+from lrf3d.plans.canvas import PALEST, Canvas, Mark, area_of, curve_points
+from lrf3d.plans.plan import Plan
+from lrf3d.plans.readers.picture import plan_of_picture
+from lrf3d.plans.rules.layers import rename
+
+COUNTED = {1: "text", 3: "picture", 4: "shading"}
+"""Objects that are not read, by pdfium's number of their type."""
+
+MOST_ON_SCAN = 10
+"""Number of lines and areas up to which a page with large pictures is a scanned one."""
+
+
+def draw(
+    path: Path, scale: float, page: int = 1, threshold: float | None = None
+) -> "Canvas | Plan":
+    """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
+    try:
+        import pypdf
+        import pypdfium2
+    except ImportError:
+        raise missing_extra("a PDF drawing needs pypdfium2 and pypdf", "pdf") from None
+    document = pypdfium2.PdfDocument(path)
+    if not 1 <= page <= len(document):
+        raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
+    handle, file = document[page - 1], pypdf.PdfReader(path)
+    point = 0.0254 / 72.0  # The unit of PDF [m].
+    unit = point * scale * float(file.pages[page - 1].user_unit)
+    left, bottom, right, top = handle.get_cropbox()
+    # Clockwise, as it is shown.
+    cosine, sine = [(1, 0), (0, -1), (-1, 0), (0, 1)][handle.get_rotation() // 90 % 4]
+    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    corners = np.array([[left, bottom, 1.0], [right, top, 1.0]]) @ matrix.T
+    matrix[:2, 2] = -corners[:, :2].min(axis=0)
+    matrix[:2] *= unit
+    size = np.ptp(corners[:, :2], axis=0) * unit
+    raw, canvas = pypdfium2.raw, Canvas.of_sheet(float(size.max()), scale)
+    objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
+    painter = _Painter(raw, canvas, _hidden(file))
+    painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
+    rename(canvas, "latin-1")
+    others = len(document) - 1
+    lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
+    # A scan may have a border, and white paper below it.
+    few = lines <= MOST_ON_SCAN and painter.pictured > 0.5 * float(size.prod())
+    if painter.pictured and (few or not lines):
+        # Pixels of two centimetres, or 6,000 along a side.
+        side = max(0.02, float(size.max()) / 6000)
+        picture = handle.render(scale=unit / side).to_pil().convert("RGB")
+        plan = plan_of_picture(np.asarray(picture), side, threshold)
+        return plan._replace(said=f"page {page} of {others + 1}, scanned: {plan.said}")
+    if not lines and others:
+        raise WorldError(f"page {page} of {others + 1} shows no line; --page chooses another")
+    canvas.left_out["other page"] = others
+    if threshold is not None:
+        raise WorldError("is no scanned page: threshold is for pictures")
+    return canvas
+
+
+def _hidden(file: Any) -> set[str]:
+    """Names of the layers that are off when a file is opened."""
+    content = file.trailer["/Root"].get("/OCProperties", {})
+    usual = content.get("/D", {})
+    off = usual.get("/OFF", [])
+    if usual.get("/BaseState") == "/OFF":
+        on = {each.idnum for each in usual.get("/ON", [])}
+        off = [each for each in content.get("/OCGs", []) if each.idnum not in on]
+    names = (each.get_object().get("/Name", "") for each in off)
+    return {_decoded(getattr(name, "original_bytes", b"")) for name in names}
+
+
+def _decoded(name: bytes) -> str:
+    """A name; one without a mark of its encoding is in that of old files, or in none."""
+    marks = {b"\xfe\xff": "utf-16", b"\xff\xfe": "utf-16", b"\xef\xbb": "utf-8-sig"}
+    return name.decode(marks.get(name[:2], "latin-1"), "replace")
+
+
+class _Painter:
+    """Paints the objects of a page on a canvas, without those on hidden layers."""
+
+    def __init__(self, raw: Any, canvas: Canvas, hidden: set[str]) -> None:
+        self.raw, self.canvas, self.hidden = raw, canvas, hidden
+        self._clips = dict[bytes, Any]()
+        self.pictured = 0.0
+        """Area [m²] of the pictures."""
+
+    def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
+        """Paint objects, and those in forms; their units become metres by a matrix."""
+        raw = self.raw
+        if depth > 50:
+            raise WorldError("has forms within each other, more than 50 deep")
+        for each in objects:
+            self.canvas.count()
+            kind, layer = raw.FPDFPageObj_GetType(each), self._layer(each)
+            if layer in self.hidden:
+                self.canvas.left_out["hidden part"] += 1
+            elif kind in (raw.FPDF_PAGEOBJ_FORM, raw.FPDF_PAGEOBJ_PATH):
+                visible, inner = self._clip(each, matrix, clip), matrix @ self._matrix(each)
+                if kind == raw.FPDF_PAGEOBJ_PATH:
+                    self._path(each, layer, inner, visible)
+                    continue
+                count = raw.FPDFFormObj_CountObjects(each)
+                held = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
+                self.paint(held, inner, visible, depth + 1)
+            else:
+                if kind == raw.FPDF_PAGEOBJ_IMAGE:
+                    # It fills the unit square.
+                    across = (matrix @ self._matrix(each))[:2, :2]
+                    self.pictured += abs(float(np.linalg.det(across)))
+                self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
+
+    def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
+        raw, width = self.raw, ctypes.c_float()
+        rule, stroked = ctypes.c_int(), ctypes.c_int()
+        raw.FPDFPath_GetDrawMode(each, rule, stroked)
+        count = raw.FPDFPath_CountSegments(each)
+        segments = (raw.FPDFPath_GetPathSegment(each, number) for number in range(count))
+        raw.FPDFPageObj_GetStrokeWidth(each, width)
+        wide = width.value * float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
+        fill = self._colour(raw.FPDFPageObj_GetFillColor, each, rule)
+        stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
+        self.canvas.shape(
+            self._lines(segments, matrix),
+            Mark(None, layer, (layer,), dashed=raw.FPDFPageObj_GetDashCount(each) > 0),
+            clip,
+            (*fill, rule.value == raw.FPDF_FILLMODE_WINDING),
+            (*stroke, wide, bool(raw.FPDFPageObj_GetLineCap(each))),
+        )
+
+    def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:
+        """The lines (k, 2) [m] of a path."""
+        raw, lines = self.raw, list[list[Float]]()
+        x, y, controls = ctypes.c_float(), ctypes.c_float(), list[Float]()
+        for segment in segments:
+            raw.FPDFPathSegment_GetPoint(segment, x, y)
+            point = matrix[:2, :2] @ [x.value, y.value] + matrix[:2, 2]
+            kind = raw.FPDFPathSegment_GetType(segment)
+            if kind == raw.FPDF_SEGMENT_MOVETO or not lines:
+                lines.append([point[None]])
+            elif kind == raw.FPDF_SEGMENT_LINETO:
+                lines[-1].append(point[None])
+            else:
+                controls.append(point)
+                if len(controls) == 3:
+                    whole = np.stack([lines[-1][-1][-1], *controls])
+                    lines[-1].append(curve_points(whole, self.canvas.tolerance))
+                    controls = []
+            if raw.FPDFPathSegment_GetClose(segment):
+                lines[-1].append(lines[-1][0][:1])
+        return [np.concatenate(line) for line in lines]
+
+    def _clip(self, each: Any, matrix: Float, clip: Any) -> Any:
+        """What the clip paths of an object leave of a clip."""
+        raw = self.raw
+        own = raw.FPDFPageObj_GetClipPath(each)
+        for path in range(raw.FPDFClipPath_CountPaths(own) if own else 0):
+            count = raw.FPDFClipPath_CountPathSegments(own, path)
+            segments = (raw.FPDFClipPath_GetPathSegment(own, path, n) for n in range(count))
+            if lines := self._lines(segments, matrix):
+                key = b"".join(line.tobytes() for line in lines)
+                if key not in self._clips:
+                    self._clips[key] = area_of(lines, winding=True)
+                region = self._clips[key]
+                clip = clip if region.covers(clip) else clip.intersection(region)
+        return clip
+
+    def _layer(self, each: Any) -> str:
+        """The name of the layer in which an object stands."""
+        raw, name = self.raw, b""
+        for number in range(raw.FPDFPageObj_CountMarks(each)):
+            mark = raw.FPDFPageObj_GetMark(each, number)
+            if self._bytes(raw.FPDFPageObjMark_GetName, mark) == "OC\0".encode("utf-16-le"):
+                name = self._bytes(raw.FPDFPageObjMark_GetParamBlobValue, mark, b"Name") or name
+        return _decoded(name)
+
+    @staticmethod
+    def _bytes(read: Any, *arguments: Any) -> bytes:
+        """What a function of pdfium writes into a buffer."""
+        size, buffer = ctypes.c_ulong(), (ctypes.c_ubyte * 512)()
+        read(*arguments, ctypes.cast(buffer, read.argtypes[-3]), 512, size)
+        return bytes(buffer)[: min(size.value, 512)]
+
+    def _matrix(self, each: Any) -> Float:
+        m = self.raw.FS_MATRIX()
+        self.raw.FPDFPageObj_GetMatrix(each, m)
+        return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])
+
+    @staticmethod
+    def _colour(read: Callable[..., Any], each: Any, used: Any) -> tuple[float, float]:
+        """How far a colour is from white, and how opaque it is where used, both from 0 to 1."""
+        *colours, alpha = channels = [ctypes.c_uint() for _ in range(4)]
+        if not used.value or not read(each, *channels):
+            # The colour of a pattern is unknown.
+            return 0.3, 0.5 if used.value else 0.0
+        opaque = alpha.value / 255.0
+        return opaque * (1.0 - min(each.value for each in colours) / 255.0), opaque

@@ -1,0 +1,397 @@
+"""Worlds from pictures of floor plans: what differs from the paper, without what is no wall.
+
+A wall has any colour that is far from the paper's, by a threshold that is found from the picture
+(Otsu 1979). Thick areas that are pale or coloured are floors. Two lines close to each other are the
+faces of one wall. Where walls are thick, thin strokes are doors, furniture and lettering: small
+ones are left out, long ones stay, as thin walls from wall to wall, else as furniture. Small loose
+parts are left out, too, but for pillars and chairs that stand alone.
+"""
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from PIL import Image, ImageDraw
+from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
+
+from lrf3d.base.errors import WorldError
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
+from lrf3d.plans.plan import FURNITURE_HEIGHT, THICKEST, Plan
+from lrf3d.plans.rules.enclosure import closes_rooms
+from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
+from lrf3d.plans.rules.sheet import is_frame
+from lrf3d.world.grid_walls import (
+    box_of,
+    extent_of,
+    grown,
+    on_border,
+    parts_of,
+    sides_of,
+    walls_of_grid,
+)
+from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.pixels import pixels_of
+
+THIN, LEAST = 0.07, 3
+"""Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
+and outlines of furniture are drawn thinner."""
+
+SHORT = 12
+"""Length [pixels] below which most pieces of walls are in photographs, lettering and patterns; in
+plans they are half of the length at most."""
+
+MOST_PIXELS = 12_500_000
+"""Number of pixels above which a picture is made smaller."""
+
+
+def read_picture(
+    path: Path, *, resolution: float | None = None, threshold: float | None = None
+) -> Plan:
+    """Read a picture of a floor plan, from its lower left corner."""
+    if resolution is None:
+        known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
+        if known.exists():
+            raise WorldError(f"{what} {known.name} next to it, or --resolution")
+        how = f"--resolution, the metres per pixel, or write {known.name} next to it"
+        keys = f"image: {path.name}, resolution: 0.05, origin: [0, 0, 0]"
+        raise WorldError(f"{what} {how}: {keys}")
+    side = number(resolution, "resolution", positive=True, most=1e4)
+    pixels = pixels_of(path)
+    # Large pictures would need gigabytes as a whole.
+    rows = np.array_split(pixels, max(1, len(pixels) // 256))
+    colours = np.concatenate([on_paper(each) for each in rows])
+    return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
+
+
+def plan_of_picture(colours: Any, resolution: float, threshold: float | None) -> Plan:
+    """The plan of a picture in colours (rows, columns, 3) from 0 to 255, the first row on top.
+
+    The threshold is the grey, from 0 to 255, from which on a pixel is paper; found if not given.
+    """
+    colours = colours[::-1]
+    # Of four pixels the darkest stays, on dark paper the lightest: thin lines are not lost.
+    stays = np.minimum if colours[::16, ::16].mean() > 127.0 else np.maximum
+    coarse = ""
+    while colours[..., 0].size > MOST_PIXELS:
+        rows = stays(colours[:-1:2], colours[1::2])
+        colours, resolution = stays(rows[:, :-1:2], rows[:, 1::2]), 2.0 * resolution
+        coarse = f"; read at {resolution:g} m a pixel"
+    even = evened(colours, 2.0 * THICKEST / resolution)
+    if even is not None:
+        colours, coarse = even, f"{coarse}; uneven light is evened, as on a photograph"
+    contrast, lightness, key = contrast_of(colours)
+    found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
+    dark = contrast > found
+    pixels, left_out = 1.0 / resolution, Counter[str]()
+    stands = dark & ~_marked(colours, dark, left_out)
+    # A thick area is a floor if it is pale.
+    drawn = stands & ~_floors(stands & (lightness < 0.5), key, pixels, left_out)
+    walls, furniture, thin = _cleaned(drawn, pixels, left_out)
+    pale = _pale_blocks(walls & drawn, lightness, pixels)
+    walls, furniture = walls & ~pale, furniture | pale
+    parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
+    segments = np.concatenate(parts) * resolution
+    darker = f"darker than grey {255.0 * (1.0 - found):.0f} of 255"
+    if not len(segments):
+        raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
+    how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    doubt, long = "", lengths(segments)
+    if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
+        doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        if even is not None and threshold is None:
+            held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
+            remedy = "cut it to the plan, or choose --threshold and look at `lrf3d world show`"
+            raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
+    elif not closes_rooms(walls, thin[0], pixels):
+        doubt = "hardly any of it closes a room: is it a plan? "
+    return Plan(
+        segments,
+        np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
+        rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
+        left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
+        said=f"{doubt}walls are {darker}{how}{coarse}",
+        gap=0.5 * resolution,
+    )
+
+
+def _rows(cells: Bool) -> Float:
+    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
+    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
+    (row, begin), (_, end) = np.nonzero(steps > 0), np.nonzero(steps < 0)
+    return np.column_stack([begin, row + 0.5, end, row + 0.5])
+
+
+def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool:
+    """Which of the pale pixels are floors: thick areas, and their colours around lettering."""
+    floors = _opened(pale, 0.5 * THICKEST * pixels)
+    left_out["floor"] = parts_of(floors)[1]
+    if not floors.any():
+        return floors
+    usual = np.bincount(key[floors], minlength=1 << 12) > 0.02 * floors.sum()
+    return np.asarray(floors | (pale & usual[key] & grown(floors, THICKEST * pixels)))
+
+
+def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, Bool, list[Float]]:
+    """Which pixels are walls and which furniture, and thin walls and sides of furniture (n, 4).
+
+    There are so many pixels in a metre.
+    """
+    drawn = drawn & ~_frame(drawn, pixels, left_out)
+    drawn = drawn & ~_doors(drawn, pixels, left_out)
+    dark = _filled(drawn, pixels, left_out)
+    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    thin = [np.empty((0, 4)), np.empty((0, 4))]
+    building = _building(solid, pixels)
+    # In a plan of thin lines, thick parts are lettering, or some columns.
+    share = extent_of(solid & building) / max(extent_of(dark), 1.0)
+    if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
+        strokes = dark & ~grown(solid, 1.5)
+        left_out["outside part"] = parts_of((strokes | solid) & ~building)[1]
+        thin = _thin_walls(strokes & building, solid, pixels, left_out)
+        thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
+        solid &= building
+    else:
+        solid = dark
+    furniture = _loose(solid, drawn, pixels, left_out)
+    return solid & ~furniture, furniture, thin
+
+
+def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
+    """The pixels of coloured parts that touch nothing black or grey, where walls are that."""
+    grey = dark & (np.ptp(colours, axis=2) < 64)
+    share = grey.sum() / max(dark.sum(), 1)
+    if share == 1.0 or share < 0.5 or extent_of(grey) < 0.7 * extent_of(dark):
+        return np.zeros_like(dark)
+    parts, count = parts_of(dark & ~grey)
+    loose = np.ones(count + 1, dtype=bool)
+    # The rim of a coloured line may be greyish.
+    loose[np.unique(parts[grown(_opened(grey, 1.0), 2.0)])] = loose[0] = False
+    left_out["coloured part"] = int(loose.sum())
+    return np.asarray(grown(loose[parts], 1.5))
+
+
+def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels of the frame of a sheet with its title block, among parts by their boxes."""
+    parts, count = parts_of(drawn)
+    if count < 2:
+        return np.zeros_like(drawn)
+    boxes = np.array([(x.start, y.start, x.stop, y.stop) for y, x in find_objects(parts)])
+    sides = boxes.reshape(-1, 4)[:, 2:] - boxes.reshape(-1, 4)[:, :2]
+    large = (sides > 0.8 * np.ptp(boxes.reshape(-1, 2), axis=0)).all(axis=1)
+    if not large.any() or large.all():
+        return np.zeros_like(drawn)
+    lines = [walls_of_grid(parts == part) for part in np.flatnonzero(large) + 1]
+    around = np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])
+    lines += [*boxes[~large][:, around]]
+    owner = np.repeat(
+        np.append(np.flatnonzero(large), np.flatnonzero(~large)), [len(each) for each in lines]
+    )
+    # On a sheet, thick walls stand beside thin lines.
+    thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
+    sheet = extent_of(thick) > 0.3 * extent_of(drawn)
+    found = is_frame(np.concatenate(lines) / pixels, sheet)
+    framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
+    left_out["frame part"] = int(framed.sum())
+    return np.asarray(np.append(False, framed)[parts])
+
+
+def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels of leaves, arcs and thresholds that enclose quarters of discs: doors swing there.
+
+    The space between two thresholds is as long as the door is wide.
+    """
+    # Fine arcs have gaps.
+    parts, count = label(~grown(drawn, 2.0))
+    boxes, sides = find_objects(parts), sides_of(parts)
+    least, most = sides.min(axis=1), sides.max(axis=1)
+    opened = np.zeros(count + 1, dtype=bool)
+    door = (least > 0.5 * pixels) & (most < 1.4 * pixels) & (least > 0.8 * most)
+    for place in np.flatnonzero(door):
+        own = parts[boxes[place]] == place + 1
+        y, x = ((np.arange(side) + 0.5) / side for side in own.shape)
+        quarters = [np.hypot(*np.meshgrid(b, a)) < 1.0 for a in (y, 1 - y) for b in (x, 1 - x)]
+        # A label may lie in it; beyond the arc, a square shaft goes on.
+        if any(own[each].mean() > 0.75 and own[~each].mean() < 0.3 for each in quarters):
+            left_out["door symbol"] += 1
+            away = LEAST + 4
+            window = tuple(slice(max(s.start - away, 0), s.stop + away) for s in boxes[place])
+            near = np.unique(parts[window])
+            near = near[near > 0]
+            long = most[near - 1] / most[place]
+            strip = (least[near - 1] < THICKEST * pixels) & (long > 0.85) & (long < 1.15)
+            opened[[place + 1, *near[strip]]] = True
+    if not opened.any():
+        return np.zeros_like(drawn)
+    inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
+    parts, count = label(~drawn)
+    walls = _radii(drawn, parts, count) < 0.5 * THICKEST * pixels
+    walls[np.unique(parts[inside | drawn])] = False
+    solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    return np.asarray(
+        drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, 1.5)
+    )
+
+
+def _building(solid: Bool, pixels: float) -> Bool:
+    """The cells of the building and next to it, without legends and others that stand beside it.
+
+    It is what the largest part of the walls surrounds, unless others are as large.
+    """
+    parts, _ = parts_of(grown(solid, 0.1 * pixels))
+    edge = np.argwhere(solid & ~binary_erosion(solid))
+    owner = parts[tuple(edge.T)]
+    edge, owner = edge[order := np.argsort(owner, kind="stable")], owner[order]
+    each = np.split(edge[:, ::-1], np.flatnonzero(np.diff(owner)) + 1)
+    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in each], dtype=object))
+    area = shapely.area(hulls)
+    if not area.max(initial=0.0) > 0.0:
+        return np.ones_like(solid)
+    main = hulls[int(np.argmax(area))]
+    apart = shapely.disjoint(hulls, main)
+    if area[apart].sum() > main.area:
+        return np.ones_like(solid)
+    kept = shapely.union_all(hulls[~apart | (area > 0.3 * main.area)]).buffer(0.3 * pixels)
+    image = Image.new("1", solid.shape[::-1])
+    for shape in shapely.get_parts(kept):
+        ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
+    return np.asarray(image, dtype=np.bool_)
+
+
+def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
+    """Which sides (n, 4) [pixels] go on out of the building: axes, and lines of dimensions."""
+    found = np.zeros(len(sides), dtype=bool)
+    ink, most = grown(dark, 1.0), np.array(dark.shape)[::-1] - 1
+    steps = np.arange(int(np.hypot(*dark.shape)))[:, None]
+    for row, (side, along) in enumerate(zip(sides, directions(sides), strict=True)):
+        for end, sign in ((side[:2], -1.0), (side[2:], 1.0)):
+            line = np.floor(end + sign * steps * along).astype(np.int64)
+            line = line[((line >= 0) & (line <= most)).all(axis=1)]
+            inside = np.flatnonzero(building[line[:, 1], line[:, 0]])
+            beyond = line[inside[-1] + 1 :][: int(0.4 * pixels)] if len(inside) else line[:0]
+            if len(beyond) > 2 and ink[beyond[:, 1], beyond[:, 0]].mean() > 0.8:
+                found[row] = True
+    return found
+
+
+def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str]) -> list[Float]:
+    """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
+    parts, count = parts_of(strokes)
+    box = sides_of(parts)
+    meets = np.isin(np.arange(1, count + 1), parts[grown(solid, 3.0)])
+    # Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
+    # strokes stays.
+    door, long = 1.4, 0.7
+    large = (box.max(axis=1) > door * pixels) & (meets | (box.min(axis=1) > long * pixels))
+    # A line for itself is one of a dimension.
+    left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
+    sides = walls_of_grid(np.append(False, large)[parts])
+    sides = sides[lengths(sides) >= long * pixels]
+    # They end a pixel or two off the walls.
+    along = directions(sides)
+    sides = sides + 2.5 * np.hstack([-along, along])
+    gaps = distance_transform_edt(~solid)
+    ends = np.clip(np.floor(sides.reshape(-1, 2)).astype(int), 0, np.array(solid.shape)[::-1] - 1)
+    meets = (gaps[ends[:, 1], ends[:, 0]] < 0.1 * pixels).reshape(-1, 2)
+    return [sides[meets.all(axis=1)], sides[~meets.all(axis=1)]]
+
+
+def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """Take small loose parts out of the solid ones; returns those that are furniture."""
+    parts, count = parts_of(solid)
+    sides = sides_of(parts)
+    area, inked = (np.bincount(parts[of], minlength=count + 1)[1:] for of in (solid, solid & drawn))
+    space = sides.prod(axis=1)
+    letter = 0.6  # Largest size [m] of a letter.
+    small = sides.max(axis=1) <= min(letter * pixels, 0.04 * extent_of(solid))
+    # The letters of a word may touch: the outline of such a part is long.
+    edges: Any = sum(
+        np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
+        for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
+    )
+    small |= (sides.min(axis=1) <= letter * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
+    # Letters stand close to each other, and to the thin strokes of others.
+    strokes, _ = parts_of(drawn & ~grown(solid, 1.5))
+    thin = np.append(False, sides_of(strokes).max(axis=1) <= letter * pixels)[strokes]
+    words, _ = parts_of(grown(np.append(False, small)[parts] | thin, 0.1 * pixels))
+    word = np.zeros(count + 1, dtype=np.int64)
+    word[parts[solid]] = words[solid]
+    word = word[1:]
+    alone = (np.bincount(word, minlength=1)[word] == 1) & ~np.isin(word, words[thin])
+    full = 0.7  # Share of dark pixels in its box from which on a part is solid.
+    stands = (area >= full * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
+    hollow = (inked < full * area) & (sides.max(axis=1) <= 0.3 * extent_of(solid))
+    out = small & ~stands
+    left_out["small part"] = int(out.sum())
+    solid &= ~np.append(False, out)[parts]
+    return np.asarray(np.append(False, ~out & hollow)[parts])
+
+
+def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
+    """The solid blocks that touch no other part and are of a paler ink than walls: furniture."""
+    parts, count = parts_of(dark)
+    sides, area = sides_of(parts), np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    block = (sides.min(axis=1) > 0.3 * pixels) & (sides.max(axis=1) < 3.0 * pixels)
+    block &= area > 0.7 * sides.prod(axis=1)
+    # The rim of what is dark is pale.
+    inner = parts * (dark & ~grown(~dark, 1.5))
+    held, shade = (
+        np.bincount(inner.ravel(), weights, count + 1)[1:] for weights in (None, lightness.ravel())
+    )
+    block &= shade < (np.quantile(lightness[dark], 0.9) - 0.15) * held if count else False
+    return np.asarray(np.append(False, block)[parts])
+
+
+def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels with the space between the two faces of walls, and without patterns of floors."""
+    parts, count = label(~dark)
+    radius, most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
+    radius[[0, *on_border(parts)]] = np.inf
+    area = np.bincount(parts.ravel(), minlength=count + 1)
+    narrow = radius <= most
+    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
+    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
+    rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
+    # In a maze for mice all space is as narrow as a wall.
+    if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
+        return dark
+    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    # Between a solid wall and a line is no wall: both of its faces are lines.
+    rim = grown(dark, 1.0) & narrow[parts]
+    by_solid = np.bincount(parts[rim & grown(solid, 1.5)], minlength=count + 1)
+    share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
+    narrow &= (share < 0.2) | (share > 0.8)
+    compact: Bool = (narrow & small)[parts]
+    room = _opened(dark | compact, 0.55 * THICKEST * pixels)
+    pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
+    places, number = parts_of(pattern)
+    # A line beside a wall is none.
+    gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
+    many = np.bincount(gaps, minlength=number + 1) >= 5
+    left_out["floor pattern"] = int(many[1:].sum())
+    # Of two spaces that are too thick together, the wider one is beside a wall.
+    thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
+    held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
+    for place in np.unique(held[0]):
+        own = held[1, held[0] == place]
+        if len(own) > 1:
+            narrow[own[np.argmax(radius[own])]] = False
+    return np.asarray((dark | (narrow[parts] & ~(compact & pattern))) & ~many[places])
+
+
+def _opened(cells: Bool, radius: float) -> Bool:
+    """Which cells are in a disc of a radius [pixels] of such cells."""
+    found, box = np.zeros_like(cells), box_of(cells, 1)
+    if (own := cells[box]).size:
+        core = distance_transform_edt(np.pad(own, 1, mode="edge")) > radius
+        found[box] = grown(core, radius)[1:-1, 1:-1] & own
+    return found
+
+
+def _radii(dark: Bool, parts: Any, count: int) -> Float:
+    """The largest distance to dark cells in each part; that of the dark one is 0."""
+    radius = np.zeros(count + 1)
+    np.maximum.at(radius, parts, distance_transform_edt(~dark))
+    return radius

@@ -1,0 +1,374 @@
+"""Drawings in SVG, as browsers draw them: style sheets, transforms, uses, symbols, clips, masks.
+
+svgelements reads shapes, transforms, colours and frames; what it does not know is resolved here.
+Lengths are metres on paper: ``width`` and ``height`` in mm, cm, in, pt or px (1/96 in) give the
+size of the ``viewBox``. y points up, and the lower left corner of the sheet is (0, 0); what lies
+outside of the sheet is read, too. A group gives the layer, by its label or its id. Texts, pictures
+and patterns are counted; a shape whose file names no colour at all is its outline.
+"""
+
+import math
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import cssselect2
+import numpy as np
+import shapely
+import svgelements
+import tinycss2
+
+from lrf3d.base.errors import WorldError, shown
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
+from lrf3d.plans.canvas import Canvas, Mark, curve_points, is_area
+
+PIXEL = 0.0254 / 96.0
+"""The unit of numbers without one [m]: 1/96 in."""
+
+UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
+UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "em": 16.0 * PIXEL}
+"""Metres in the units of lengths."""
+
+INHERITED = frozenset(
+    "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
+    " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
+)
+SHAPES = {
+    "path": svgelements.Path,
+    "rect": svgelements.Rect,
+    "circle": svgelements.Circle,
+    "ellipse": svgelements.Ellipse,
+    "line": svgelements.SimpleLine,
+    "polyline": svgelements.Polyline,
+    "polygon": svgelements.Polygon,
+}
+COUNTED = {"text": "text", "image": "picture", "foreignObject": "picture"}
+GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
+
+
+class State(NamedTuple):
+    """What an element gets from those around it."""
+
+    matrix: Float
+    """From its units to metres (3, 3)."""
+    size: tuple[float, ...]
+    """Of the viewport, of which lengths in % are parts."""
+    style: dict[str, str] = {}  # noqa: RUF012 - never changed.
+    clip: Any = None
+    alpha: float = 1.0
+    names: tuple[str, ...] = ()
+    layer: str = ""
+    depth: int = 0
+
+
+def draw(path: Path, scale: float) -> Canvas:
+    """The marks of an SVG drawing, enlarged by a scale."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise WorldError(f"not XML: {error}") from None
+    if _tag(root) != "svg":
+        raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
+    width, height = _size(root)
+    canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
+    by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
+    painter = _Painter(canvas, _style_sheet(root), by_id)
+    up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
+    up[1, 2] = scale * PIXEL * height
+    state = _framed(root, (0.0, 0.0, width, height), State(up, (width, height)))
+    painter.children(root, painter.state(root, state, transformed=False))
+    return canvas
+
+
+class _Painter(NamedTuple):
+    """Paints elements on a canvas."""
+
+    canvas: Canvas
+    sheet: dict[Element, dict[str, str]]
+    """The properties that style sheets give to elements."""
+    by_id: dict[str, Element]
+
+    def state(self, element: Element, outer: State, transformed: bool = True) -> State:
+        """The state of what is in an element."""
+        own = {key: value.strip() for key, value in element.attrib.items()}
+        own |= self.sheet.get(element, {}) | _declarations(element.get("style", ""))
+        style = {k: v for k, v in outer.style.items() if k in INHERITED}
+        style |= {k: v for k, v in own.items() if v != "inherit"}
+        turned = transformed and style.get("transform", "none") != "none"
+        matrix = outer.matrix @ _transform(style, outer.size) if turned else outer.matrix
+        label = next((v for k, v in own.items() if k.endswith("}label")), "")
+        names = (label, own.get("data-name", ""), own.get("id", ""), own.get("class", ""))
+        named = next(filter(None, names), "")
+        chosen = label if any(v == "layer" for k, v in own.items() if k.endswith("mode")) else ""
+        state = outer._replace(
+            matrix=matrix,
+            style=style,
+            alpha=outer.alpha * _share(style.get("opacity", "1")),
+            names=tuple(filter(None, names)) + outer.names,
+            layer=chosen or outer.layer or (named if _tag(element) in GROUPS else ""),
+            depth=outer.depth + 1,
+        )
+        if state.depth > 100:
+            raise WorldError("has groups or uses within each other, more than 100 deep")
+        for key in ("clip-path", "mask"):
+            if style.get(key, "none") != "none":
+                state = state._replace(clip=self._clipped(key, style[key], state))
+        return state
+
+    def children(self, element: Element, state: State) -> None:
+        """Paint what is in an element."""
+        for child in list(element)[:1] if _tag(element) == "switch" else element:
+            self.paint(child, state)
+
+    def paint(self, element: Element, outer: State) -> None:
+        """Paint an element."""
+        self.canvas.count()
+        name = _tag(element)
+        if name in COUNTED:
+            self.canvas.left_out[COUNTED[name]] += 1
+        if name not in SHAPES and name not in GROUPS:
+            return
+        state = self.state(element, outer)
+        hidden = name in SHAPES and state.style.get("visibility", "visible") != "visible"
+        if hidden or state.style.get("display") == "none" or state.alpha < 0.02:
+            self.canvas.left_out["hidden part"] += 1
+        elif name in SHAPES:
+            self._shape(element, state)
+        elif name == "use":
+            self._use(element, state)
+        elif name == "svg":
+            self.children(element, _viewport(element, element, state))
+        else:
+            self.children(element, state)
+
+    def _use(self, element: Element, state: State) -> None:
+        href = next((v for key, v in element.attrib.items() if key.endswith("href")), "")
+        if not href.startswith("#"):
+            raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
+        target = self.by_id.get(href[1:])
+        if target is None:
+            self.canvas.left_out["unresolved use"] += 1
+            return
+        x, y = _length(element, "x", state.size[0]), _length(element, "y", state.size[1])
+        state = state._replace(matrix=state.matrix @ _moved(x, y))
+        if _tag(target) == "symbol":
+            inner = self.state(target, state)
+            self.children(target, _viewport(target, element, inner, placed=True))
+        else:
+            self.paint(target, state)
+
+    def _clipped(self, key: str, text: str, state: State) -> Any:
+        """What a clip path or a mask leaves of the clip of a state."""
+        match = re.match(r"""url\(\s*["']?#([^"')]+)""", text)
+        target = self.by_id.get(match[1]) if match else None
+        if target is None or "objectBoundingBox" in target.attrib.values():
+            self.canvas.left_out[f"unread {key}"] += 1
+            return state.clip
+        inner = self._replace(canvas=Canvas(self.canvas.tolerance, self.canvas.pen))
+        plain = State(state.matrix, state.size, depth=state.depth)
+        paint = {"fill": "#fff", "stroke": "none"} if key == "clip-path" else {"fill": "#000"}
+        inner.children(target, inner.state(target, plain)._replace(style=paint))
+        self.canvas.count(len(inner.canvas.marks))
+        region = shapely.Polygon()
+        for mark in inner.canvas.marks:
+            if is_area(mark.shape):
+                light = key == "clip-path" or mark.contrast < 0.5
+                region = region.union(mark.shape) if light else region.difference(mark.shape)
+        return _within(state.clip, region)
+
+    def _shape(self, element: Element, state: State) -> None:
+        style, canvas = state.style, self.canvas
+        if any("url(" in style.get(f"marker-{end}", "") for end in ("start", "mid", "end")):
+            canvas.left_out["arrow"] += 1
+            return
+        rings = _outline(_tag(element), state, canvas.tolerance)
+        dashed = style.get("stroke-dasharray", "none")
+        mark = Mark(None, state.layer, state.names, dashed=re.search("[1-9]", dashed) is not None)
+        if not {"fill", "stroke"} & set(style):
+            for ring in rings:
+                canvas.line(ring, mark, state.clip)
+            return
+        if "url(" in style.get("fill", ""):
+            canvas.left_out["gradient or pattern"] += 1
+        contrast, alpha = _colour(style, "fill", "black", state.alpha)
+        rule = style.get("clip-rule" if "clip-path" in style else "fill-rule", "nonzero")
+        fill = contrast, 0.0 if _tag(element) == "line" else alpha, rule != "evenodd"
+        contrast, alpha = _colour(style, "stroke", "none", state.alpha)
+        width = _length(style, "stroke-width", math.hypot(*state.size) / math.sqrt(2.0), "1")
+        width *= math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
+        square = style.get("stroke-linecap", "butt") != "butt"
+        stroke = contrast, alpha if width > 0.0 else 0.0, width, square
+        canvas.shape(rings, mark, state.clip, fill, stroke)
+
+
+def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
+    """The lines (k, 2) [m] of a shape."""
+    wide, high = state.size
+    sides = dict.fromkeys(("x", "cx", "x1", "x2", "rx", "width"), wide)
+    sides |= dict.fromkeys(("y", "cy", "y1", "y2", "ry", "height"), high)
+    given = {key: _length(state.style, key, side, "auto") for key, side in sides.items()}
+    if kind == "circle":
+        given["rx"] = given["ry"] = _length(state.style, "r", math.hypot(wide, high) / math.sqrt(2))
+    usual = {"rx": math.nan, "ry": math.nan} if kind == "rect" else {}
+    for key, value in given.items():
+        if not value >= (0.0 if key in ("rx", "ry", "width", "height") else -math.inf):
+            given[key] = usual.get(key, 0.0)
+    values: dict[str, Any] = {key: value for key, value in given.items() if value == value}
+    for key in {"d", "points"} & set(state.style):
+        # svgelements takes minutes for thousands of closings in a row, and for such a number.
+        values[key] = re.sub(r"[zZ](?:[\s,]*+[zZ])++", "z", state.style[key])
+        if re.search(r"\d{50}", values[key]):
+            raise WorldError(f"has a number of 50 digits in a {kind}; save it again")
+    path = svgelements.Path(SHAPES[kind](values))
+    path.approximate_arcs_with_cubics(1.0 / 48.0)
+    lines = list[list[Float]]()
+    for piece in path:
+        names = ("start", "control", "control1", "control2", "end")
+        points = [p for p in (getattr(piece, name, None) for name in names) if p is not None]
+        found = np.array([(p.x, p.y) for p in points]).reshape(-1, 2)
+        found = found @ state.matrix[:2, :2].T + state.matrix[:2, 2]
+        if isinstance(piece, svgelements.Move):
+            lines.append([found[-1:]])
+        elif lines and len(found) > 1:
+            lines[-1].append(curve_points(found, tolerance))
+    return [np.concatenate(line) for line in lines]
+
+
+def _within(region: Any, clip: Any) -> Any:
+    """The intersection of two clips, of which one may be None."""
+    return region if clip is None else clip if region is None else clip.intersection(region)
+
+
+def _viewport(element: Element, sized: Element, state: State, placed: bool = False) -> State:
+    """The state in a nested drawing or a symbol, with a frame of its own."""
+    wide, high = state.size
+    x, y = (0.0, 0.0) if placed else (_length(element, "x", wide), _length(element, "y", high))
+    width = _length(sized, "width", wide, element.get("width", "100%"))
+    height = _length(sized, "height", high, element.get("height", "100%"))
+    if state.style.get("overflow", "hidden") not in ("visible", "auto"):
+        corners = np.array(shapely.box(x, y, x + width, y + height).exterior.coords)
+        frame = shapely.Polygon(corners @ state.matrix[:2, :2].T + state.matrix[:2, 2])
+        state = state._replace(clip=_within(frame, state.clip))
+    return _framed(element, (x, y, width, height), state)
+
+
+def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
+    """The state in a frame, x, y, width, height, into which an element's ``viewBox`` is fitted."""
+    if not element.get("viewBox"):
+        return state._replace(matrix=state.matrix @ _moved(*frame[:2]), size=frame[2:])
+    box = _box(element)
+    how = element.get("preserveAspectRatio", "xMidYMid").replace("defer", "").strip()
+    fitted = svgelements.Viewbox.viewbox_transform(*frame, *box, how)
+    return state._replace(matrix=state.matrix @ _matrix(fitted), size=box[2:])
+
+
+def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
+    """The transform of an element, about its origin."""
+    words = style.get("transform-origin", "0 0").split()
+    if style.get("transform-box", "view-box") != "view-box" and "transform-origin" in style:
+        raise WorldError("has a transform-box, about which nothing is known here; apply transforms")
+    sides = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
+    if words[0] in ("top", "bottom"):
+        words = [*words[1:], "center"][:1] + words[:1]
+    words = [sides.get(word, word) for word in [*words, "50%"]]
+    x, y = (_length({"": word}, "", side) for word, side in zip(words, size, strict=False))
+    about: Float = _moved(x, y) @ _matrix(style["transform"]) @ _moved(-x, -y)
+    return about
+
+
+def _matrix(text: str) -> Float:
+    if re.search(r"\([^()]*+\(", text):
+        raise WorldError(f"has brackets within brackets in transform {shown(text)}; save it again")
+    m = svgelements.Matrix(text)
+    return np.array([[m.a, m.c, float(m.e)], [m.b, m.d, float(m.f)], [0.0, 0.0, 1.0]])
+
+
+def _moved(x: float, y: float) -> Float:
+    return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
+
+
+def _size(root: Element) -> tuple[float, float]:
+    """Width and height of a sheet [px]; a side that is not given follows from the ``viewBox``."""
+    sides: dict[str, float] = {}
+    for key in ("width", "height"):
+        text = root.get(key, "").strip()
+        if text not in ("", "auto") and not text.endswith("%"):
+            sides[key] = _length({key: text}, key, math.nan)
+            if not 0.0 < sides[key] <= LARGEST_COORDINATE:
+                raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
+    _, _, wide, high = _box(root)
+    usual = sides["height"] * wide / high if "height" in sides else wide
+    width = sides.get("width", usual)
+    return width, sides.get("height", width * high / wide)
+
+
+def _box(element: Element) -> tuple[float, ...]:
+    """The ``viewBox`` of an element: x, y, width, height."""
+    text = element.get("viewBox") or "0 0 1 1"
+    box = tuple(map(float, re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text)))
+    if len(box) != 4 or not (min(box[2:]) > 1e-9 and max(box[2:]) <= LARGEST_COORDINATE):
+        raise WorldError(f"viewBox is {shown(text)}, expected a place and a size above 0")
+    return box
+
+
+def _length(values: Any, key: str, whole: float, usual: str = "0") -> float:
+    """A length [px] of a key, or a part of the whole; NaN if it is none."""
+    text = values.get(key, usual)
+    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*|%)\s*", text)
+    if not match:
+        return math.nan
+    unit = 0.01 * whole if match[2] == "%" else UNITS.get(match[2].lower(), math.nan) / PIXEL
+    return float(match[1]) * unit
+
+
+def _share(text: str) -> float:
+    """A share, from 0 to 1; 1 if it is none."""
+    given = _length({"": text}, "", 1.0)
+    return 1.0 if math.isnan(given) else min(max(given, 0.0), 1.0)
+
+
+def _tag(element: Element) -> str:
+    """The name of an element of SVG; empty for those of others."""
+    name = str(element.tag)
+    return name.rpartition("}")[2] if "}" not in name or "/svg}" in name else ""
+
+
+def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[float, float]:
+    """How far a colour is from white, and how opaque it is, both from 0 to 1."""
+    text = style.get(key, usual)
+    text = style.get("color", "black") if text.lower() == "currentcolor" else text
+    if "url(" in text:
+        return 0.3, alpha
+    colour = svgelements.Color(text)
+    if text == "none" or colour.value is None:
+        return 0.0, 0.0
+    alpha *= colour.alpha / 255.0 * _share(style.get(f"{key}-opacity", "1"))
+    return alpha * (1.0 - min(colour.red, colour.green, colour.blue) / 255.0), alpha
+
+
+def _style_sheet(root: Element) -> dict[Element, dict[str, str]]:
+    """What the style sheets of a drawing say of its elements."""
+    matcher = cssselect2.Matcher()
+    texts = ["".join(each.itertext()) for each in root.iter() if _tag(each) == "style"]
+    for rule in tinycss2.parse_stylesheet("\n".join(texts), True, True):
+        if rule.type == "qualified-rule":
+            content = _declarations(tinycss2.serialize(rule.content))
+            try:
+                for selector in cssselect2.compile_selector_list(rule.prelude):
+                    matcher.add_selector(selector, content)
+            except cssselect2.SelectorError:
+                continue
+    said = dict[Element, dict[str, str]]()
+    for each in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
+        # From the least specific rule on.
+        for *_, content in matcher.match(each):
+            said.setdefault(each.etree_element, {}).update(content)
+    return said
+
+
+def _declarations(text: str) -> dict[str, str]:
+    """The properties that the declarations of a style set."""
+    parts = (part.partition(":") for part in re.sub(r"/\*.*?\*/", "", text).split(";"))
+    return {key.strip().lower(): value.replace("!important", "").strip() for key, _, value in parts}

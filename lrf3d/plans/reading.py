@@ -1,0 +1,49 @@
+"""The door of plans: a drawing or a picture of a floor plan enters, what was understood leaves."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from lrf3d.base.interrupts import reading
+from lrf3d.plans.plan import Plan, plan_of
+from lrf3d.plans.readers.picture import read_picture
+from lrf3d.world.files import find_world, is_picture, options_of, read_file
+from lrf3d.world.model import check_scale
+from lrf3d.world.schema import at
+
+
+def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
+    """Read a drawing or a picture of a floor plan: what `load_world` makes walls of.
+
+    Args:
+        path: The file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp.
+        scale: Enlarges the plan, but not the heights.
+        options: ``resolution``, ``threshold``, ``layers``, ``without`` and ``page``, as for
+            `load_world`.
+
+    Raises:
+        WorldError: The file cannot be used, or an option is given that its format does not have.
+
+    Examples:
+        >>> import lrf3d
+        >>> plan = lrf3d.read_plan("examples/flat.dxf")
+        >>> len(plan.doors), plan.segments.shape[1]
+        (4, 4)
+    """
+    path = find_world(path)
+    check_scale(scale)
+    options = options_of(path, **options)
+    with reading(), at(str(path)):
+        plan: Plan = read_file(path, {"scale": scale, **options})
+        return plan
+
+
+def plan_of_file(
+    path: Path, scale: float = 1.0, layers: Any = (), without: Any = (), **options: Any
+) -> Plan:
+    """The plan of a file; a picture, or a scanned page of a PDF, has no layers."""
+    if is_picture(path):
+        return read_picture(path, **options).scaled(scale)
+    draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
+    found = draw(path, scale, **options)
+    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)

@@ -1,0 +1,94 @@
+"""Pixels of pictures: their colours, and how far each is from the paper's.
+
+The files of pictures enter; colours and opacity leave, for maps, and contrasts and a threshold, for
+plans. The light on a photograph of paper is evened.
+"""
+
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from scipy.ndimage import gaussian_filter, grey_closing
+
+from lrf3d.geometry.lines import Int, Single
+
+
+def on_paper(pixels: Any) -> Any:
+    """The colours of pixels (rows, columns, 2 or 4), composited on white paper."""
+    alpha = pixels[..., -1:] / np.float32(255.0)
+    return np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
+
+
+def evened(colours: Any, wide: float) -> Any:
+    """The colours (rows, columns, 3) as under even light, or None where the light is even.
+
+    Nothing dark is as wide [pixels]: the lightest colours around are those of the paper.
+    """
+    # A plan is drawn in a few colours, and its paper is one.
+    counts = np.bincount((colours.mean(axis=2, dtype=np.float32) // 4.0).astype(np.uint8).ravel())
+    if np.sort(counts)[-6:].sum() > 0.65 * counts.sum():
+        return None
+    side, (rows, columns) = max(1, int(wide / 8.0)), colours.shape[:2]
+    high, long = -(-rows // side), -(-columns // side)
+    even = np.empty((rows, columns, 3), dtype=np.uint8)
+    for channel in range(3):
+        padding = ((0, high * side - rows), (0, long * side - columns))
+        whole = np.pad(colours[..., channel], padding, mode="edge")
+        blocks = whole.reshape(high, side, long, side).swapaxes(1, 2).reshape(high, long, -1)
+        size = (int(wide / side) + 1,) * 2
+        closed = grey_closing(np.median(blocks, axis=2), size)
+        paper = Image.fromarray(gaussian_filter(closed, 1.0).astype(np.float32))
+        light = np.asarray(paper.resize((long * side, high * side), Image.Resampling.BILINEAR))
+        share = colours[..., channel] / np.maximum(light[:rows, :columns], 16.0)
+        even[..., channel] = np.minimum(255.0 * share, 255.0)
+    return even
+
+
+def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
+    """Differences (rows, columns) from the paper, of a channel and of lightness; the colours.
+
+    They are from 0 to 1, the first the largest of a channel; colours are numbered.
+    """
+    # Sixteen steps of each channel: the noise of a scan is one colour.
+    red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
+    key = red << 8 | green << 4 | blue
+    light = np.minimum(np.minimum(red, green), blue) >= 11
+    # The paper of a blueprint is dark.
+    usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
+    paper = np.median(colours[key == usual], axis=0).astype(np.float32)
+    most: Any = np.zeros(key.shape, dtype=np.float32)
+    scale = np.float32(255.0)
+    for channel in range(3):
+        np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
+    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
+    return most / scale, lightness / scale, key
+
+
+def threshold_of(contrast: Single) -> float:
+    """The contrast that separates walls best from paper and floors.
+
+    While what is above it is much of the picture, and of two colours, it holds floors and is
+    separated again.
+    """
+    counts = np.bincount(np.round(contrast * 255.0).astype(np.int64).ravel(), minlength=256)
+    first, _ = _separated(counts)
+    while counts[first:].sum() > 0.2 * counts.sum():
+        more, apart = _separated(counts[first:])
+        if apart < 40.0:
+            break
+        first += more
+    return (first - 0.5) / 255.0
+
+
+def _separated(counts: Int) -> tuple[int, float]:
+    """The first of the upper of two groups of levels, and the difference of their means.
+
+    The variance between the groups is the largest; between two colours it is the middle.
+    """
+    levels = np.arange(len(counts))
+    below, sums = np.cumsum(counts)[:-1], np.cumsum(counts * levels)[:-1]
+    with np.errstate(all="ignore"):
+        apart = (counts @ levels - sums) / (counts.sum() - below) - sums / below
+    variance = np.nan_to_num((counts.sum() - below) * below.astype(np.float64) * apart**2)
+    best = round(float(np.flatnonzero(variance == variance.max()).mean()))
+    return best + 1, float(np.nan_to_num(apart)[best])

@@ -1,0 +1,1 @@
+"""Formats of recorded drives, a module or a room for each."""

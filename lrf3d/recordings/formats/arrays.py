@@ -1,0 +1,204 @@
+"""Scans in files of named arrays or records: .npz, .mat, JSON, and ROS messages printed as YAML.
+
+Ranges (k, n) are needed, which a .npy file holds alone; angles (n,), stamps (k,), poses (k, 3), or
+x, y and theta, may be there. Records, which are lines or an array of JSON, lines that Python
+prints, YAML documents or lines of a CSV with lists, hold what arrays hold a row of.
+"""
+
+import json
+import re
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.files import check_ordinary
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import heading_of
+from lrf3d.recordings.formats.run_file import DAMAGES, read_arrays
+from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
+from lrf3d.recordings.log import Intake
+
+RECORDS = re.compile(
+    rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
+    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,;]*+[,;])+?[^\w,;\[(]*+[\[(]"
+).match
+"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
+a header may have thousands of columns."""
+
+CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
+"""Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma."""
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a .npz file is not a run of lrf3d."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            return "settings.npy" not in file.namelist()
+    except DAMAGES:
+        return False
+
+
+def is_records(path: Path) -> bool:
+    """Whether a file holds records."""
+    beginning = 4096  # Bytes that show what records begin with.
+    with path.open("rb") as file:
+        return bool(RECORDS(file.read(beginning)))
+
+
+def array_table(intake: Intake) -> Table:
+    """The table of a file of arrays."""
+    path = intake.path
+    check_ordinary(path, what="a file of arrays")
+    try:
+        if path.suffix.lower() == ".npz":
+            arrays: dict[str, Any] = read_arrays(path)
+        elif path.suffix.lower() == ".npy":
+            # What is mapped is checked against the size of the file.
+            arrays = {"ranges": np.load(path, mmap_mode="r", allow_pickle=False)}
+        else:
+            from scipy.io import loadmat
+
+            # Those in structures are taken out of them.
+            whole = loadmat(path, simplify_cells=True).items()
+            parts = [value if isinstance(value, dict) else {name: value} for name, value in whole]
+            found = {name: each for part in parts for name, each in part.items()}
+            arrays = {name: np.asarray(each) for name, each in found.items() if name[:2] != "__"}
+    except NotImplementedError:
+        raise InputError(f"{path}: a .mat file of version 7.3; save it with -v7") from None
+    except DAMAGES as error:
+        text = one_line(str(error) or type(error).__name__, 200)
+        raise InputError(f"{path}: no file of arrays of numbers, or damaged ({text})") from None
+    intake.take(sum(array.size for array in arrays.values()), len(arrays), "array")
+    return _named(intake, arrays, "arrays")
+
+
+def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
+    numbers = {
+        name: np.asarray(array, dtype=np.float64)
+        for name, array in arrays.items()
+        if array.dtype.kind in "fiu"
+    }
+    table = Table.named(intake, numbers)
+    ranges = table.values.get("ranges")
+    if ranges is None or ranges.ndim != 2:
+        names = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        found = f"no ranges (scans, beams) among {one_line(names, 200)}"
+        raise InputError(f"{intake.path}: {found}; name one of the {what} 'ranges'")
+    return table
+
+
+def record_table(intake: Intake) -> Table:
+    """The table of a file of records."""
+    return _named(intake, records(intake), "fields")
+
+
+def records(intake: Intake) -> dict[str, Float]:
+    """The columns of a file of records; those that lack what the first one has are counted."""
+    text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
+    if text.lstrip()[:1] in "[{":
+        # What Python prints has other quotes than JSON.
+        read: Callable[[Any], Any] = _yaml if text.lstrip().startswith("{'") else json.loads
+        parts: Any = text.splitlines()
+        with suppress(ValueError, RecursionError):
+            parts, read = json.loads(text), lambda part: part
+            if isinstance(parts, dict):
+                kinds = {tuple(each) if isinstance(each, dict) else () for each in parts.values()}
+                alike = len(parts) > 1 and len(kinds) == 1 and () not in kinds
+                parts = list(parts.values()) if alike else [parts]
+    else:
+        parts, read = re.split(r"(?m)^---[ \r]*$", text), _yaml
+        if len(parts) == 1 and not re.match(r"\s*\w+:", text):
+            head, *parts = text.splitlines()
+            if "," not in head:
+                # Numbers may be separated by semicolons as well.
+                head, parts = head.replace(";", ","), [part.replace(";", ",") for part in parts]
+            names = head.split(",")
+            read = partial(_cells, names)
+    rows: list[dict[str, Float]] = []
+    for number, part in enumerate(parts, 1):
+        if isinstance(part, str) and not part.strip():
+            continue
+        try:
+            row = dict(_flat(read(part), ""))
+            if rows and row.keys() != rows[0].keys():
+                raise ValueError("other fields than the first")
+        except (ValueError, RecursionError) as error:
+            intake.refuse(number, one_line(str(error), 90), "record")
+            continue
+        rows.append(row)
+        intake.take(sum(value.size for value in row.values()), number, "record")
+    if not rows:
+        raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
+    if len(rows) == 1:
+        return rows[0]
+    return {name: _stacked(name, [row[name] for row in rows], intake.notes) for name in rows[0]}
+
+
+def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
+    """Values of records, one below the other."""
+    if {part.ndim for part in parts} == {1}:
+        return padded(parts, notes if meaning(name)[0] == "ranges" else [])
+    return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
+
+
+def _cells(names: list[str], line: str) -> dict[str, Any]:
+    """The cells of a line of a CSV, some of which are lists; what is left out is NaN.
+
+    Names with dots are those of messages in messages.
+    """
+    cells = [match[match.lastindex or 0].strip("\"' ") for match in CELLS.finditer(line + ",")]
+    if len(cells) != len(names):
+        raise ValueError(f"{len(cells)} cells for {len(names)} names")
+    found: dict[str, Any] = {}
+    for name, cell in zip(names, cells, strict=True):
+        *above, last = name.strip(". \"'").split(".")
+        place = found
+        for each in above:
+            place = place.setdefault(each, {})
+        words = cell.strip("[()]").replace(",", " ").split()
+        many = len(words) > 1 or cell.startswith(("[", "("))
+        place[last] = _yaml(cell) if cell.startswith("{") else words if many else cell or np.nan
+    return found
+
+
+def _yaml(text: str) -> Any:
+    import yaml
+
+    if "*" in text:
+        raise ValueError("an alias of YAML, which no message has")
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        return yaml.load(text, Loader=loader)
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split())) from None
+
+
+def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
+    """The numbers in a record by their names: of messages, stamps and quaternions are one each."""
+    if isinstance(value, dict):
+        keys = set(value)
+        if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
+            sec, nanosec = value.values()
+            yield name, np.array(float(sec) + 1e-9 * float(nanosec))
+        elif keys == {"x", "y", "z", "w"}:
+            turn = (np.array(float(value[each])) for each in "xyzw")
+            yield f"{name}.theta_rad", heading_of(*turn)
+        else:
+            for key, each in value.items():
+                yield from _flat(each, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+        parts = [dict(_flat(each, name)) for each in value]
+        for key in parts[0]:
+            yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
+    elif isinstance(value, list) and CUT in value:
+        raise ValueError(WHOLE)
+    elif value is not None:
+        with suppress(ValueError, TypeError):
+            # None is a reading that is none.
+            yield name, np.array(value, dtype=np.float64)

@@ -1,0 +1,247 @@
+"""The messages in files of ROS bags: MCAP, SQLite, and the .bag of ROS 1.
+
+Files are read from their beginning, without an index: of what a killed recorder or a full disk
+left, all whole records are read, also those in a chunk that is cut. Nothing is unpacked beyond a
+limit: a few kilobytes may unpack to gigabytes.
+"""
+
+import bz2
+import io
+import re
+import shutil
+import sqlite3
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.files import check_ordinary
+from lrf3d.base.interrupts import check
+
+MOST_UNPACKED = 1 << 28
+"""Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
+megabyte, some of a hundred."""
+
+FILES = (".mcap", ".db3", ".bag")
+"""Endings of the files of bags; the last one is that of ROS 1."""
+
+MCAP, SQLITE, OLD, ZSTD = b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n", b"(\xb5/\xfd"
+"""What files begin with; the last one is that of packed files and messages."""
+
+
+class Topic(NamedTuple):
+    """A topic, the type of its messages, by its name in ROS 2, and how they are packed."""
+
+    name: str
+    kind: str
+    packing: str
+
+
+Packet = tuple[Topic, int, bytes | None]
+"""A message: its topic, when it was received [ns], and its bytes; without these, a topic begins."""
+
+
+def bag_files(path: Path) -> list[Path]:
+    """The files of a bag, in the order of their numbers."""
+    if not path.is_dir():
+        check_ordinary(path, what="a ROS bag")
+        return [path]
+    parts = sorted(part for part in path.iterdir() if not part.is_dir())
+    for part in parts:
+        check_ordinary(part, what="a file of a ROS bag")
+    for ending in FILES:
+        if files := [part for part in parts if ending in part.suffixes[-2:]]:
+            return sorted(files, key=lambda file: (len(file.name), file.name))
+    known, there = ", ".join(FILES), one_line(", ".join(part.name for part in parts), 90)
+    found = f" ({there})" if there else ""
+    raise InputError(f"{path}: a folder without {known} or run.npz{found}, expected a log")
+
+
+def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
+    """The messages of a file of a bag; an error says that it is none, a note that it is cut."""
+    with ExitStack() as stack:
+        file: Any = stack.enter_context(path.open("rb"))
+        head = file.read(len(SQLITE))
+        if head.startswith(ZSTD):
+            file = stack.enter_context(tempfile.NamedTemporaryFile())
+            _unpack(path, file)
+            head = file.read(len(SQLITE))
+        if head == SQLITE:
+            try:
+                yield from _of_sqlite(Path(file.name), note)
+            except sqlite3.DatabaseError as error:
+                raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
+            return
+        is_mcap = head.startswith(MCAP)
+        if not is_mcap and not head.startswith(OLD):
+            raise InputError("none of a known kind" if head else "an empty file")
+        end = file.seek(0, 2)
+        if is_mcap:
+            file.seek(max(end - len(MCAP), 0))
+            whole = file.read() == MCAP
+            file.seek(len(MCAP))
+        else:
+            file.seek(len(OLD))
+            index = int.from_bytes(_fields(_block(file)).get(b"index_pos", b""), "little")
+            whole = 0 < index <= end
+            _block(file)
+        if not whole:
+            note(f"{path.name} was cut short: what is whole in it was read")
+        yield from _of_mcap(file, {}, {}) if is_mcap else _of_ros1(file, {})
+
+
+def unpacked(packing: str, data: bytes) -> bytes:
+    """What packed data hold, as far as they are whole."""
+    from lz4.frame import LZ4FrameDecompressor
+
+    if packing in ("", "none"):
+        return data
+    kinds = {
+        "zstd": _zstd().ZstdDecompressor,
+        "lz4": LZ4FrameDecompressor,
+        "bz2": bz2.BZ2Decompressor,
+    }
+    parts, left = [], MOST_UNPACKED
+    while data:
+        check()
+        unpacker = kinds[packing]()
+        parts.append(unpacker.decompress(data, max_length=left + 1))
+        left -= len(parts[-1])
+        _check_size(MOST_UNPACKED - left)
+        data = unpacker.unused_data or b"" if unpacker.eof else b""
+    return b"".join(parts)
+
+
+def _zstd() -> Any:
+    """The module for packed data that rosbags brings, or Python from 3.14 on."""
+    return import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+
+
+def _check_size(size: int) -> None:
+    if size > MOST_UNPACKED:
+        most = f"more than the {MOST_UNPACKED / 1e6:.0f} MB that are unpacked at a time"
+        raise InputError(f"a chunk or a message of {most}; record in smaller chunks")
+
+
+def _unpack(path: Path, whole: Any) -> None:
+    # Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
+    most_times = 200
+    left = MOST_UNPACKED + most_times * path.stat().st_size
+    # Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
+    block = 1 << 16
+    with suppress(EOFError), _zstd().open(path) as stream:
+        while part := stream.read(block):
+            check()
+            left -= len(part)
+            if left < 0:
+                raise InputError(f"a packed file unpacks to more than {most_times} times its size")
+            whole.write(part)
+    if not whole.tell():
+        raise InputError("cut short, so that nothing in it is whole")
+    whole.seek(0)
+
+
+def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
+    # Nothing is written beside the file. What a killed recorder left in its journal is read from
+    # copies, since SQLite moves it into the file.
+    journal = path.with_name(f"{path.name}-wal")
+    with ExitStack() as stack:
+        uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+        if journal.is_file() and journal.stat().st_size:
+            note(f"{path.name} was not closed: what is whole in {journal.name} was read, too")
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            for part in (path, journal):
+                check()
+                shutil.copyfile(part, folder / part.name)
+            uri = (folder / path.name).as_uri()
+        database = stack.enter_context(closing(sqlite3.connect(uri, uri=True)))
+        names = "SELECT name FROM sqlite_master WHERE type = 'table'"
+        if not {("topics",), ("messages",)} <= set(database.execute(names)):
+            raise InputError("without tables of topics and messages")
+        topics = {}
+        columns = "id, name, type, serialization_format"
+        for number, *words in database.execute(f"SELECT {columns} FROM topics"):
+            topics[number] = Topic(*map(str, words))
+            yield topics[number], 0, None
+        # In the order of their receipt: by a clock that starts again, two drives would be mixed.
+        rows = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
+        for number, received, data in database.execute(rows):
+            if isinstance(data, bytes):
+                yield topics[number], received, data
+
+
+def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, Topic]) -> Iterator[Packet]:
+    # Kinds of records of MCAP that are read, and the one after the last of the data.
+    schema, channel, message, chunk, data_end = 3, 4, 5, 6, 15
+    while len(head := stream.read(9)) == 9 and head[0] != data_end:
+        size = int.from_bytes(head[1:], "little")
+        if head[0] not in (schema, channel, message, chunk):
+            stream.seek(size, 1)
+            continue
+        _check_size(size)
+        data = stream.read(size)
+        if head[0] == chunk:
+            packing, place = _text(data, 28)
+            inner = io.BytesIO(unpacked(packing, data[place + 8 :]))
+            yield from _of_mcap(inner, schemas, topics)
+        elif len(data) == size:
+            own, other = (int.from_bytes(data[k : k + 2], "little") for k in (0, 2))
+            if head[0] == schema:
+                schemas[own] = _text(data, 2)[0]
+            elif head[0] == channel:
+                name, place = _text(data, 4)
+                topics[own] = Topic(name, _new(schemas.get(other, "")), _text(data, place)[0])
+                yield topics[own], 0, None
+            else:
+                yield topics[own], int.from_bytes(data[6:14], "little"), data[22:]
+
+
+def _text(data: bytes, place: int) -> tuple[str, int]:
+    """A string in a record, and where it ends."""
+    end = place + 4 + int.from_bytes(data[place : place + 4], "little")
+    return data[place + 4 : end].decode("utf-8", "replace"), end
+
+
+def _of_ros1(stream: Any, topics: dict[bytes, Topic]) -> Iterator[Packet]:
+    old_message, old_chunk, old_connection = 2, 5, 7  # Kinds of records of ROS 1 that are read.
+    while header := _block(stream):
+        fields = _fields(header)
+        kind = int.from_bytes(fields.get(b"op", b""), "little")
+        if kind == old_chunk:
+            packing = fields[b"compression"].decode()
+            inner = io.BytesIO(unpacked(packing, _block(stream)))
+            yield from _of_ros1(inner, topics)
+            continue
+        data = _block(stream)
+        if kind == old_connection:
+            of_type = _fields(data)[b"type"].decode()
+            name = fields[b"topic"].decode("utf-8", "replace")
+            topics[fields[b"conn"]] = Topic(name, _new(of_type), "ros1")
+            yield topics[fields[b"conn"]], 0, None
+        elif kind == old_message:
+            sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
+            yield topics[fields[b"conn"]], sec * 1_000_000_000 + nanosec, data
+
+
+def _block(stream: Any) -> bytes:
+    """The bytes that follow their number, as far as they are there."""
+    size = int.from_bytes(stream.read(4), "little")
+    _check_size(size)
+    data: bytes = stream.read(size)
+    return data
+
+
+def _fields(header: bytes) -> dict[bytes, bytes]:
+    stream, fields = io.BytesIO(header), {}
+    while each := _block(stream):
+        name, _, fields[name] = each.partition(b"=")
+    return fields
+
+
+def _new(kind: str) -> str:
+    """The name in ROS 2 of a type of messages."""
+    return re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)

@@ -1,0 +1,378 @@
+"""The contents of a bag, and the poses of its scans: whose odometry, by which clock."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from os.path import basename, commonpath, dirname
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import LARGEST_COORDINATE, usual_step
+from lrf3d.geometry.pose import Pose
+from lrf3d.laser import LaserScan, Stamp
+from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
+from lrf3d.recordings.formats.bags.frames import BACK, Frames, Part, Track, in_the_plane
+from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
+
+ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
+SCANS = (SCAN, ECHOES)
+"""Scans, and those of several echoes a beam, of which the first counts."""
+
+POSE = "geometry_msgs/msg/PoseStamped"
+UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+OLD_TRANSFORMS = "tf/msg/tfMessage"
+TYPES = (*SCANS, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
+"""The types of messages that are read."""
+
+
+@dataclass(slots=True)
+class Stream:
+    """The scans of a topic that have the same frame, in the order of their receipt."""
+
+    topic: str
+    frame: str
+    scans: list[LaserScan] = field(default_factory=list)
+    track: Track = field(default_factory=Track)
+    fans: tuple[tuple[float, float], ...] = ()
+    note: str = ""
+
+    @property
+    def words(self) -> str:
+        """The number of scans, their topic and their frame."""
+        return f"{counted(len(self.scans), 'scan')} of {self.topic} ({self.frame})"
+
+    def add(self, message: Any, *stamp: int) -> None:
+        """Add a message; an error says why it cannot be used."""
+        scan = LaserScan.from_ros(message)
+        first, last = scan.angles[[0, -1]].tolist()
+        low, high, step = message.angle_min, message.angle_max, message.angle_increment
+        # How far the last bearing may differ from what the message says [rad]: two beams, or .01.
+        apart = abs(high - last) > max(0.01, 2.0 * abs(step))
+        if not abs(step * (len(scan.angles) - 1) - (last - first)) < 0.01:
+            self.note = f"the angle_increment of {self.topic} contradicts its angle_min and"
+            self.note += " angle_max: beams lie evenly between these"
+        elif apart and high and abs(high - low) <= 2.1 * np.pi:
+            self.note = (
+                f"the beams of {self.topic} end at {last:.3g} rad, its angle_max is {high:.3g}"
+            )
+            self.fans = ((low, high),)
+        # A range finder whose range_max is infinite does not measure such ranges either.
+        scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
+        if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
+            # Scans with the same angles share one array.
+            scan = replace(scan, angles=self.scans[-1].angles)
+        self.scans.append(scan)
+        self.track.add(*stamp)
+
+
+@dataclass(slots=True)
+class Contents:
+    """The contents of a bag: scans, the poses of each topic and their frames, and transforms.
+
+    Scans are kept by topic and frame; transforms by namespace: in its own, a robot may have frames
+    of the usual names.
+    """
+
+    intake: Intake
+    by_frame: dict[tuple[str, str], Stream] = field(default_factory=dict)
+    scan_topics: list[str] = field(default_factory=list)
+    tracks: dict[str, Track] = field(default_factory=lambda: defaultdict(Track))
+    children: dict[str, str] = field(default_factory=dict)
+    edges: dict[str, dict[str, tuple[str, Track]]] = field(
+        default_factory=lambda: defaultdict(dict)
+    )
+
+    @property
+    def streams(self) -> list[Stream]:
+        """The scans in the order of their topics, the preferred one first."""
+        found = self.by_frame.values()
+        return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
+
+    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> int:
+        """Take a message, and return its size in readings; an error says why it is of no use."""
+        if kind in (TRANSFORMS, OLD_TRANSFORMS):
+            edges = self.edges[topic.rpartition("/")[0]]
+            for each in message.transforms:
+                child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
+                track = Track(is_static=topic.endswith(STATIC_FRAMES))
+                parent, track = edges.setdefault(child, (above, track))
+                # A frame has one parent; if programs publish different ones, the first counts.
+                if parent == above:
+                    moved = each.transform
+                    track.add_pose(
+                        moved.translation, moved.rotation, _stamp(each), received, number
+                    )
+            return A_POSE * len(message.transforms)
+        stamp = _stamp(message), received, number
+        if kind in SCANS:
+            if kind == ECHOES:
+                message.ranges = [[*each.echoes, np.inf][0] for each in message.ranges]
+                message.intensities = []
+            frame = _frame(message.header.frame_id)
+            stream = self.by_frame.get((topic, frame)) or Stream(topic, frame)
+            stream.add(message, *stamp)
+            self.by_frame[topic, frame] = stream
+            return len(message.ranges) + A_MESSAGE
+        pose = message.pose if kind == POSE else message.pose.pose
+        child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
+        # Of several robots on one topic, each has a track.
+        name = topic if self.children.get(topic, child) == child else f"{topic} of {child}"
+        self.tracks[name].add_pose(pose.position, pose.orientation, *stamp)
+        self.children[name] = child
+        return A_POSE
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return Stamp(int(stamp.sec), int(stamp.nanosec)).nanoseconds
+
+
+def _frame(name: str) -> str:
+    """The name of a frame in ROS 2; ROS 1 put a slash before it."""
+    return name.removeprefix("/")
+
+
+LEAST_UPRIGHT = np.cos(np.radians(15.0))
+"""Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
+
+BASE, DRIFTING = "base_link", "odom"
+"""Frames of the robot and of its odometry, as REP 105 calls them."""
+
+STANDING = np.eye(4)
+"""The pose of a laser that nothing is known of."""
+
+
+def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
+    """The scans of the robot of the first stream, with the poses of the wanted source."""
+    first, path, notes = contents.streams[0], contents.intake.path, contents.intake.notes
+    robot = _Robot(contents, first, _part(contents, first, part), wanted)
+    if doubt := robot.doubt():
+        notes.append(f"{doubt}: times of receipt count")
+        robot = _Robot(contents, first, replace(robot.part, by_receipt=True), wanted)
+    there = ", ".join(robot.there) or "no ground truth, no transforms, no odometry"
+    if not robot.source and wanted not in ("auto", "odom"):
+        raise InputError(f"{path}: no poses from {wanted} in it; there are {there}")
+    used: dict[str, Stream] = {}
+    for stream in contents.streams:
+        # Of several versions of the scans of a frame the first counts.
+        if stream is first or robot.has(stream):
+            used.setdefault(stream.frame, stream)
+    left = [each.words for each in contents.streams if each is not used.get(each.frame)]
+    if left:
+        notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
+    if robot.coarse:
+        notes.append(robot.coarse)
+    if robot.unused:
+        notes.append(
+            f"odometry from {robot.source}, not from {one_line(', '.join(robot.unused), 90)}"
+        )
+    first, *others = used.values()
+    notes += dict.fromkeys(each.note for each in used.values() if each.note)
+    if others:
+        notes.append("lasers: " + ", ".join(each.words for each in used.values()))
+    scans = [s for each in used.values() for s in robot.placed(each)]
+    if not scans:
+        raise InputError(f"{path}: no scan within the time of the poses from {robot.words}")
+    return contents.intake.log(
+        sorted(scans, key=lambda scan: scan.time),
+        source=robot.words if robot.source else f"none: {there}",
+        placed=bool(robot.source),
+        fans=first.fans * (not others),
+    )
+
+
+def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
+    """The part that was chosen, or the longest one, of a recording whose stamps go back."""
+    path, notes = contents.intake.path, contents.intake.notes
+    sent, _, numbers = stream.track.stamps
+    back = np.flatnonzero(np.diff(sent) < -BACK) + 1
+    count = len(back) + 1
+    if wanted is not None and not 1 <= wanted <= count:
+        raise InputError(f"{path}: no part {wanted}: the stamps of its scans make {count} of them")
+    if not len(back):
+        return Part(back, 0)
+    found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
+    found += f" from {1e-9 * sent[back[0] - 1]:.10g} to {1e-9 * sent[back[0]]:.10g} s"
+    # Parts that a recording may have; where stamps go back more often, they are useless.
+    most_parts = 20
+    if count > most_parts:
+        notes.append(f"{found}, and {count - 2} times more: times of receipt count")
+        return Part(back[:0], 0, by_receipt=True)
+    sizes = np.diff([0, *back, len(sent)])
+    chosen = int(sizes.argmax()) if wanted is None else wanted - 1
+    notes.append(
+        f"{found}: part {chosen + 1} of {count} was read, {sizes[chosen]} of {len(sent)} scans;"
+        " --part reads another"
+    )
+    return Part(numbers[back], chosen)
+
+
+class _Robot:
+    """The robot of a stream of scans: its frames, its tracks, and the source of its poses.
+
+    ``sources`` are the names of the sources that the bag has, each with its topic, or the frame in
+    which the laser's pose is found; ``words`` describe the one that is chosen.
+    """
+
+    def __init__(self, contents: Contents, stream: Stream, part: Part, wanted: str) -> None:
+        self.part, self._stream, self._contents = part, stream, contents
+        edges = _edges(contents, stream.topic)
+        self._edges = {child: track for child, (_, track) in edges.items()}
+        moving = {child: (parent, track.within(part)) for child, (parent, track) in edges.items()}
+        self._frames = Frames({k: (above, m) for k, (above, m) in moving.items() if m is not None})
+        self._children, self._tracks = contents.children, contents.tracks
+        chain = self._frames.chain(stream.frame)
+        moves = [self._frames.moves(frame) for frame in chain]
+        drifting = next((frame for frame in chain if basename(frame) == DRIFTING), "")
+        topics = [topic for topic in self._own(contents) if len(contents.tracks[topic]) > 1]
+        truths = [topic for topic in topics if "ground_truth" in topic]
+        drives = [topic for topic in topics if topic not in truths]
+        driven = [topic for topic in drives if contents.children[topic]]
+        if not driven and drifting and any(moves[: chain.index(drifting)]):
+            driven = [drifting]
+        odom, *self.unused = driven or drives or [""]
+        truth, tree = "".join(truths[:1]), chain[-1] if any(moves[:-1]) else ""
+        sources = {"truth": truth, "tf": tree, "odom": odom}
+        self.there = [name for name, found in sources.items() if found]
+        name = self.there[0] if wanted == "auto" and self.there else wanted
+        self.source = sources.get(name, "")
+        if self.source != odom:
+            self.unused = []
+        self._base, self.words = self._carrier()
+
+    def _own(self, contents: Contents) -> list[str]:
+        """The topics of poses that may be this robot's, the likeliest first."""
+        frame, topic, frames = self._stream.frame, self._stream.topic, self._frames
+        own = []
+        aims = ("goal", "initialpose")  # Words in the names of topics of poses where no robot is.
+        for name, child in contents.children.items():
+            spaces = dirname(child), dirname(frame)
+            there = dirname(name)
+            foreign = (
+                (all(spaces) and spaces[0] != spaces[1])
+                or (child in frames and frame in frames and not frames.carries(child, frame))
+                # Another robot's scans are beside it.
+                or (there in map(dirname, contents.scan_topics) and not topic.startswith(there))
+            )
+            if not foreign and not any(word in name for word in aims):
+                own.append(name)
+
+        def rank(name: str) -> tuple[bool, bool, int, bool, str]:
+            linked, fused = frames.carries(contents.children[name], frame), "filtered" in name
+            near, usual = len(commonpath([name, topic])), basename(name) == DRIFTING
+            return not linked, not fused, -near, not usual, name
+
+        return sorted(own, key=rank)
+
+    def _carrier(self) -> tuple[str, str]:
+        """The frame that the source gives the poses of, and the source in words."""
+        frame, frames, source = self._stream.frame, self._frames, self.source
+        base = frames.base(frame)
+        if source not in self._tracks:
+            return base, f"/tf, {frame} in {source}"
+        child = self._children[source] or base
+        if frames.carries(child, frame):
+            return child, source
+        if base == frame:
+            return (
+                base,
+                f"{source}, with the laser in the middle of {child} for want of a transform",
+            )
+        return base, f"{source}, with {base} taken for {child}"
+
+    @property
+    def coarse(self) -> str:
+        """That poses come much more seldom than scans, in a sentence; "" if they do not."""
+        track = self._tracks.get(self.source) or self._edges.get(self._base)
+        if not self.source or not track:
+            return ""
+        apart, scans = (usual_step(1e-9 * each.times(self.part)[0])
+                        for each in (track, self._stream.track))  # fmt: skip
+        # Intervals [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
+        if not scans or apart < max(0.3, 3.0 * scans):
+            return ""
+        return (
+            f"poses of {self.words.partition(',')[0]} are {apart:.2g} s apart: interpolated for"
+            " scans between them"
+        )
+
+    def doubt(self) -> str:
+        """What is wrong with the stamps of this robot's scans or poses; "" if nothing is."""
+        if self.part.by_receipt:
+            return ""
+        chain = self._frames.chain(self._stream.frame)
+        tracks = {f"/tf of {k}": track for k in chain if (track := self._edges.get(k))}
+        tracks |= {name: track for name, track in self._tracks.items() if name == self.source}
+        tracks = {name: track for name, track in tracks.items() if not track.is_static}
+        own = self._stream.track
+        for name, track in {self._stream.topic: own, **tracks}.items():
+            if track.is_frozen:
+                return f"the stamps of {name} are all {1e-9 * track.stamps[0, 0]:g} s"
+        # Clocks that differ by more than this [ns] are not the same: transforms are published up to
+        # a second ahead, and scans some tenths late.
+        clocks_apart = 2e9
+        for name, track in tracks.items():
+            apart = 0.0 if track.stands else own.ahead() - track.ahead()
+            if abs(apart) > clocks_apart:
+                way = "ahead of" if apart > 0 else "behind"
+                return (
+                    f"the stamps of {self._stream.topic} are {1e-9 * abs(apart):.3g} s {way} {name}"
+                )
+        return ""
+
+    def has(self, stream: Stream) -> bool:
+        """Whether another stream is of a laser of this robot, whose poses are known, too."""
+        mine = self._frames.base(self._stream.frame)
+        return bool(self.source) and self._frames.carries(mine, stream.frame)
+
+    def placed(self, stream: Stream) -> list[LaserScan]:
+        """The scans of a stream with their poses and where the laser is mounted."""
+        intake, frames = self._contents.intake, self._frames
+        times, inside = stream.track.times(self.part)
+        mounted = frames.poses(stream.frame, self._base, times)
+        if not self.source:
+            laser = np.where(np.isfinite(mounted), STANDING, np.nan)
+            laser[:, 2, 2] = mounted[:, 2, 2]
+        elif self.source in self._tracks:
+            motion = self._tracks[self.source].within(self.part)
+            laser = mounted * np.nan if motion is None else motion.at(times) @ mounted
+        else:
+            laser = frames.poses(stream.frame, self.source, times)
+        # The cosine of the tilt is 1 for an upright laser and −1 for one upside down.
+        mounts = in_the_plane(mounted)
+        poses, upright, known = in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
+        askew = np.abs(upright[known & inside & ~(np.abs(upright) >= LEAST_UPRIGHT)])
+        if len(askew):
+            tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
+            raise InputError(
+                f"{intake.path}: the laser {stream.frame} is tilted by {tilt:.0f}°, expected one"
+                " that scans in the plane"
+            )
+        scans = []
+        for number in np.flatnonzero(inside).tolist():
+            if not known[number]:
+                why = (
+                    f"scan {number + 1} lies outside the time that poses are known for, or in a gap"
+                )
+                intake.refuse(number + 1, why, "scan")
+                continue
+            scan = stream.scans[number]
+            scan = replace(
+                scan,
+                pose=Pose(*poses[number].tolist()),
+                mount=Pose(*mounts[number].tolist()),
+                laser=stream.frame,
+                angles=scan.angles if upright[number] > 0.0 else -scan.angles,
+                time=1e-9 * times[number] if self.part.by_receipt else scan.time,
+            )
+            scans.append(scan)
+        return scans
+
+
+def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, Track]]:
+    """The transforms of the namespaces that a topic is in, or of all if there are none of these."""
+    spaces = sorted(contents.edges, key=len)
+    own = [space for space in spaces if topic.startswith(f"{space}/")]
+    return {k: edge for space in own or spaces for k, edge in contents.edges[space].items()}

@@ -1,0 +1,113 @@
+"""Reading ROS bags: the scans of a recorded drive, with their poses.
+
+The poses come from the first of these sources that the bag has, or from the one that is chosen:
+
+========  ==================================================================================
+truth     a topic with ``ground_truth`` in its name: Odometry or PoseStamped
+tf        the transforms from the frame of the laser up to the root of its tree, ``map`` where
+          a SLAM ran
+odom      a topic of Odometry, ``/odom`` before others; where there is none, the transforms up
+          to the frame ``odom``
+========  ==================================================================================
+
+Only what belongs to the robot of the laser counts: odometry of a frame that carries the laser.
+Each scan has the mounting of its own frame, by the transforms: position, heading, and whether it is
+upside down. The pose of a scan is interpolated at its stamp, which is that of its first beam. Scans
+before the first pose or after the last are left out and counted. Where stamps go back, another part
+of the recording begins, of which one is read; where they are useless, the times of receipt count.
+
+Only messages of the types named here are unpacked, by rosbags (extra ``ros``) and its own
+definitions.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
+from lrf3d.base.interrupts import check
+from lrf3d.messages.ros import SCAN, TRANSFORMS
+from lrf3d.recordings.formats.bags.files import ZSTD, Topic, bag_files, packets, unpacked
+from lrf3d.recordings.formats.bags.poses import (
+    OLD_TRANSFORMS,
+    SCANS,
+    TYPES,
+    Contents,
+    log_of,
+)
+from lrf3d.recordings.log import Intake, LaserLog
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+
+
+def load_bag(
+    intake: Intake, *, poses: str = "auto", scan_topic: str | None = None, part: int | None = None
+) -> LaserLog:
+    """Read the scans of a ROS bag; see `load_log`."""
+    path, contents, number = intake.path, Contents(intake), 0
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise missing_rosbags(path) from None
+    new, old = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
+    for name in (TRANSFORMS, OLD_TRANSFORMS):
+        old.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    deserialized = {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
+    topics = set[Topic]()
+    for number, (topic, received, data) in enumerate(_wanted(intake, scan_topic, topics), 1):
+        check()
+        try:
+            message = deserialized[topic.packing](data, topic.kind)
+            size = contents.take(topic.name, topic.kind, message, received, number)
+        except Exception as error:
+            # A damaged message may raise any exception.
+            intake.refuse(number, _short(error), "message")
+        else:
+            intake.take(size, number, "message")
+    scans = sorted(
+        {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
+    )
+    why = "".join(f"; {note}" for note in intake.notes)
+    if not scans:
+        there = ", ".join(sorted(f"{topic.name} ({topic.kind})" for topic in topics))
+        there = there and f"; there are {one_line(there, 300)}"
+        if any(topic.kind == CLOUD for topic in topics):
+            there += "; ROS's pointcloud_to_laserscan makes scans of point clouds"
+        raise InputError(f"{path}: no topic of {SCAN} in it{there}{why}")
+    if scan_topic not in (None, *scans):
+        raise InputError(f"{path}: no scans on {scan_topic}; there are {', '.join(scans)}")
+    if not contents.by_frame:
+        name = scan_topic or scans[0]
+        none = "that can be used" if intake.bad else "though the topic exists"
+        raise InputError(f"{path}: no scan on {name} {none}{intake.first_bad}{why}")
+    contents.scan_topics = scans
+    return log_of(contents, poses, part)
+
+
+def _wanted(
+    intake: Intake, scan_topic: str | None, topics: set[Topic]
+) -> Iterator[tuple[Topic, int, bytes]]:
+    """The messages of the types that are read; scans of one topic alone, if it is given."""
+    files = bag_files(intake.path)
+    for file in files:
+        try:
+            for topic, received, data in packets(file, intake.notes.append):
+                topics.add(topic)
+                unwanted = topic.kind in SCANS and scan_topic not in (None, topic.name)
+                if data is not None and topic.kind in TYPES and not unwanted:
+                    yield topic, received, unpacked("zstd" if data.startswith(ZSTD) else "", data)
+        except Exception as error:
+            # A damaged file may raise any exception; what comes before is whole.
+            if not topics and file == files[-1]:
+                found = f"not a ROS bag or damaged: {_short(error)}"
+                raise InputError(f"{intake.path}: {found}") from None
+            intake.notes.append(f"{file.name} is damaged ({_short(error)}): read up to there")
+
+
+def missing_rosbags(path: Path) -> MissingLibraryError:
+    """The error that explains how to install rosbags."""
+    return missing_extra(f"{path}: ROS bags need rosbags", "ros")
+
+
+def _short(error: Exception) -> str:
+    """The message of a library's error in one line."""
+    return one_line(" ".join(str(error).split()) or type(error).__name__, 150)

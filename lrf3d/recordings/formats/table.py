@@ -1,0 +1,330 @@
+"""Table: the numbers of a recording by what they are, in whatever units, and the log of them.
+
+Texts, arrays and documents are read into a table: ranges (k, n), and, where there are any, stamps,
+poses, increments or ticks of encoders (k,) each. A `LaserLog` leaves, whose notes say what was
+assumed.
+"""
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float, Int, sealed, usual_step
+from lrf3d.geometry.pose import Pose, compose, heading_of
+from lrf3d.laser import LaserScan
+from lrf3d.recordings.formats.text.fans import FANS, front_ends
+from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
+
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
+COUNTS = {"": 1.0}
+ROLES = {
+    "stamp": TIMES, "dt": TIMES,
+    "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
+    "dtheta": ANGLES, "left": COUNTS, "right": COUNTS, "ranges": LENGTHS, "angles": ANGLES,
+    "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS, "nanosec": COUNTS,
+}  # fmt: skip
+"""What columns hold, and their units; the first one is that of lrf3d."""
+
+SETTINGS = {
+    "first": ANGLES, "last": ANGLES, "step": ANGLES, "tick": LENGTHS, "track": LENGTHS,
+    "offset": LENGTHS,
+}  # fmt: skip
+"""Numbers that a format or a recording may give, and their units."""
+
+SYNONYMS = {
+    "stamp": "stamp time timestamp datetime t ts sec secs seconds zeit temps",
+    "nanosec": "nanosec nanosecs nsec nsecs", "x": "x px posx",
+    "y": "y py posy",
+    "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
+    "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
+    "qw": "qw", "angles": "angle bearing azimuth winkel deg", "quality": "quality q confidence",
+    "poses": "poses pose trajectory odometry odom",
+    "ranges": "ranges range r distances distance dist d scan laser lidar readings"
+    " abstand entfernung",
+}  # fmt: skip
+"""Words for columns in headers, and for arrays."""
+
+MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": "step"}
+OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
+"""Fields of ROS messages that are settings, or hold something else than their words say."""
+
+CUT, WHOLE = "...", "arrays are cut: ros2 topic echo --full-length prints them whole"
+"""What stands for the elements that ``ros2 topic echo`` leaves out, and what to do."""
+
+FOREIGN = set(
+    "acceleration accel acc velocity vel twist gyro covariance id idx index number nr count".split()
+)
+"""Words of columns that are no poses, though they have an x and a y, or that count."""
+
+FAR, ROOM = 100.0, 1500.0
+"""In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
+the second."""
+
+
+def meaning(name: str) -> tuple[str, str]:
+    """What a column of this name holds, and its unit, as far as the name says so."""
+    name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
+    if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
+        return f"q{quaternion[1]}", ""
+    if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:
+        return MESSAGE_FIELDS.get(last, ""), "rad"
+    words = [word for word in re.split(r"[^a-z]+", name) if word]
+    if FOREIGN.intersection(words):
+        return "", ""
+    units = [word for word in words if any(word in known for known in ROLES.values())]
+    words = [word for word in words if word not in units or len(words) == 1]
+    for word in reversed(words):
+        word = "timestamp" if word.endswith("timestamp") else word
+        for role, known in SYNONYMS.items():
+            if word in known.split() or word.removesuffix("s") in known.split():
+                unit = units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
+                return role, unit
+    return "", ""
+
+
+@dataclass
+class Table:
+    """Columns by what they hold, in units that may be known; others are found and noted."""
+
+    intake: Intake
+    values: dict[str, Float]
+    units: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, float] = field(default_factory=dict)
+    clockwise: bool = False
+    fans: tuple[tuple[float, float], ...] = ()
+
+    @classmethod
+    def named(cls, intake: Intake, arrays: dict[str, Float]) -> "Table":
+        """The table of arrays whose names say what they are."""
+        table = cls(intake, {})
+        for name, array in arrays.items():
+            role, unit = meaning(name)
+            if role == "poses" and array.shape[-1:] == (3,):
+                for each, column in zip(("x", "y", "theta"), array.T, strict=True):
+                    table.values.setdefault(each, column)
+            elif role in SETTINGS and array.size and np.ptp(array) == 0.0:
+                table.settings[role] = float(array.flat[0])
+            elif role in ROLES and role not in table.values:
+                table.values[role] = array if role == "ranges" else array.reshape(-1)
+                table.units |= {role: unit} if unit else {}
+        intake.notes.append("found by name: " + ", ".join([*table.values, *table.settings]))
+        return table
+
+    def log(self) -> LaserLog:
+        """The log of this table."""
+        ranges = self.values["ranges"]
+        if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
+            # Each scan has angles of its own.
+            self.gather(np.arange(0, ranges.size + 1, ranges.shape[1]), ranges.ravel())
+        ranges, angles, times = self._ranges(), self._angles(), self.times()
+        for role, values in self.values.items():
+            if role not in ("ranges", "angles") and len(values) != len(ranges):
+                found = f"{len(values)} of {role} for {len(ranges)} scans"
+                raise InputError(f"{self.intake.path}: {found}")
+        base = self.poses()
+        offset = np.array([self.settings.get("offset", 0.0), 0.0, 0.0])
+        poses = np.zeros((len(ranges), 3)) if base is None else compose(base, offset)
+        ranges = np.where(ranges >= self.intake.limit, np.inf, ranges)
+        scans = [
+            LaserScan(Pose(*pose), angles, row, time=time)
+            for pose, row, time in zip(poses.tolist(), ranges, times.tolist(), strict=True)
+        ]
+        wheels = None
+        if base is not None and offset[0]:
+            wheels = WheelRecord(times, base, np.arange(len(base)), float(offset[0]))
+        source = "none" if base is None else "as logged"
+        return self.intake.log(
+            scans, source=source, wheels=wheels, placed=base is not None, fans=self.fans
+        )
+
+    def gather(self, begins: Int, readings: Float) -> None:
+        """Make scans of readings at bearings that differ from scan to scan, and begin here.
+
+        The beams are those of a fan; what was not measured is −inf.
+        """
+        angles = self.values["angles"]
+        in_degrees = np.abs(angles).max() > 2.1 * np.pi
+        unit = self.units.get("angles", "deg" if in_degrees else "rad")
+        angles = angles * ANGLES[unit]
+        sizes = np.diff(begins)
+        beams, kept = int(np.median(sizes)), np.flatnonzero(2 * sizes > np.median(sizes))
+        low, wide = float(angles.min()), float(np.ptp(angles))
+        whole = wide > 1.9 * np.pi
+        step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
+        ranges = np.full((len(kept), beams), -np.inf)
+        for row, number in zip(ranges, kept.tolist(), strict=True):
+            own = slice(begins[number], begins[number + 1])
+            row[np.rint((angles[own] - low) / max(step, 1e-9)).astype(int) % beams] = readings[own]
+        for role, values in self.values.items():
+            if len(values) == len(angles):
+                self.values[role] = values[begins[kept]]
+        self.clockwise |= whole and "quality" in self.values
+        self.values["ranges"] = ranges
+        self.values["angles"] = np.asarray(low + step * np.arange(beams))
+        self.units["angles"] = "rad"
+        way = "clockwise, as RPLIDARs with qualities" if self.clockwise else "counter-clockwise"
+        self.intake.notes.append(
+            f"bearings in {unit}, {way}: gathered to {len(kept)} scans of {beams} beams;"
+            f" {len(sizes) - len(kept)} partial scans left out"
+        )
+
+    def _in(self, role: str, guessed: str, why: str = "") -> Float:
+        """A column in the units of lrf3d; a guessed unit is noted."""
+        unit = self.units.get(role)
+        if unit is None:
+            unit = guessed
+            self.intake.notes.append(f"{role} in {unit}{why}")
+        return self.values[role] * ROLES[role][unit]
+
+    def _ranges(self) -> Float:
+        values, path = self.values["ranges"], self.intake.path
+        known = values[np.isfinite(values) & (values > 0.0)]
+        if len(known) < 2 or np.ptp(known) == 0.0:
+            what = f"all are {known[0]:g}" if len(known) else "none is a positive number"
+            raise InputError(f"{path}: no ranges in it: {what}; name the columns by --format")
+        half, most = np.quantile(known, [0.5, 0.9])
+        unit = "m" if (known % 1.0).any() and half <= FAR else "mm"
+        # RPLIDARs, which have qualities, write millimetres.
+        known_unit = "ranges" in self.units or "quality" in self.values
+        if unit == "mm" and not known_unit and most < ROOM:
+            raise InputError(
+                f"{path}: ranges of {half:g} by the median and up to {known.max():g}: name"
+                " their unit, --format 'ranges:mm', 'ranges:cm' or 'ranges:m'"
+            )
+        ranges = self._in("ranges", unit, f", {half:g} by the median")
+        # Drivers write 0 or less for a beam that measured nothing.
+        return np.where(ranges <= 0.0, -np.inf, np.where(np.isnan(ranges), np.inf, ranges))
+
+    def _angles(self) -> Float:
+        count, path = self.values["ranges"].shape[1], self.intake.path
+        angles = self.values.get("angles")
+        if angles is None:
+            angles = self._fan(count)
+        elif angles.shape != (count,):
+            found = f"{len(angles)} angles for {count} ranges"
+            raise InputError(f"{path}: {found}; expected one for each")
+        else:
+            in_degrees = np.ptp(angles) > 2.1 * np.pi or not (angles % 1.0).any()
+            angles = self._in("angles", "deg" if in_degrees else "rad")
+        # Least angle [rad] from the first beam to the last: less is another number.
+        narrowest = np.radians(0.5)
+        if not narrowest < np.ptp(angles) <= 2.1 * np.pi:
+            wide = f"{count} beams over {np.degrees(np.ptp(angles)):g}°"
+            raise InputError(f"{path}: {wide}; expected more than 0.5° and at most a turn")
+        return sealed(-angles if self.clockwise else angles)
+
+    def _fan(self, count: int) -> Float:
+        first, last, step = (self.settings.get(key) for key in ("first", "last", "step"))
+        if step is None and first is not None and last is not None:
+            step = (last - first) / max(count - 1, 1)
+        if step is None or (first is None and last is None):
+            if count not in FANS:
+                raise InputError(
+                    f"{self.intake.path}: {count} beams at unknown bearings; say which by --format,"
+                    " such as 'first=-120deg, last=120deg'"
+                )
+            first, last = (float(np.radians(end)) for end in FANS[count])
+            step = (last - first) / (count - 1)
+            # Half a turn may be a whole one, and the other way round.
+            half = last - first < 3.2
+            if half or last - first > 6.2:
+                self.fans = (front_ends(count, 2.0 * np.pi if half else np.pi),)
+            ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
+            self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
+        if first is None:
+            first = float(last or 0.0) - step * (count - 1)
+        return np.asarray(first + step * np.arange(count))
+
+    def times(self) -> Float:
+        """Stamps (k,) [s]."""
+        nanosec = self.values.pop("nanosec", None)
+        if nanosec is not None and "stamp" in self.values:
+            self.values["stamp"] = self.values["stamp"] + 1e-9 * nanosec
+            self.units["stamp"] = "s"
+        elif nanosec is not None:
+            self.values["stamp"], self.units["stamp"] = nanosec, "ns"
+        if "stamp" not in self.values and "dt" in self.values:
+            return np.cumsum(self._in("dt", "s"))
+        if "stamp" not in self.values:
+            self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
+            return UNTIMED * np.arange(float(len(self.values["ranges"])))
+        usual = usual_step(self.values["stamp"]) or 1.0
+        # Longest usual time between two scans [s], from which the unit of stamps is known.
+        slowest = 5.0
+        guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= slowest), "ns")
+        return self._in("stamp", guessed, f", {usual:g} apart")
+
+    def poses(self) -> Float | None:
+        """Poses (k, 3) of the robot; None where there is no odometry."""
+        has = self.values.keys()
+        if {"left", "right"} <= has:
+            return self._by_ticks()
+        if {"dx", "dtheta"} <= has:
+            ahead = self._in("dx", "m")
+            left = self._in("dy", "m") if "dy" in has else 0.0 * ahead
+            return _driven(ahead, left, self._in("dtheta", "rad"))
+        if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
+            turns = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
+            self.values["theta"], self.units["theta"] = heading_of(*turns), "rad"
+        if not (place := {"x", "y", "theta"}) <= has:
+            if lone := sorted(place & has):
+                self.intake.notes.append(f"{', '.join(lone)} alone are no poses: not used")
+            return None
+        moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
+        usual = float(np.quantile(moved, 0.9)) if len(moved) else 0.0
+        # A robot that moves farther [m] or turns more [rad] from scan to scan, or turns further
+        # [rad] and in such steps, has other units.
+        longest_step, largest_step, turn = 3.0, 0.35, 6.5
+        unit = "mm" if usual > longest_step else "m"
+        theta = self.values["theta"]
+        turned = np.abs(np.diff(theta))
+        degrees = bool(np.abs(theta).max() > turn and (turned > largest_step).mean() > 0.05)
+        x, y = self._in("x", unit), self._in("y", unit)
+        theta = self._in("theta", "deg" if degrees else "rad")
+        return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
+
+    def _by_ticks(self) -> Float:
+        tick, track = (self.settings.get(key) for key in ("tick", "track"))
+        if tick is None or track is None:
+            raise InputError(
+                f"{self.intake.path}: ticks of encoders; --format needs how far the robot moves"
+                " with one, and how far apart its wheels are, such as 'tick=0.35mm, track=0.3m'"
+            )
+        ticks = np.column_stack([self.values["left"], self.values["right"]])
+        counter = 65536.0  # What encoders with registers of 16 bits count to.
+        rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=counter), axis=0, prepend=ticks[:1])
+        ahead, turns = rolled.mean(axis=1), (rolled[:, 1] - rolled[:, 0]) / track
+        return _driven(ahead, 0.0 * ahead, turns)
+
+
+def _driven(ahead: Float, left: Float, turns: Float) -> Float:
+    """Poses (k, 3) after each of the steps ahead and to the left [m], with turns [rad] (k,)."""
+    theta = np.cumsum(turns)
+    # Each step runs along the heading of its middle.
+    middle = theta - 0.5 * turns
+    cos, sin = np.cos(middle), np.sin(middle)
+    x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
+    return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
+
+
+def padded(rows: list[Float], notes: list[str], *, spread: bool = False) -> Float:
+    """Ranges (k, n) of scans that may have fewer, between the same bearings if they are spread.
+
+    What is missing is not measured, −inf.
+    """
+    beams = int(np.median([len(row) for row in rows])) if spread else max(map(len, rows))
+    ranges = np.full((len(rows), beams), -np.inf)
+    for row, values in zip(ranges, rows, strict=True):
+        places = np.arange(len(values))
+        if spread and len(values) > 1:
+            places = np.rint(places * (beams - 1) / (len(values) - 1)).astype(np.int64)
+        row[places] = values
+    if short := sum(len(values) < beams for values in rows):
+        notes.append(
+            f"{short} scans with fewer than {beams} ranges: what is missing is not measured"
+        )
+    return ranges

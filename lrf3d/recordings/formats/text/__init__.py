@@ -1,0 +1,1 @@
+"""Logs as text, a scan in each line."""

@@ -1,0 +1,362 @@
+"""LaserLog: the scans of a recorded drive, from any format; and what its readers take in.
+
+An `Intake` keeps what was noted and refused, within limits, and makes the log of what was read.
+"""
+
+import gzip
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.base.files import opened, own_name
+from lrf3d.base.interrupts import check
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import Bool, Float, Int, Value, sealed
+from lrf3d.geometry.pose import Pose
+from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import together, with_motions
+
+
+@dataclass(frozen=True, slots=True)
+class BadLine:
+    """A line, a message or a scan that could not be read, by its kind and its number from 1."""
+
+    number: int
+    reason: str
+    kind: str = "line"
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.number}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WheelRecord(Value):
+    """The raw odometry of a log: stamps (n,) [s] as logged, and poses (n, 3) of the robot's base.
+
+    ``places`` (k,) holds for each scan the index of the last odometry line before it; the laser
+    stands ``laser_offset`` [m] ahead of the base's centre.
+    """
+
+    times: Float
+    poses: Float
+    places: Int
+    laser_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._hold("times", "poses")
+        self._hold("places", dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LaserLog(Value):
+    """Scans with their logged poses, and the lines that could not be read.
+
+    Args:
+        name: Name of the log.
+        scans: The scans in the order of the file; those that took some time get their motion.
+        bad_count: Number of lines that could not be read.
+        bad_lines: The first few of them.
+        source: Where the poses come from, in words.
+        wheels: The raw odometry; None where the log has none.
+        not_numbers: Number of readings that are no number, such as NaN: taken for no return.
+        notes: What was assumed, and what was left out, a sentence each.
+        placed: Whether the poses of the scans are known.
+        parts: For each scan those of the lasers from which it was made; empty if there is one.
+        fans: First and last bearings [rad] that beams may have instead, where these are assumed.
+    """
+
+    name: str
+    scans: list[LaserScan]
+    bad_count: int = 0
+    bad_lines: tuple[BadLine, ...] = ()
+    source: str = "as logged"
+    wheels: WheelRecord | None = None
+    not_numbers: int = 0
+    notes: tuple[str, ...] = ()
+    placed: bool = True
+    parts: tuple[tuple[LaserScan, ...], ...] = ()
+    fans: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if getattr(self, "placed", True):
+            object.__setattr__(self, "scans", with_motions(self.scans))
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def __repr__(self) -> str:
+        counts = f"{counted(len(self), 'scan')}, {counted(self.bad_count, 'bad line')}"
+        return f"LaserLog({self.name!r}, {counts})"
+
+    @property
+    def odometry(self) -> WheelRecord:
+        """The raw odometry; the poses of the robot at the scans where the log has none."""
+        if self.wheels is not None:
+            return self.wheels
+        robots = np.array([scan.robot for scan in self.scans]).reshape(-1, 3)
+        return WheelRecord(self.times, robots, np.arange(len(self)))
+
+    @property
+    def mount(self) -> Pose:
+        """Pose of the first laser on its robot."""
+        return self.scans[0].mount
+
+    @property
+    def lasers(self) -> list[str]:
+        """The names of the lasers, the first one first."""
+        return list(dict.fromkeys(scan.laser for scan in self.scans))
+
+    @property
+    def is_odd(self) -> Bool:
+        """Which scans (k,) are the odd ones of their laser, counted from 0."""
+        odd = np.zeros(len(self), dtype=np.bool_)
+        for laser in self.lasers:
+            odd[np.flatnonzero(self.is_of(laser))[1::2]] = True
+        return odd
+
+    def is_of(self, name: str) -> Bool:
+        """Which scans (k,) are those of a laser."""
+        return np.array([scan.laser == name for scan in self.scans], dtype=np.bool_)
+
+    def of_laser(self, name: str) -> "LaserLog":
+        """The log with the scans of one laser; the others are counted in a note."""
+        scans = [scan for scan in self.scans if scan.laser == name]
+        if not (others := len(self) - len(scans)):
+            return self
+        note = f"{counted(others, 'scan')} of other lasers not used"
+        return replace(self, scans=scans, notes=(*self.notes, note))
+
+    def of_moments(self) -> "LaserLog":
+        """The log with the scans of all lasers at one moment as one.
+
+        It is that of the first laser where most scans have no others at their moment, or would have
+        to be unrolled first. What is left out is counted in a note.
+        """
+        names, moments = self.lasers, dict[int, dict[str, int]]()
+        at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
+        for row, scan in enumerate(self.scans):
+            moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
+        rows = [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
+        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
+        if len(names) == 1 or rolling or 2 * len(rows) * len(names) < len(self):
+            return self.of_laser(names[0])
+        note = f"scans of {len(names)} lasers at one moment taken together"
+        if left_out := len(self) - len(rows) * len(names):
+            note += f", {counted(left_out, 'scan')} without all others left out"
+        wheels = self.wheels
+        if wheels is not None:
+            places = wheels.places[[first for first, *_ in rows]]
+            wheels = replace(wheels, places=places, laser_offset=0.0)
+        parts = tuple(tuple(self.scans[row] for row in moment) for moment in rows)
+        scans, notes = [together(moment) for moment in parts], (*self.notes, note)
+        return replace(self, scans=scans, wheels=wheels, notes=notes, parts=parts)
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """What was read and what was not, for summaries."""
+        return {
+            "scans": len(self),
+            "beams": max(len(scan.ranges) for scan in self.scans),
+            "bad_lines": self.bad_count,
+            "readings_not_numbers": self.not_numbers,
+            "notes": list(self.notes),
+        }
+
+    @cached_property
+    def times(self) -> Float:
+        """When each of the scans (k,) was taken [s]."""
+        return sealed(np.array([scan.time for scan in self.scans]))
+
+    @cached_property
+    def poses(self) -> Float:
+        """Poses (k, 3) of the laser, x, y [m], theta [rad], as they were logged."""
+        return sealed(np.array([scan.pose for scan in self.scans]).reshape(-1, 3))
+
+
+def log_name(path: Path) -> str:
+    """The name of a log without the endings that mark its format."""
+    if path.is_dir():
+        return own_name(path, stem=path.resolve().name)
+    name = path.name.removesuffix(".gz")
+    return own_name(path, stem=name.rsplit(".", 1)[0] or name)
+
+
+def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
+    """Rising angles (beams,) [rad] and ranges (k, beams) [m] of scans, whose own angles may differ.
+
+    Then it is the finest fan of all, and a range lies at the nearest of its bearings. What a scan
+    did not measure is −inf.
+    """
+    rows = [scan.angles.argsort(kind="stable") for scan in scans]
+    sorted_rows = [(s.angles[row], s.ranges[row]) for s, row in zip(scans, rows, strict=True)]
+    angles = sorted_rows[0][0]
+    if all(own is angles or np.array_equal(own, angles) for own, _ in sorted_rows):
+        return angles, np.array([ranges for _, ranges in sorted_rows])
+    first, last = min(own[0] for own, _ in sorted_rows), max(own[-1] for own, _ in sorted_rows)
+    step = min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in sorted_rows)
+    # Least step [rad] and most beams of a fan on which scans are resampled.
+    finest, most_beams = 1e-4, 100_000
+    count = min(round((last - first) / max(step, finest)) + 1, most_beams)
+    angles = np.linspace(first, last, count)
+    resampled = np.full((len(scans), count), -np.inf)
+    for row, (own, ranges) in zip(resampled, sorted_rows, strict=True):
+        at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
+        nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
+        near = np.abs(own[nearest] - angles) <= 0.51 * max(step, finest)
+        row[near] = ranges[nearest][near]
+    return angles, resampled
+
+
+LARGEST_RANGE = 50.0
+"""Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
+then report about 81.9 m or 50 m, and none of them measures as far."""
+
+MOST_READINGS = 50_000_000
+"""Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
+
+A_MESSAGE, A_POSE, A_VALUE = 64, 8, 4
+"""Memory of a message as an object, of a packed pose, and of a value of a line, in readings:
+a gigabyte of a text with a reading a line is two million lines."""
+
+MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
+"""Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
+for each of its own; a day's log has a tenth."""
+
+UNTIMED = 0.1
+"""Time between scans that have no stamp [s]."""
+
+GZIPPED = b"\x1f\x8b"
+"""First bytes of gzipped files, whatever their name is."""
+
+
+@dataclass
+class Intake:
+    """What was noted and refused while a log was read, and how many readings are in memory.
+
+    ``largest_range`` is the least reading that means no return [m], if the user gave it.
+    """
+
+    path: Path
+    largest_range: float | None = None
+    notes: list[str] = field(default_factory=list)
+    bad: list[BadLine] = field(default_factory=list)
+    bad_count: int = 0
+    readings: int = 0
+
+    @property
+    def limit(self) -> float:
+        """Least reading [m] that means no return in a log that names no range."""
+        return LARGEST_RANGE if self.largest_range is None else self.largest_range
+
+    @property
+    def first_bad(self) -> str:
+        """The first bad line, for an error that says that nothing could be used."""
+        return (
+            f"; {self.bad_count} bad {self.bad[0].kind}s, first {self.bad[0]}" if self.bad else ""
+        )
+
+    def refuse(self, number: int, why: object, kind: str = "line") -> None:
+        """Count what cannot be used; the first few are kept."""
+        self.bad_count += 1
+        named = 5  # Number of bad lines that are kept; the others are only counted.
+        if len(self.bad) < named:
+            self.bad.append(BadLine(number, str(why), kind))
+
+    def take(self, readings: int, number: int, kind: str = "line") -> None:
+        """Count readings that are kept in memory."""
+        self.readings += readings
+        if self.readings > MOST_READINGS:
+            where = f"{self.path}: {kind} {number}"
+            raise InputError(f"{where}: more than {MOST_READINGS:,} readings; cut it into parts")
+
+    def lines(self) -> Iterator[tuple[int, bytes]]:
+        """Numbers and bytes of the lines of the file, gzipped or not; damage is counted."""
+        number = size = 0
+        # Bytes that are read of a line, enough for 100,000 beams; what is left counts as more
+        # lines.
+        longest_line = 1 << 20
+        with opened(self.path, what="a log") as file:
+            packed = file.read(len(GZIPPED)) == GZIPPED
+            file.seek(0)
+            stream: Any = gzip.open(file) if packed else file
+            try:
+                for number, line in enumerate(iter(lambda: stream.readline(longest_line), b""), 1):
+                    check()
+                    size += len(line)
+                    if number > MOST_LINES or size > LARGEST_LOG:
+                        most = f"{MOST_LINES:,} lines or {LARGEST_LOG / 1e9:.1f} GB"
+                        where = f"{self.path}: line {number}"
+                        raise InputError(f"{where}: more than {most}; cut it into parts")
+                    yield number, line
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                why = f"the packed data are damaged from here on ({error})"
+                self.refuse(number + 1, why)
+
+    def log(self, scans: Sequence[LaserScan], **more: Any) -> LaserLog:
+        """The log of these scans; what means no return becomes +inf, for each laser by itself."""
+        found = list(scans)
+        for laser in dict.fromkeys(scan.laser for scan in scans):
+            own = [k for k, scan in enumerate(scans) if scan.laser == laser]
+            changed, note = without_no_returns([scans[k] for k in own], self.largest_range)
+            self.notes += [note] * bool(note)
+            for k, scan in zip(own, changed, strict=True):
+                found[k] = scan
+        notes = tuple(self.notes)
+        return LaserLog(
+            log_name(self.path), found, self.bad_count, tuple(self.bad), notes=notes, **more
+        )
+
+
+def without_no_returns(
+    scans: Sequence[LaserScan], limit: float | None = None
+) -> tuple[list[LaserScan], str]:
+    """The scans of a laser with ±inf for readings that mean no return, and a sentence on these.
+
+    They are those from the limit on, if it is given; else those of the largest reading, if it
+    stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
+    met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
+    the robot. So are those of the smallest reading, which others write; these are −inf.
+    """
+    far, said = limit or _usual_no_return([scan.ranges for scan in scans]), list[str]()
+    if limit is None and far < np.inf:
+        said = [f"readings from {far:.4g} m on mean no return; --largest-range sets another limit"]
+    if (near := -_usual_no_return([-scan.ranges for scan in scans])) > -np.inf:
+        said.append(f"readings up to {near:.4g} m mean no return")
+    if max(near, -far) == -np.inf:
+        return list(scans), ""
+    changed = [np.where(scan.ranges <= near, -np.inf, scan.ranges) for scan in scans]
+    changed = [np.where(ranges >= far, np.inf, ranges) for ranges in changed]
+    found = [replace(s, ranges=ranges) for s, ranges in zip(scans, changed, strict=True)]
+    return found, ", ".join(said)
+
+
+def _usual_no_return(scans: Sequence[Float]) -> float:
+    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
+    finite = [ranges[np.isfinite(ranges)] for ranges in scans]
+    largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
+    # The largest range stands out if it is read this many times as often (the second number) as all
+    # ranges within a distance [m] below it (the first). A wall at the end of a corridor does not:
+    # it is read at many ranges.
+    below, crowded = 0.5, 5.0
+    near = np.concatenate([np.empty(0), *(r[r > largest - below] for r in finite)])
+    equal = 0.011  # Readings that differ by less are the same [m]: logs are written in centimetres.
+    most = int((near > largest - equal).sum())
+    # Readings of the largest range, and their share of all readings, from which on it means no
+    # return.
+    least_readings, least_share = 50, 0.001
+    least = max(least_readings, least_share * sum(map(len, finite)))
+    if most < least or most < crowded * (len(near) - most):
+        return np.inf
+    without = [np.isfinite(ranges) & (ranges > largest - equal) for ranges in scans]
+    # Share of these readings next to another one: open space is seen by several adjacent beams, but
+    # a robot at rest reads the corner of a room again and again.
+    beside = 0.3
+    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < beside * most:
+        return np.inf
+    return float(near[near > largest - equal].min())

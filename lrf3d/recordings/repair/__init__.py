@@ -1,0 +1,1 @@
+"""Repairs of recordings: what is wrong with a log is found, and corrected."""

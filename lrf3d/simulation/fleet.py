@@ -1,0 +1,332 @@
+"""Several robots at once: each drives, scans and maps, and sees and touches the others."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from heapq import heapify, heappop, heappush
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.base.errors import CollisionError, InputError, check_names, each_of, expect, shown
+from lrf3d.base.interrupts import Progress, silent, stoppable
+from lrf3d.casting.collision import (
+    ROBOT_HEIGHT,
+    Body,
+    Collision,
+    CollisionChecker,
+    find_collision,
+    robots_among,
+)
+from lrf3d.casting.crowd import Crowd, move_of
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.geometry.lines import Float, Int, generator, lengths
+from lrf3d.geometry.pose import Pose, as_pose, as_poses
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import lasers_of
+from lrf3d.robot import Trajectory
+from lrf3d.robot.kinematics import RADIUS, Twist, hold
+from lrf3d.simulation.loop import Mapper, Simulation
+from lrf3d.simulation.recorder import Collection
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.sensor import caster_of
+from lrf3d.simulation.steering import ControlledDrive, Controller, trajectory_of
+from lrf3d.world import World
+
+APART = 0.5
+"""Room [m] between two robots at the ends of their parts of a route: they cut corners."""
+
+STILL = (0.0, 0.0, 0.0)
+"""The twist of a robot at rest."""
+
+
+@stoppable()
+def simulate_fleet(
+    world: World,
+    drives: Sequence[Trajectory | ArrayLike | Controller],
+    lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None = None,
+    *,
+    starts: Sequence[Sequence[float]] | Float | None = None,
+    radius: float = RADIUS,
+    outline: ArrayLike | None = None,
+    height: float = ROBOT_HEIGHT,
+    obstacles: Sequence[DynamicObstacle] = (),
+    on_collision: str = "raise",
+    mapper: Callable[[], Mapper] | None = None,
+    rng: np.random.Generator | int | None = None,
+    progress: Progress = silent,
+    **settings: Any,
+) -> list[Run]:
+    """Drive several robots through a world at the same time.
+
+    Args:
+        world: The walls.
+        drives: The drive of each robot: a Trajectory, before and after which the robot is at rest,
+            poses (k, 3) a second apart, or a controller, as for a `Simulation`.
+        lrf: The laser range finder of each robot, or several; it does not see its own robot.
+        starts: Initial poses (n, 3), required where there are controllers.
+        radius: Radius of the robots [m].
+        outline: (n, 2) their outline [m] instead, x ahead.
+        height: Height of the robots [m].
+        obstacles: The dynamic obstacles.
+        on_collision: What ends a controller's robot that touches a wall, an obstacle or another
+            robot: ``raise``, or ``stop``, which lets it rest up to its next scan. Other drives are
+            not checked; `check_drive` does.
+        mapper: Makes the mapper of each robot; a LineMapper set up for the noise if not given.
+        rng: A generator for the noise, or a seed; each robot has its own noise.
+        progress: Called with the number of finished scans, and of all.
+        **settings: ``caster``, ``noise``, ``scans`` and other arguments of `Simulation`.
+
+    Raises:
+        InputError: A scan takes longer than the interval to the next, or a controller has no start.
+        CollisionError: A controller drives its robot into something.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> drives = [lrf3d.follow_route([[1, 1], [2, 1]]), lrf3d.follow_route([[1, 2], [2, 2]])]
+        >>> runs = lrf3d.simulate_fleet(room, drives, rng=0)
+        >>> len(runs)
+        2
+    """
+    expect(world, World, "world")
+    expect(progress, Callable, "progress")
+    if not isinstance(drives, list | tuple):
+        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
+    if mapper is not None and not callable(mapper):
+        raise InputError(f"mapper {shown(mapper)}: expected a function that makes that of a robot")
+    check_names("on_collision", [on_collision], ("raise", "stop"))
+    obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
+    body, stops = Body(radius, outline), on_collision == "stop"
+    places: list[Pose | None] = [None] * len(drives)
+    lasers = () if lrf is None else lasers_of(lrf)
+    if starts is not None:
+        places = [as_pose(start) for start in as_poses(starts)]
+    if len(places) != len(drives):
+        raise InputError(f"{len(places)} starts of {len(drives)} robots: expected as many")
+    paths, kept = list[Trajectory](), list[Any]()
+    for robot, (drive, start) in enumerate(zip(drives, places, strict=True)):
+        controlled = callable(getattr(drive, "command", None))
+        if controlled and any(each.scan_duration for each in lasers):
+            raise InputError(
+                "scan_duration: scans of a fleet's controllers take no time; set it to 0"
+            )
+        if controlled and start is None:
+            raise InputError(
+                f"robot {robot}: a controller without a pose to start at; give starts="
+            )
+        kept.append(drive if controlled else trajectory_of(drive))
+        paths.append(Trajectory([0.0], [start or STILL]) if controlled else kept[-1])
+    bodies, crowd = robots_among(body, paths, obstacles, height)
+    settings |= {"caster": caster_of(settings.get("caster", "embree"), world), "lrf": lrf}
+    simulations = [
+        Simulation(
+            world, drive, rng=own, obstacles=crowd.without(robot), start=start or STILL,
+            mapper=None if mapper is None else mapper(), on_collision=on_collision, **settings,
+        )
+        for robot, (drive, start, own) in enumerate(
+            zip(kept, places, generator(rng).spawn(len(kept)), strict=True)
+        )
+    ]  # fmt: skip
+    names = [f"robot {k}" for k in range(len(bodies))]
+    names += [f"dynamic obstacle {k}" for k in range(len(obstacles))]
+    touches = _Touches(CollisionChecker(world, crowd, names=names), crowd, body, stops)
+    for robot, simulation in enumerate(simulations):
+        simulation.radius = body.reach
+        if isinstance(simulation.drive, ControlledDrive):
+            touches.add(robot, simulation.drive)
+    runs = _drive_all(simulations, touches, progress)
+    # Controllers end anywhere: what was driven is what the others saw.
+    driven = [
+        replace(body, path=run.trajectory) if simulation.drive is not body.path else body
+        for body, run, simulation in zip(bodies, runs, simulations, strict=True)
+    ]
+    last = max((float(run.trajectory.times[-1]) for run in runs), default=0.0)
+    seen = tuple(obstacle.until(last) for obstacle in obstacles)
+    return [
+        replace(run, obstacles=(*driven[:robot], *driven[robot + 1 :], *seen))
+        for robot, run in enumerate(runs)
+    ]
+
+
+def places_along(path: Trajectory, count: int, body: Body) -> list[int]:
+    """The poses of a path at which robots start, evenly spread.
+
+    Raises:
+        InputError: The path is too short for them.
+    """
+    places = [len(path) * robot // count for robot in range(count)]
+    spots = path.poses[places, :2]
+    near = min((math.dist(a, b) for a, b in combinations(spots.tolist(), 2)), default=math.inf)
+    if near <= 2.0 * body.reach:
+        raise InputError(f"{count} robots: they would stand {near:.2f} m apart on the route")
+    return places
+
+
+def parts_of(route: Float, count: int, body: Body) -> list[Float]:
+    """Equal parts (m, 2) of a route, with room for two robots between neighbours.
+
+    The end of the route is left out where it leads back along what was driven before.
+
+    Raises:
+        InputError: The route is too short for them.
+    """
+    stations = np.append(0.0, np.cumsum(lengths(np.hstack([route[:-1], route[1:]]))))
+    gap = 2.0 * body.reach + APART
+    most_spots = 2000  # Places of a route that are compared with each other, at most.
+    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), most_spots))
+    places = np.column_stack([np.interp(spots, stations, column) for column in route.T])
+    near = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) < gap
+    new = ~(near & (spots[:, None] - spots > 2.0 * gap)).any(axis=1)
+    total = float(spots[new][-1])
+    each = (total - (count - 1) * gap) / count
+    if each < gap:
+        raise InputError(
+            f"{count} robots: a route of {total:.2f} m leaves each {max(each, 0.0):.2f} m;"
+            f" expected at least {gap:.2f} m"
+        )
+    parts = []
+    for begin in (each + gap) * np.arange(count):
+        inside = (stations > begin) & (stations < begin + each)
+        x, y = (np.interp([begin, begin + each], stations, column) for column in route.T)
+        first, last = np.column_stack([x, y])
+        parts.append(np.vstack([first, route[inside], last]))
+    return parts
+
+
+def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
+    """Drives of as many poses, in which each robot keeps away from those before it.
+
+    It rests, or drives back the way that it came, where one of them would be too near, and gets as
+    far as it can.
+    """
+    given = list[Trajectory]()
+    # Number of scans for which giving way is planned at a time: memory grows with its square.
+    window = 1000
+    for drive in drives:
+        path, rows, last = drive.poses, [np.zeros(1, np.int64)], 0
+        step = np.hypot(*np.diff(path[:, :2], axis=0).T).max(initial=0.0)
+        room = float(np.hypot(2.0 * body.reach, step))
+        for begin in range(0, len(path) - 1, window):
+            part = slice(begin, begin + window + 1)
+            others = [other.poses[part, :2] for other in given]
+            count = len(drive.times[part])
+            rows.append(last + _apart(path[last : last + count, :2], others, room, count))
+            last = int(rows[-1][-1])
+        given.append(Trajectory(drive.times, path[np.concatenate(rows)]))
+    return given
+
+
+def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int:
+    """Where on its path (k, 2) a robot is after each step, away from others (n, 2)."""
+    # Where it may be after each step, from where it may be a step earlier.
+    may = np.zeros((count, len(path)), np.bool_)
+    may[0, 0] = True
+    for time in range(1, count):
+        before, now = may[time - 1], may[time]
+        now |= before
+        now[1:] |= before[:-1]
+        now[:-1] |= before[1:]
+        for other in others:
+            now &= np.hypot(*(path - other[time]).T) > room
+        if not now.any():
+            now |= before
+    at = np.full(count, np.flatnonzero(may[-1]).max())
+    for time in range(count - 1, 0, -1):
+        # It waits as late as it can.
+        near = [k for k in (at[time] - 1, at[time], at[time] + 1) if 0 <= k < len(path)]
+        at[time - 1] = max((k for k in near if may[time - 1, k]), default=at[time])
+    return at[1:]
+
+
+def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Trajectory], str]:
+    """Drives up to where two robots first touch each other, and a sentence that says so, if any."""
+    robots, _ = robots_among(body, drives, ())
+    nothing, time, text = World(np.empty((0, 4))), math.inf, ""
+    for robot, drive in enumerate(drives):
+        hit = find_collision(drive, nothing, body, robots[robot + 1 :])
+        if hit is not None and hit.time < time:
+            other, time = robot + 1 + hit.obstacle, hit.time
+            text = f"robot{robot + 1} and robot{other + 1} would touch after {time:.1f} s, at"
+            text += f" ({hit.x:.2f}, {hit.y:.2f})"
+    most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
+    return [Trajectory(d.times[:k], d.poses[:k]) for d, k in zip(drives, most, strict=True)], text
+
+
+def _drive_all(
+    simulations: Sequence[Simulation], touches: "_Touches", progress: Progress
+) -> list[Run]:
+    """Run simulations to their ends, always that with the earliest scan; in their order."""
+    steps = [iter(simulation) for simulation in simulations]
+    kept = [Collection(simulation) for simulation in simulations]
+    total, done = sum(each.total for each in simulations), 0
+    waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
+    heapify(waiting)
+    while waiting:
+        time, robot = heappop(waiting)
+        if time < math.inf:
+            touches.drive_until(time)
+        if (step := next(steps[robot], None)) is None:
+            continue
+        kept[robot].add(step)
+        done += 1
+        progress(done, total)
+        touches.hold(robot)
+        heappush(waiting, (simulations[robot].next_time, robot))
+    return [each.run() for each in kept]
+
+
+class _Touches:
+    """What the robots of controllers touch, found when all know how they drive."""
+
+    def __init__(self, checker: CollisionChecker, crowd: Crowd, body: Body, stops: bool) -> None:
+        self._checker, self._crowd, self._body, self._stops = checker, crowd, body, stops
+        self._drives = dict[int, tuple[ControlledDrive, CollisionChecker]]()
+        self._held = dict[int, tuple[float, Pose, Twist]]()
+        self._now = 0.0
+
+    def add(self, robot: int, drive: ControlledDrive) -> None:
+        """Take care of the robot of a controller."""
+        self._drives[robot] = drive, self._checker.without(robot)
+        self._hold(robot, 0.0, drive.pose, STILL)
+
+    def hold(self, robot: int) -> None:
+        """Let a robot drive as its controller said last."""
+        if robot in self._drives:
+            drive, _ = self._drives[robot]
+            self._hold(robot, *drive.since, drive.twist)
+
+    def drive_until(self, time: float) -> None:
+        """Find what is touched up to a time [s], the earliest first."""
+        # Time [s] within which two robots touch each other at once: more than rounding.
+        together = 1e-12
+        while self._now < time and self._drives:
+            hits = {robot: hit for robot in self._drives if (hit := self._hit(robot, time))}
+            self._now = min((hit.time for hit in hits.values()), default=time)
+            for robot, hit in hits.items():
+                if hit.time > self._now + together:
+                    continue
+                if not self._stops:
+                    raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")
+                drive, _ = self._drives[robot]
+                drive.collision, drive.pose = hit, self._at(robot, hit.time)
+                self._hold(robot, hit.time, drive.pose, STILL)
+
+    def _hit(self, robot: int, time: float) -> Collision | None:
+        """What a robot touches up to a time [s]; one that rests may be driven into."""
+        twist = self._held[robot][2]
+        if self._stops and twist == STILL:
+            return None
+        pose = self._at(robot, self._now)
+        _, checker = self._drives[robot]
+        return checker.held(self._body, pose, twist, self._now, time - self._now)
+
+    def _at(self, robot: int, time: float) -> Pose:
+        begin, pose, twist = self._held[robot]
+        return hold(pose, twist, time - begin) if time > begin else pose
+
+    def _hold(self, robot: int, time: float, pose: Pose, twist: Twist) -> None:
+        self._held[robot] = time, pose, twist
+        self._crowd.hold(move_of(time, pose, twist), robot)

@@ -1,0 +1,151 @@
+"""A robot that obeys commands as they come, in simulated time.
+
+A scenario and commands enter; true poses, odometry and scans leave. The page and the live topics of
+ROS drive it; a simulation, which knows its whole drive, does not need it.
+"""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.casting.collision import Body, CollisionChecker, robots_among
+from lrf3d.casting.crowd import Crowd, move_of
+from lrf3d.geometry.lines import Float, generator
+from lrf3d.geometry.pose import Pose, as_pose, between, compose
+from lrf3d.laser import LaserScan
+from lrf3d.robot import Trajectory
+from lrf3d.robot.kinematics import Twist, hold
+from lrf3d.robot.odometry import InertialUnit, WheelOdometry
+from lrf3d.simulation.fleet import places_along
+from lrf3d.simulation.scenario import Scenario
+from lrf3d.simulation.sensor import Sensor, caster_of
+
+
+class LiveRobot:
+    """A robot from where a scenario with a route or poses starts.
+
+    Without errors of the wheels the odometry is exact.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        rng: np.random.Generator | int | None = 0,
+        wheels: WheelOdometry | None = None,
+        crowd: Crowd | None = None,
+    ) -> None:
+        self._crowd = Crowd(scenario.obstacles) if crowd is None else crowd
+        self.wheels, self._imu, self._rng = wheels, scenario.imu, generator(rng)
+        self._body = Body(scenario.radius, scenario.outline)
+        self._checker = CollisionChecker(scenario.world, self._crowd)
+        # Nobody knows where it will drive while a beam turns, so a scan takes no time.
+        lasers = [(scenario.lrf, scenario.noise), *scenario.further]
+        caster = caster_of("embree", scenario.world)
+        self._sensors = [
+            Sensor(
+                scenario.world,
+                replace(lrf, scan_duration=0.0),
+                caster=caster,
+                noise=noise,
+                obstacles=self._crowd,
+            )
+            for lrf, noise in lasers
+        ]
+        self.start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
+        self.time, self.speed, self.turning, self.bumped = 0.0, 0.0, 0.0, False
+        self.restart()
+
+    def restart(self) -> None:
+        """Put the robot and its odometry back to the start; time goes on."""
+        self.pose, self.speed, self.turning = self.start, 0.0, 0.0
+        self.odometry = np.array(self.start)
+        self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
+
+    def place(self, pose: Pose) -> None:
+        """Put the robot elsewhere, at rest; its wheels do not notice unless they are exact.
+
+        Raises:
+            InputError: The robot would stand in a wall or an obstacle.
+        """
+        if self._touched(pose, (0.0, 0.0, 0.0), 0.0) is not None:
+            raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
+        self.pose, self.speed, self.turning = pose, 0.0, 0.0
+        self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
+        if self.wheels is None:
+            self.odometry = np.array(pose)
+
+    def drive(self, seconds: float, speed: float, turning: float) -> None:
+        """Drive an exact arc for a time, at most to where the body touches something.
+
+        There a round robot still turns.
+        """
+        last, twist = self.pose, (speed, 0.0, turning)
+        hit = self._touched(last, twist, seconds)
+        self.bumped = hit is not None
+        gap = 1e-6  # How long before a touch the robot stops [s], so that it can drive away again.
+        if hit is None:
+            self.pose = hold(last, twist, seconds)
+        else:
+            free = max(0.0, hit - gap)
+            self.pose = hold(last, twist, free)
+            speed = 0.0
+            if self._body.outline is None:
+                self.pose = hold(self.pose, (0.0, 0.0, turning), seconds - free)
+            else:
+                turning = 0.0
+        self.speed, self.turning = speed, turning
+        self.time += seconds
+        increment = between(np.array(last), np.array(self.pose))
+        if self.wheels is None:
+            self.odometry = np.array(self.pose)
+        elif increment.any():
+            self.odometry = compose(self.odometry, self.wheels(increment, self._rng))
+
+    def scans(self) -> tuple[LaserScan, ...]:
+        """Measure with each laser from where the robot is now."""
+        return tuple(
+            sensor.noisy(sensor.cast(np.array(self.pose), self.time), self._rng)
+            for sensor in self._sensors
+        )
+
+    def show(self, speed: float, turning: float) -> None:
+        """Show the other robots of a fleet where this one is, and how it drives from now on."""
+        if self._crowd.own >= 0:
+            held = move_of(self.time, self.pose, (speed, 0.0, turning))
+            self._crowd.hold(held, self._crowd.own)
+
+    def imu(self) -> Float:
+        """What the IMU measured since the last call: rows (m, 4), see `InertialUnit`."""
+        if self._carried is None:
+            return np.empty((0, 4))
+        return self._carried.drive(self.time, np.array(self.pose))
+
+    def _touched(self, pose: Pose, twist: Twist, seconds: float) -> float | None:
+        """After what time [s] the body first touches something; None if it does not."""
+        hit = self._checker.held(self._body, pose, twist, self.time, seconds)
+        return None if hit is None else hit.time - self.time
+
+
+def live_fleet(
+    scenario: Scenario, count: int, *, rng: int = 0, wheels: WheelOdometry | None = None
+) -> list[LiveRobot]:
+    """Robots that see and touch each other, spread along the route of a scenario.
+
+    Raises:
+        InputError: The route is too short for them.
+    """
+    if count == 1:
+        return [LiveRobot(scenario, rng=rng, wheels=wheels)]
+    path = scenario.with_route().trajectory()
+    body = Body(scenario.radius, scenario.outline)
+    starts = [Pose(*pose) for pose in path.poses[places_along(path, count, body)].tolist()]
+    _, crowd = robots_among(
+        body, [Trajectory([0.0], [start]) for start in starts], scenario.obstacles
+    )
+    return [
+        LiveRobot(replace(scenario, start=start), rng=own, wheels=wheels, crowd=crowd.without(k))
+        for k, (start, own) in enumerate(zip(starts, generator(rng).spawn(count), strict=True))
+    ]

@@ -1,0 +1,338 @@
+"""Collecting: a simulation, or a user's own loop, is kept as a Run.
+
+A simulation or its parts enter, or the scans of a user's own loop; a Run in memory leaves.
+`lrf3d.recordings.formats.recording` keeps the same rows in a file.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.base.errors import InputError, check_names, each_of, expect, shown
+from lrf3d.base.interrupts import Progress, check, silent, stoppable
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.geometry.lines import Float, number, sealed, whole_number
+from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser.range_finder import lasers_of
+from lrf3d.laser.scan import LIGHT
+from lrf3d.mapping import LineMap
+from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.following import SCAN_INTERVAL
+from lrf3d.robot.odometry import ImuRecord
+from lrf3d.simulation.loop import Simulation, Step
+from lrf3d.simulation.run import Run, is_snapshot
+from lrf3d.simulation.steering import Controller
+from lrf3d.world import World
+
+
+class Runnable(Protocol):
+    """Anything that can be simulated, such as a Scenario."""
+
+    def simulation(self, **changes: Any) -> Simulation:
+        """Its simulation, with the given changes."""
+        ...
+
+
+def simulate(
+    world: World | Runnable,
+    drive: Trajectory | ArrayLike | Controller | None = None,
+    lrf: LaserRangeFinder | None = None,
+    *,
+    snapshots: int | None = None,
+    progress: Progress = silent,
+    **settings: Any,
+) -> Run:
+    """Drive through a world, scan, map, and keep all of it in memory.
+
+    `Simulation` does the same step by step, and its other arguments are the settings, such as
+    ``rng``, ``noise`` and ``mapper``. Those of a Scenario are the arguments of
+    `Scenario.simulation`; the run then equals that of ``lrf3d run``.
+
+    Args:
+        world: A Scenario, or the walls alone, for which a drive is required.
+        drive: A Trajectory, poses (k, 3) a second apart, or a controller.
+        lrf: The laser range finder.
+        snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
+            With 1 only the final map is computed, which is faster.
+        progress: Called with the number of finished scans, and of all.
+        **settings: All others.
+
+    Raises:
+        InputError: An argument is invalid, a scan takes longer than the interval to the next, or a
+            controller's drive has no number of scans.
+        CollisionError: A robot with a radius would hit a wall.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> noise = lrf3d.ProportionalNoise(sigma=0.02)
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], noise=noise, rng=0)
+        >>> len(run), len(run.map) > 0
+        (2, True)
+        >>> len(lrf3d.simulate(lrf3d.load_scenario("city"), scans=3, rng=0))
+        3
+    """
+    given = {"lrf": lrf, **settings}
+    settings = {name: value for name, value in given.items() if value is not None}
+    if isinstance(world, World):
+        if drive is None:
+            raise InputError(
+                "drive: not given, and a world alone has none; give one, or a scenario"
+            )
+        check_names("simulate", settings, list(signature(Simulation).parameters))
+        simulation = Simulation(world, drive, **settings)
+    elif hasattr(world, "simulation"):
+        simulation = world.simulation(drive=drive, **settings)
+    else:
+        raise InputError(
+            f"simulate: {shown(world)}: expected a World or a Scenario, such as"
+            " load_scenario('city')"
+        )
+    return collect(simulation, progress, snapshots=snapshots)
+
+
+@stoppable()
+def collect(
+    simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
+) -> Run:
+    """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
+    expect(progress, Callable, "progress")
+    collection, total = Collection(simulation, snapshots), simulation.total
+    for step in simulation:
+        collection.add(step)
+        progress(simulation.done, total)
+    return collection.run()
+
+
+class Snapshots:
+    """The map snapshots of a simulation while it runs, and what its IMU measured."""
+
+    def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
+        self._simulation, self._total = simulation, simulation.total
+        self.maps: dict[int, LineMap] = {}
+        self._most = None if snapshots is None else whole_number(snapshots, "snapshots")
+        self._inertial = list[Float]()
+
+    def keep(self) -> None:
+        """Keep what came with the last scan."""
+        self._inertial.append(self._simulation.inertial)
+        if is_snapshot(self._simulation.done - 1, self._total, self._most):
+            self._keep_map()
+        check()
+
+    def end(self) -> ImuRecord | None:
+        """Keep the last map, as a controller may end before all scans are done."""
+        self._keep_map()
+        exists = self._simulation.motion_sensors[1] is not None
+        return ImuRecord.of(self._inertial) if exists else None
+
+    def _keep_map(self) -> None:
+        last, line_map = self._simulation.done - 1, self._simulation.map
+        if last not in self.maps and isinstance(line_map, LineMap):
+            self.maps[last] = line_map
+
+
+class Collection(Snapshots):
+    """All of a simulation, in memory."""
+
+    def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
+        super().__init__(simulation, snapshots)
+        wheels = simulation.motion_sensors[0] is not None
+        self._rows = rows_of(row_type(simulation.world, simulation.lasers, wheels), self._total)
+
+    def add(self, step: Step) -> None:
+        """Keep a step."""
+        fill_row(self._rows, step.index, step)
+        self.keep()
+
+    def run(self) -> Run:
+        """The run, which has ended."""
+        simulation, imu = self._simulation, self.end()
+        rows = {name: sealed(values)[: simulation.done] for name, values in self._rows.items()}
+        return Run(
+            simulation.world,
+            simulation.lrf,
+            Trajectory(rows.pop("times"), rows.pop("poses")),
+            snapshot_scans=tuple(self.maps),
+            maps=tuple(self.maps.values()),
+            obstacles=simulation.obstacles,
+            film=simulation.film,
+            radius=simulation.radius,
+            estimate=simulation.estimate,
+            further=simulation.lasers[1:],
+            imu=imu,
+            **rows,
+        )
+
+
+class _Taken(NamedTuple):
+    """What the loop of a user gave of a moment, in the fields of a step."""
+
+    time: float
+    pose: Pose
+    scans: tuple[LaserScan, ...]
+    true_scans: tuple[LaserScan, ...]
+    odometry: None = None
+
+
+def row_type(
+    world: World, lasers: Sequence[LaserRangeFinder], wheels: bool = False
+) -> np.dtype[Any]:
+    """What a run keeps of each scan: a field for each of the Run's attributes."""
+    beams, echoes = (sum(each.beams for each in lasers),), lasers[0].echoes
+    fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
+    fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
+    fields.append(("walls", np.int64, beams))
+    if world.materials:
+        fields.append(("intensities", np.float64, beams))
+        if echoes > 1:
+            each_echo = (*beams, echoes)
+            fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
+    if any(each.scan_duration for each in lasers):
+        fields.append(("motions", np.float64, (len(lasers), 3)))
+    if wheels:
+        fields.append(("wheels", np.float64, 3))
+    return np.dtype(fields)
+
+
+def rows_of(row: np.dtype[Any], count: int) -> dict[str, Any]:
+    """Arrays with so many rows, by the fields of a row."""
+    return {name: np.empty((count, *row[name].shape), row[name].base) for name in row.names or ()}
+
+
+def fill_row(rows: Mapping[str, Any], index: int, step: Step | _Taken) -> None:
+    """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
+    rows["times"][index], rows["poses"][index] = step.time, step.pose
+    if "wheels" in rows:
+        rows["wheels"][index] = step.odometry
+    begin = 0
+    for laser, (scan, truth) in enumerate(zip(step.scans, step.true_scans, strict=True)):
+        beams = slice(begin, begin := begin + len(scan.ranges))
+        rows["ranges"][index, beams], rows["truth"][index, beams] = scan.ranges, truth.ranges
+        rows["walls"][index, beams] = truth.walls
+        if "motions" in rows:
+            rows["motions"][index, laser] = 0.0 if truth.motion is None else truth.motion
+        for name in rows.keys() & set(LIGHT):
+            # Scans of users' own parts may have no intensities.
+            light = getattr(scan, name)
+            rows[name][index, beams] = np.nan if light is None else light
+
+
+class Recorder:
+    """Keeps the scans and maps of a loop.
+
+    Args:
+        world: The walls.
+        lrf: The laser range finder, or several.
+        obstacles: The dynamic obstacles, for pictures and films.
+
+    Examples:
+        >>> import lrf3d
+        >>> room, lrf = lrf3d.load_world("paper_room"), lrf3d.LaserRangeFinder()
+        >>> caster, mapper = lrf3d.EmbreeCaster(room), lrf3d.LineMapper()
+        >>> recorder = lrf3d.Recorder(room, lrf)
+        >>> for x in (1.0, 1.5, 2.0):
+        ...     scan = caster.cast(lrf, (x, 1, 0))
+        ...     mapper.update(scan)
+        ...     recorder.add(scan, map=mapper.map)
+        >>> run = recorder.run()
+        >>> len(run), run.trajectory.length, len(run.map) > 0
+        (3, 1.0, True)
+    """
+
+    def __init__(
+        self,
+        world: World,
+        lrf: LaserRangeFinder | Sequence[LaserRangeFinder],
+        *,
+        obstacles: Sequence[DynamicObstacle] = (),
+    ) -> None:
+        expect(world, World, "recorder: world")
+        self._world, self._lasers = world, lasers_of(lrf)
+        self._obstacles = tuple(each_of(obstacles, DynamicObstacle, "recorder: obstacle"))
+        self._taken, self._estimates = list[_Taken](), list[Pose]()
+        self._maps: dict[int, LineMap] = {}
+
+    def __len__(self) -> int:
+        return len(self._taken)
+
+    def add(
+        self,
+        scan: LaserScan | Sequence[LaserScan],
+        *,
+        map: LineMap | None = None,
+        truth: LaserScan | Sequence[LaserScan] | None = None,
+        estimate: Sequence[float] | Float | None = None,
+        time: float | None = None,
+    ) -> None:
+        """Add a scan, whose pose is the true one of its laser.
+
+        Args:
+            scan: The measured scan, or those of all lasers at one moment.
+            map: The map after it.
+            truth: The same without noise; the measured one if not given.
+            estimate: The robot's estimate of its pose, for every scan or none.
+            time: Time [s]; if not given that of the scan, or 0.25 s after the last where it is not
+                later.
+
+        Raises:
+            InputError: It is no scan of these lasers, the map is no LineMap, or the time is not
+                later than that of the last scan.
+        """
+        scans, true = self._scans(scan), self._scans(scan if truth is None else truth)
+        if map is not None:
+            expect(map, LineMap, "recorder: map")
+        last = self._taken[-1].time if self._taken else -np.inf
+        if time is None:
+            time = scans[0].time if scans[0].time > last else last + SCAN_INTERVAL
+        elif number(time, "recorder: time", "seconds", least=-1e12) <= last:
+            raise InputError(f"recorder: time {time:g} s; expected one after {last:g} s")
+        if self._taken and (estimate is None) != (not self._estimates):
+            raise InputError("recorder: estimate: give one for every scan or for none")
+        if estimate is not None:
+            self._estimates.append(as_pose(estimate))
+        if map is not None:
+            self._maps[len(self)] = map
+        self._taken.append(_Taken(float(time), scans[0].robot, scans, true))
+
+    def run(self) -> Run:
+        """The run so far.
+
+        Raises:
+            InputError: There is no scan in it.
+        """
+        if not len(self):
+            raise InputError("recorder: no scans; add(scan) first")
+        kept = {scan: self._maps[scan] for scan in self._maps if is_snapshot(scan, len(self))}
+        if self._maps:
+            newest = max(self._maps)
+            kept[newest] = self._maps[newest]
+        estimates = np.array(self._estimates)
+        rows = rows_of(row_type(self._world, self._lasers), len(self))
+        for index, taken in enumerate(self._taken):
+            fill_row(rows, index, taken)
+        times, poses = rows.pop("times"), rows.pop("poses")
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return Run(
+            self._world,
+            self._lasers[0],
+            Trajectory(times, poses),
+            **rows,
+            snapshot_scans=tuple(sorted(kept)),
+            maps=tuple(kept[scan] for scan in sorted(kept)),
+            obstacles=tuple(each.until(times[-1]) for each in self._obstacles),
+            estimate=EstimatedTrajectory(estimates) if len(estimates) else None,
+            further=self._lasers[1:],
+        )
+
+    def _scans(self, given: Any) -> tuple[LaserScan, ...]:
+        scans = (given,) if isinstance(given, LaserScan) else given
+        scans = tuple(each_of(scans, LaserScan, "recorder: scan"))
+        beams = [each.beams for each in self._lasers]
+        if beams != [len(each.ranges) for each in scans]:
+            raise InputError(f"recorder: {shown(given)}: expected a scan of {beams} beams")
+        return scans

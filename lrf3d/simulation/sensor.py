@@ -1,0 +1,196 @@
+"""Sensor: casts the true scan from a pose at a time, and adds noise.
+
+Casters know walls and poses, but no time. Here the robot moves on during a scan, among obstacles
+that move as well. By default all beams are sent at once, among walls alone.
+"""
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.casting.kernels.beams import RAY
+from lrf3d.casting.kernels.movers import poses_along
+from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import Pose, as_pose, between
+from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
+from lrf3d.laser.scan import LIGHT, ScanBatch
+from lrf3d.robot import Trajectory
+from lrf3d.world import World
+
+
+class Caster(Protocol):
+    """Anything that casts the beams of a laser range finder into a world."""
+
+    def cast(self, lrf: LaserRangeFinder, pose: Float) -> LaserScan:
+        """Return the true scan from a pose."""
+        ...
+
+
+class Moving(Protocol):
+    """Anything that knows where a robot is while it scans, every interval [s]."""
+
+    interval: float
+
+    def at(self, times: Float) -> Float:
+        """Poses (n, 3) of the robot at times (n,) [s] of the scan that it begins."""
+        ...
+
+
+CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar": PlanarCaster}
+"""Casters by name."""
+
+
+class Sensor:
+    """A laser range finder among walls and dynamic obstacles, with its noise.
+
+    Without the path of the robot all beams of a scan are cast from one pose. The last scan of a
+    drive is taken where the robot arrives, so the interval before it may be shorter; the last beams
+    of the scan before it are then sent from there.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        lrf: LaserRangeFinder,
+        *,
+        caster: Caster | str,
+        noise: Noise,
+        obstacles: Sequence[DynamicObstacle] | Crowd = (),
+        path: "Trajectory | Moving | None" = None,
+    ) -> None:
+        expect(lrf, LaserRangeFinder, "range finder")
+        self.world, self.lrf, self.noise = world, lrf, noise
+        self.caster, self._noisy, self._legs = caster_of(caster, world), Chain([noise]), None
+        self._moving = None if isinstance(path, Trajectory) or not lrf.time_increment else path
+        self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
+        # What casts single rays; other casters know no light of obstacles.
+        self._rays = self.caster if isinstance(self.caster, PlanarCaster) else None
+        self._lit = len(world.materials) > 0 < len(self._crowd)
+        if self._rays is None and self._lit:
+            self._rays = PlanarCaster(world)
+        if path is None:
+            return
+        interval, rounding = getattr(path, "interval", np.inf), 0.0
+        if isinstance(path, Trajectory):
+            if lrf.time_increment:
+                self._legs = moves_of(path.times, path.poses)
+            interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
+            # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
+            rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
+        if lrf.scan_duration > interval + rounding:
+            raise InputError(
+                f"scan_duration {lrf.scan_duration:g} s: longer than the {interval:g} s between two"
+                " scans; scan less often or faster"
+            )
+
+    def without(self, own: int) -> "Sensor":
+        """The same sensor on a robot that is one of the obstacles itself; −1 is none."""
+        other = copy(self)
+        other._crowd = self._crowd.without(own)
+        return other
+
+    def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """The measured scan of a true one."""
+        scan = self._noisy(true_scan, rng)
+        if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
+            raise InputError(
+                f"noise {self.noise!r} returned {shown(scan)}; expected a LaserScan of"
+                f" {self.lrf.beams} beams"
+            )
+        if scan.mount != true_scan.mount or scan.motion is not true_scan.motion:
+            # A noise may make a scan of its own, without what it knows nothing of.
+            kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
+            scan = replace(scan, motion=true_scan.motion, **kept)
+        ranges = self._far_enough(scan.ranges)
+        return scan if ranges is scan.ranges else replace(scan, ranges=ranges)
+
+    def noisy_ranges(self, true_scans: ScanBatch, rng: np.random.Generator) -> Float | None:
+        """The measured ranges (k, beams) of true scans; None if the noise takes single scans."""
+        if not self._noisy.batched:
+            return None
+        return self._far_enough(self._noisy(true_scans, rng).ranges)
+
+    def _far_enough(self, ranges: Float) -> Float:
+        """Ranges, in which what noise carried below range_min is too near, −inf."""
+        near = (ranges < self.lrf.range_min) & (ranges > -np.inf)
+        return np.where(near, -np.inf, ranges) if near.any() else ranges
+
+    def cast(self, pose: Float, time: float) -> LaserScan:
+        """The true scan that begins at a time [s], where the robot is at a pose (3,).
+
+        Along a path each beam is cast from the pose at its own time. For a robot at rest this is
+        the scan of the caster, bit for bit. Obstacles have the index −1; in a world with materials
+        they are of dark cloth.
+        """
+        lrf, moving = self.lrf, self._legs is not None or self._moving is not None
+        if not moving and not self._lit:
+            return self._among(lrf.placed(pose), time)
+        place, motion = as_pose(lrf.placed(pose)), None
+        poses, times = np.array([place]), np.array([time])
+        if moving:
+            times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+            if self._legs is not None:
+                poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+            elif self._moving is not None:
+                poses = self._moving.at(times)
+            motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
+        if self._rays is not None:
+            return self._one_by_one(self._rays, place, poses, times).at_time(time, motion)
+        # Beam i of the scan of moment i, as casters with only `cast` know no single rays.
+        scans = [self._among(*at) for at in zip(poses, times.tolist(), strict=True)]
+        arrays: Any = [
+            None if getattr(scans[0], name) is None
+            else np.array([getattr(scan, name)[i] for i, scan in enumerate(scans)])
+            for name in ("ranges", "walls", *LIGHT)
+        ]  # fmt: skip
+        return LaserScan.unchecked(lrf, place, *arrays).at_time(time, motion)
+
+    def _one_by_one(
+        self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
+    ) -> LaserScan:
+        """The scan of beams at times (beams,) [s], or at one, from as many poses."""
+        lrf, rays, lighting = self.lrf, np.empty(self.lrf.beams, RAY), caster.lighting
+        rays_from(laser_of(lrf), poses, times, rays[None])
+        # Mirrors may be nearer than range_min, and what they show beyond it.
+        near = lrf if lighting is None else replace(lrf, range_min=0.0)
+        ranges, walls = caster.trace(near, rays)
+        count = len(self.world.segments)
+        if len(self._crowd):
+            named = -1 if lighting is None else count
+            self._crowd.stop_rays(near, rays, ranges, walls, named=named)
+        if lighting is None:
+            return LaserScan.unchecked(lrf, place, ranges, walls)
+        lit = lighting.empty(lrf)
+        lit.ranges[:], lit.walls[:] = ranges, walls
+        crowd = self._crowd.plain, self._crowd.own
+        lighting.light(lrf, caster.tree(lrf.height), rays, lit, *crowd)
+        lit.walls[lit.walls >= count] = -1
+        return LaserScan.unchecked(lrf, place, *lit.arrays(lrf.echoes))
+
+    def _among(self, pose: Any, time: float) -> LaserScan:
+        """The scan of one moment, in which each beam ends at the nearer of wall and obstacle."""
+        scan = self.caster.cast(self.lrf, pose).at_time(time)
+        if not len(self._crowd):
+            return scan
+        ranges, walls = scan.ranges.copy(), scan.walls.copy()
+        self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
+        return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
+
+
+def caster_of(caster: Caster | str, world: World) -> Caster:
+    """The caster for a world, by its name or as given."""
+    if not isinstance(caster, str):
+        if not callable(getattr(caster, "cast", None)):
+            raise InputError(f"caster {shown(caster)}: it has no method cast(lrf, pose)")
+        return caster
+    if caster not in CASTERS:
+        raise InputError(f"caster {shown(caster)}: expected one of {', '.join(CASTERS)}")
+    return CASTERS[caster](world)

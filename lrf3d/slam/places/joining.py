@@ -1,0 +1,164 @@
+"""Joining: two drives through the same place in one frame, by what both of them saw.
+
+The run of a first drive and the solution of a second one enter. The second is found on the map of
+the first without a guess; where its key scans fit there, the pose graphs of both are tied together
+and optimised as one. The poses of both leave, in the frame of the first.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.pose import bent, between, compose, turned
+from lrf3d.matching.key_scans import MOST_THROUGH, Key, seen_through_both
+from lrf3d.simulation.run import Run
+from lrf3d.slam import Slam
+from lrf3d.slam.checks import LATER, NEAR, SelfCheck, self_check
+from lrf3d.slam.closures import (
+    FLOOR,
+    LEAST_DISTANCE,
+    MATCHING_SHARE,
+    Closure,
+    closure_edges,
+    fixed,
+)
+from lrf3d.slam.front_end import CERTAIN_SHARE, refined
+from lrf3d.slam.places.place_search import EVEN, KnownPlaces, PlaceSearch
+from lrf3d.slam.pose_graph import edges_of, optimised
+from lrf3d.slam.revisits import OFF
+
+STEP = np.array([0.01, 0.01, 0.003])
+"""Standard deviations of key scans of a map relative to their neighbours [m], [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Two drives in one frame.
+
+    The poses (n, 3) of the first are those of its run, (k, 3) of the second those of the robot at
+    its scans. Ties are pairs (c, 2) of scans of the first and of the second that show the same
+    place; the second was found at its scan ``found_at``, with a probability. The first has key
+    scans (m,). The key scans (k,) of both have poses (k, 3).
+    """
+
+    run: Run
+    keys: Int
+    first_poses: Float
+    poses: Float
+    ties: Int
+    found_at: int
+    probability: float
+    key_scans: list[Key] = field(repr=False)
+    key_poses: Float
+    check: SelfCheck
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        moved = np.hypot(*(self.first_poses - self.run.trajectory.poses)[:, :2].T)
+        return {
+            "on": self.run.world.name, "scans_before": len(self.run), "found_at": self.found_at,
+            "probability": self.probability, "ties": len(self.ties),
+            "earlier_poses_moved_m": float(moved.max()),
+        }  # fmt: skip
+
+
+def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name: str) -> Joined:
+    """Join a first drive with a second one, which is solved: poses (k, 3) at its scans.
+
+    Raises:
+        InputError: The second drive is nowhere on the map of the first with certainty.
+    """
+    places = KnownPlaces.from_run(run)
+    keys, numbers = slam.closer.keys, slam.key_scans
+    search = PlaceSearch(places)
+    for key, number in zip(keys, numbers.tolist(), strict=True):
+        search.see(number, key, poses[number])
+    nowhere = InputError(
+        f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
+        f" place has a probability of {search.probability:.2g}); no map is made"
+    )
+    if not (sure := [each for each in search.found if each.path]):
+        raise nowhere
+    count = len(places.keys)
+    graph, second_edges = _graph(places), slam.edges.copy()
+    second_edges["first"] += count
+    second_edges["second"] += count
+    # The pose of the drive on the map, until ties refine it.
+    best = max(sure, key=lambda each: len(each.path))
+    middle = sorted(best.path)[len(best.path) // 2]
+    shift = compose(best.path[middle], between(poses[middle], np.zeros(3)))
+    nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
+    guesses = {number: pose for each in sure for number, pose in each.path.items()}
+    ties: dict[int, Closure] = {}
+    rounds = 4  # Searches for ties, each from where the last ones have moved the drive.
+    for _ in range(rounds):
+        for row, (key, number) in enumerate(zip(keys, numbers.tolist(), strict=True)):
+            guess = guesses.get(number, nodes[count + row])
+            if row not in ties and (tie := _tie(places, key, guess, count + row)):
+                ties[row] = tie
+        if not ties:
+            raise nowhere
+        guesses = {}
+        edges = np.concatenate([graph, second_edges, closure_edges(list(ties.values()))])
+        nodes = optimised(nodes, edges)
+    first = _moved(run.trajectory.poses, places.numbers, places.poses, nodes[:count])
+    second = _moved(poses, numbers, slam.key_poses, nodes[count:])
+    whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in keys)]
+    second = refined(surfaces, second, whole, nodes, numbers)
+    driven, later = _driven(places.poses), _driven(nodes[count:])
+    driven = np.concatenate([driven, later + driven[-1] + 2.0 * LATER])
+    ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
+    pairs = np.array(ends, np.int64).reshape(-1, 2)
+    check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
+    found = min(best.path), best.probability
+    return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
+
+
+def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:
+    """The edge between a key scan, by its number among all, and the map near a guess (3,)."""
+    apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
+    found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
+    if found is None or found.evidence < EVEN or found.match.explained < CERTAIN_SHARE:
+        return None
+    pose, near = found.match.pose, places.around(key, guess).tolist()
+    olds = [places.keys[k] for k in near]
+    through, seen = seen_through_both(olds, key, between(places.poses[near], pose))
+    if through > MOST_THROUGH * max(seen, 1):
+        return None
+    old, *_ = near
+    *_, heading = places.poses[old].tolist()
+    information = MATCHING_SHARE * turned(fixed(found.match.information), -heading) + FLOOR
+    return Closure(old, number, between(places.poses[old], pose), information)
+
+
+def _graph(places: KnownPlaces) -> Records:
+    """The edges within a map: from each key scan to the last one, and to one taken beside it."""
+    poses, driven = places.poses, _driven(places.poses)
+    pairs = [(k, k + 1) for k in range(len(poses) - 1)]
+    # Key scans of a map within this [m], [rad] of each other hold together, as neighbours do.
+    near_by, near_by_turn = 1.0, 0.5
+    for k in range(len(poses)):
+        x, y, turn = between(poses[k], poses[:k]).T
+        apart = np.hypot(x, y)
+        beside = (apart < near_by) & (np.abs(turn) < near_by_turn)
+        beside &= driven[:k] < driven[k] - LEAST_DISTANCE
+        if beside.any():
+            pairs.append((int(np.where(beside, apart, np.inf).argmin()), k))
+    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
+    information = np.diag(1.0 / STEP**2)
+    return edges_of(first, second, between(poses[first], poses[second]), information, information)
+
+
+def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
+    """Poses (n, 3) of scans after key scans, by number (m,), have moved from old ones to new."""
+    return bent(poses, numbers, compose(new, between(old, poses[numbers])))
+
+
+def _driven(poses: Float) -> Float:
+    """The distance travelled up to each of the poses (k, 3) [m]."""
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,145 @@
+"""Sessions: a recorded drive on a map that is known, from an earlier drive or from a plan.
+
+A map and a log enter. The poses of the log on the map leave, without a first guess.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError, shown
+from lrf3d.base.interrupts import Progress, check, silent, stoppable
+from lrf3d.geometry.lines import Bool, Float
+from lrf3d.geometry.pose import bent, between, compose
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.recordings import LaserLog, load_run
+from lrf3d.recordings.reading import is_run
+from lrf3d.simulation.run import Run
+from lrf3d.slam import Slam
+from lrf3d.slam.offline import followed
+from lrf3d.slam.places.place_search import KnownPlaces, PlaceSearch
+from lrf3d.world import World, load_world
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Scans from first to last whose places are known, and how: with this probability.
+
+    The robot was ``carried`` there if its steps do not lead there from the stretch before.
+    """
+
+    first: int
+    last: int
+    probability: float
+    carried: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LocalisedLog:
+    """A log on a known map: poses (k, 3) of the robot at its scans, NaN where they are not known.
+
+    Each of the stretches is a part of the drive whose place is known. ``probability`` is that of
+    the best hypothesis in the end.
+    """
+
+    log: LaserLog
+    poses: Float
+    stretches: tuple[Stretch, ...]
+    probability: float
+
+    def __repr__(self) -> str:
+        return f"LocalisedLog({self.log.name}, {int(self.known.sum())} of {len(self.poses)} scans)"
+
+    @property
+    def known(self) -> Bool:
+        """Which of the poses (k,) are known."""
+        return np.isfinite(self.poses[:, 0])
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        parts = [
+            {"scans": [each.first, each.last], "probability": each.probability,
+             "carried": each.carried, "first_pose": self.poses[each.first].tolist(),
+             "last_pose": self.poses[each.last].tolist()}
+            for each in self.stretches
+        ]  # fmt: skip
+        found = {"scans_localised": int(self.known.sum()), "probability": self.probability}
+        return {"name": self.log.name, "log": self.log.counts, **found, "stretches": parts}
+
+
+@stoppable()
+def localise_log(
+    known: Run | World | KnownPlaces | str | Path,
+    log: LaserLog | str | Path,
+    *,
+    progress: Progress = silent,
+) -> LocalisedLog:
+    """Find where a recorded drive was on a known map, without a first pose.
+
+    Args:
+        known: The map: a run, such as that of `slam_log`, a world, or the path of either.
+        log: The log, or its path; the poses in it are odometry.
+        progress: Called with the number of finished scans, and of all.
+
+    Raises:
+        InputError: The map or the log cannot be used.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1 + 0.2 * k, 1, 0) for k in range(20)], rng=0)
+        >>> lrf3d.export_run(run, "carmen", "drive.log")
+        >>> found = lrf3d.localise_log(room, "drive.log")
+        >>> found, (found.poses[-1].round(1) + 0.0).tolist()
+        (LocalisedLog(drive, 20 of 20 scans), [4.8, 1.0, 0.0])
+    """
+    places = known if isinstance(known, KnownPlaces) else known_places(known)
+    log, recording = followed(log)
+    log = replace(log, scans=recording.scans)
+    slam, search = Slam(laser_offset=log.odometry.laser_offset), PlaceSearch(places)
+    increments: Sequence[Float | None] = [None] * len(log)
+    if log.placed:
+        increments = list(recording.path.increments(recording.places))
+    for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
+        slam.update(scan, increment)
+        search.see(number, slam.converter.candidate(unrolled(scan)), slam.tracked[-1].pose)
+        progress(number + 1, len(log))
+        check()
+    front = np.array([tracked.pose for tracked in slam.tracked])
+    poses = np.full((len(log), 3), np.nan)
+    parts: list[Stretch] = []
+    # A robot that is found farther than this [m], this share of the path, or this turn [rad] from
+    # where its steps lead was carried there; else it was off the map for a while.
+    jumped, jumped_share, jumped_turn = 1.0, 0.1, 0.5
+    for found in search.found:
+        first = parts[-1].last + 1 if parts else 0
+        path = {k: pose for k, pose in found.path.items() if k >= first}
+        if not path:
+            continue
+        begin, end = min(path), found.last
+        at = np.array(sorted(path), np.int64)
+        there = np.array([path[k] for k in at.tolist()])
+        poses[begin : end + 1] = bent(front[begin : end + 1], at - begin, there)
+        carried = False
+        if parts:
+            last = parts[-1].last
+            step = between(front[last], front[begin])
+            off = np.abs(between(compose(poses[last], step), poses[begin]))
+            most = jumped + jumped_share * np.hypot(step[0], step[1])
+            carried = bool(np.hypot(off[0], off[1]) > most or off[2] > jumped_turn)
+        parts.append(Stretch(begin, end, found.probability, carried))
+    return LocalisedLog(log, poses, tuple(parts), search.probability)
+
+
+def known_places(known: Run | World | str | Path) -> KnownPlaces:
+    """The places of a map: a run, a world, or the path of either."""
+    if isinstance(known, str | Path):
+        known = load_run(known) if is_run(str(known)) else load_world(known)
+    if isinstance(known, Run):
+        return KnownPlaces.from_run(known)
+    if isinstance(known, World):
+        return KnownPlaces.from_world(known)
+    raise InputError(f"map {shown(known)}: expected a run, a world, or the path of either")

@@ -1,0 +1,333 @@
+"""SolvedLog: the poses of a recorded drive, with its warnings and figures, and the drive as a run.
+
+The scans of a log and their poses enter; a `Run` leaves, whose world is the map of the drive.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.base.interrupts import Progress, check, silent
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import Float, lengths, usual_step
+from lrf3d.geometry.pose import Pose, compose
+from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser.range_finder import CENTRE
+from lrf3d.laser.unrolling import together, unrolled
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.matching.key_scans import Key, Moment
+from lrf3d.recordings import LaserLog
+from lrf3d.recordings.log import on_one_fan
+from lrf3d.recordings.repair.odometry import Repairs
+from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.simulation.run import Run, is_snapshot
+from lrf3d.slam import Slam
+from lrf3d.slam.checks import SelfCheck, doubtful_mount
+from lrf3d.slam.closures import Refusal
+from lrf3d.slam.places.joining import Joined
+from lrf3d.world import World
+
+MOST_UNSURE = 0.4
+"""Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
+along the walls grows with each scan."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SolvedLog:
+    """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
+
+    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
+    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
+    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
+    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
+    them are in its frame, and the run is that of both.
+    """
+
+    log: LaserLog
+    slam: Slam
+    scans: list[LaserScan]
+    poses: Float
+    line_poses: Float
+    lag: float
+    repairs: Repairs
+    check: SelfCheck
+    passes: int
+    joined: Joined | None = None
+
+    def __repr__(self) -> str:
+        return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
+
+    @property
+    def warnings(self) -> list[str]:
+        """What users should know of the solution, a sentence each."""
+        mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
+        mount = doubtful_mount(self.log.scans, mirrored=False)
+        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
+        return [*mirrored, *doubts, *self.tried]
+
+    def _unseen(self) -> list[str]:
+        """What the scans do not show of the drive, in a sentence."""
+        if self.log.placed:
+            return self._unsure()
+        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        most_unseen = 1.0  # Largest distance [m] along bare walls on a drive by the laser alone.
+        if weak.sum() * steps.mean() < most_unseen:
+            return self._unsure()
+        starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
+        longest = int((ends - starts).argmax())
+        where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
+        return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
+
+    def _unsure(self) -> list[str]:
+        """Where the position is least certain, in a sentence."""
+        if self.joined is not None or (estimate := self.run.estimate) is None:
+            return []
+        axes = np.linalg.norm(estimate.ellipses, 2, axis=(1, 2))
+        extent, placed = float(np.hypot(*np.ptp(self.poses[:, :2], axis=0))), self.log.placed
+        # Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach
+        # 0.03, and one that was bent by 20° without a contradiction reached 0.14.
+        bent_share = 0.1
+        if (most := axes.max()) < max(MOST_UNSURE, bent_share * extent * placed):
+            return []
+        where = f"the position at scan {estimate.known_scans[axes.argmax()]}"
+        if placed:
+            advice = "the map may be bent; --close A:B joins scans that show one place"
+            return [f"{where} is known to {most:.2f} m in {extent:.0f} m: {advice}"]
+        return [f"by the laser alone {where} is known to {most:.2f} m: the map may be stretched"]
+
+    @property
+    def refused(self) -> list[Refusal]:
+        """The loop closures that were refused in the worst stretch of the self-check."""
+        (first, last), scans = self.check.worst_scans, [key.scan for key in self.key_scans[0]]
+        before = len(scans) - len(self.slam.closer.keys)
+        shifted = [
+            each._replace(old=before + each.old, new=before + each.new)
+            for each in self.slam.closer.refusals
+        ]
+        return [
+            each for each in shifted
+            if first <= scans[each.old] <= last or first <= scans[each.new] <= last
+        ]  # fmt: skip
+
+    @property
+    def key_scans(self) -> tuple[list[Key], Float]:
+        """The key scans (k,) of all drives, and their poses (k, 3)."""
+        if self.joined is not None:
+            return self.joined.key_scans, self.joined.key_poses
+        return self.slam.closer.keys, self.slam.key_poses
+
+    @property
+    def tried(self) -> list[str]:
+        """What was tried where the map contradicts itself, in a sentence; else an empty list."""
+        if not self.check.sentences():
+            return []
+        first, last = self.check.worst_scans
+        reasons = Counter(each.why for each in self.refused)
+        why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
+        refused = counted(len(self.refused), "loop closure")
+        tried = f"scans {first} to {last}: {refused} refused{': ' if why else ''}{why}"
+        return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
+
+    @property
+    def odometry(self) -> str:
+        """Where the odometry comes from, in words."""
+        if not self.log.placed:
+            return "none: by the laser alone"
+        return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
+
+    @property
+    def moments(self) -> list[Moment]:
+        """The scans (k,) as the lasers took them, of each moment those of all lasers.
+
+        Those of lasers that turn on their robot, or clockwise, stay together.
+        """
+        mounts = {tuple(scan.mount for scan in moment) for moment in self.log.parts}
+        if len(mounts) != 1 or self.repairs.mirrored:
+            return [(scan,) for scan in self.scans]
+        taken = dict(zip([scan.time for scan in self.log.scans], self.log.parts, strict=True))
+        return [taken[scan.time] for scan in self.scans]
+
+    @cached_property
+    def run(self) -> Run:
+        """The drive as a run, in the walls that its key scans show."""
+        slam, keys = self.slam, self.slam.key_scans
+        mount = self.scans[0].mount
+        if mount == CENTRE:
+            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
+        poses = compose(self.poses, np.array(mount))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        if self.joined is not None:
+            return joint_run(self.joined, slam, self.moments, poses, self.log.name)
+        # Key scans whose covariances are kept, at most: each takes a step over the whole pose
+        # graph.
+        most_covariances = 128
+        chosen = np.unique(np.linspace(0, len(keys) - 1, most_covariances).astype(np.int64))
+        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
+        maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
+        return run_of(self.log.name, self.moments, poses, maps, estimate)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
+        keys = self.key_scans[0]
+        errors = "turn_share", "turn_rad_per_m", "distance_share"
+        return {
+            "name": log.name,
+            "log": {
+                **log.counts,
+                "odometry_lines": len(self.line_poses),
+                "odometry": self.odometry,
+                **asdict(self.repairs),
+            },
+            "map": {"segments": len(line_map), "objects": line_map.object_count},
+            "wheels": {
+                "lag_lines": self.lag,
+                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
+                "solved_times": self.passes,
+            },
+            "slam": {
+                "length_m": self.run.trajectory.length,
+                "key_scans": len(slam.key_scans),
+                "loop_closures": len(slam.closures),
+                "loop_closures_dropped": len(slam.closer.unconfirmed),
+                "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
+                "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
+            },
+            "self_check": {"passed": self.check.passed, **self.check._asdict()},
+            "refused": [
+                {"scans": [keys[each.old].scan, keys[each.new].scan], "why": each.why}
+                for each in self.refused * bool(self.tried)
+            ],
+            "joined": None if self.joined is None else self.joined.summary(),
+        }
+
+
+def maps_of(
+    scans: Sequence[LaserScan],
+    poses: Float,
+    keys: Sequence[int],
+    mapper: LineMapper,
+    *,
+    snapshots: int | None = None,
+    progress: Progress = silent,
+) -> dict[int, LineMap]:
+    """The map of the key scans, by the number of the last scan (k,), and snapshots before it.
+
+    Progress is called with the number of mapped key scans, and of all.
+    """
+    maps: dict[int, LineMap] = {}
+    for done, number in enumerate(keys, 1):
+        mapper.update(unrolled(replace(scans[number], pose=Pose(*poses[number].tolist()))))
+        if is_snapshot(done - 1, len(keys), snapshots):
+            maps[number] = mapper.map
+        progress(done, len(keys))
+        check()
+    # The last map is that of all scans: those after the last key scan show nothing new.
+    maps[len(scans) - 1] = maps.pop(keys[-1])
+    return maps
+
+
+def run_of(
+    name: str,
+    moments: Sequence[Moment],
+    poses: Float,
+    maps: dict[int, LineMap],
+    estimate: EstimatedTrajectory | None = None,
+) -> Run:
+    """The scans of moments (k,) as a run, whose world is the last of the maps.
+
+    The poses (k, 3) are those of the laser, or of the robot if there are several.
+    """
+    fans = [list(map(unrolled, own)) for own in zip(*moments, strict=True)]
+    line_map = maps[len(moments) - 1]
+    solid = lengths(line_map.segments) > 0.0
+    if not solid.any():
+        reason = (
+            doubtful_ranges([scan for own in fans for scan in own])
+            or "expected walls within the laser's range"
+        )
+        raise InputError(
+            f"{name}: {len(moments)} scans show no wall, so that there is no map; {reason}"
+        )
+    (lrf, ranges), *others = (_laser_of(own, mounted=len(fans) > 1) for own in fans)
+    ranges = np.hstack([ranges, *(each for _, each in others)])
+    # Stamps count from 1970; the clock of a run begins with it.
+    times = rising(np.array([scan.time for scan in fans[0]]))
+    return Run(
+        World(line_map.segments[solid], line_map.objects[solid], name=name),
+        lrf,
+        Trajectory(times - times[0], poses),
+        ranges,
+        ranges,
+        np.full(ranges.shape, -1),
+        tuple(maps),
+        tuple(maps.values()),
+        estimate=estimate,
+        further=tuple(each for each, _ in others),
+    )
+
+
+def _laser_of(scans: Sequence[LaserScan], *, mounted: bool) -> tuple[LaserRangeFinder, Float]:
+    """The range finder that took scans (k,), and their ranges (k, beams)."""
+    angles, ranges = on_one_fan(scans)
+    begin, end = angles[[0, -1]].tolist()
+    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
+    if farthest == np.inf:
+        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+        usual = LaserRangeFinder().range_max
+        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+    lrf = LaserRangeFinder(begin, end, len(angles), nearest, farthest)
+    if mounted:
+        name = re.sub(r"\W", "_", scans[0].laser, flags=re.ASCII)
+        lrf = replace(lrf, mount=scans[0].mount, name=name if name[:1].isalpha() else f"l{name}")
+    return lrf, ranges
+
+
+def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float, name: str) -> Run:
+    """Two drives as one run: the first, and after it the scans of moments (k,) of the second.
+
+    Its poses (k, 3) are those that joining has found. Several lasers stay together where those of
+    the other drive are mounted otherwise.
+    """
+    first, count, before = both.run, len(both.run), both.first_poses
+    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
+    if len(first.lasers) == 1:
+        before = compose(before, np.array(first.lrf.mount))
+    whole = np.vstack([before, poses])
+    whole[:, 2] = np.unwrap(whole[:, 2])
+    pause = 1.0  # Time [s] between two drives in their joint run.
+    later = first.trajectory.times[-1] + pause - moments[0][0].time
+    shown = [first.scans_at(k) for k in range(count)]
+    shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
+    whole_scans = [together(moment) for moment in shown]
+    if one.shape != other.shape or not np.allclose(one, other):
+        shown = [(scan,) for scan in whole_scans]
+    nothing = np.empty(0, np.int64), np.empty((0, 3, 3))
+    own = slam.estimate(poses, *nothing)
+    earlier = first.estimate or EstimatedTrajectory(before, *nothing)
+    estimate = EstimatedTrajectory(
+        whole, *nothing,
+        np.vstack([earlier.closures, count + own.closures, both.ties + np.array([0, count])]),
+        np.vstack([earlier.dropped_closures, count + own.dropped_closures]),
+    )  # fmt: skip
+    keys = [*both.keys.tolist(), *(count + slam.key_scans).tolist()]
+    maps = maps_of(whole_scans, whole, keys, LineMapper())
+    return run_of(name, shown, whole, maps, estimate)
+
+
+def rising(stamps: Float) -> Float:
+    """Stamps (k,) [s] made to rise: those that do not are interpolated between their neighbours."""
+    latest = np.maximum.accumulate(stamps)
+    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
+    usual = usual_step(stamps) or 1.0
+    number = np.arange(len(stamps), dtype=np.float64)
+    times = np.interp(number, knots, latest[knots])
+    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
+    return np.asarray(times)

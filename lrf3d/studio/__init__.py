@@ -1,0 +1,1 @@
+"""The studio: scenes, films, pages, 3D files and figures of runs."""

@@ -1,0 +1,92 @@
+"""Sheets: figures with a headline, panels in one look, and a legend below all of them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import fill
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from lrf3d.base.errors import OutputError
+from lrf3d.base.files import as_path, replacing
+
+INK, FAINT, GRID, SPINE = "#20262e", "#68727f", "#e8ebef", "#c9ced6"
+"""Colours of titles and walls, of small text, of the grid, and of the frame around axes."""
+
+MODE_COLOURS = {"robust": "#d6361f", "paper": "#2f6fb3"}
+"""Colours of the modes of the mapper: the default is warm."""
+
+DOTS_PER_INCH = 150
+"""Sharp on screens and in print, at some 1500 pixels across."""
+
+MARGIN = 0.04
+"""Free border inside axes, as a part of their size."""
+
+
+def sheet(width: float, height: float, title: str = "", words: str = "") -> Figure:
+    """A white figure [inches] with a headline and a line below it; its layout is constrained."""
+    pad = 0.1  # Room around panels, headline and legend [inches].
+    layout = ConstrainedLayoutEngine(h_pad=pad, w_pad=pad)
+    figure = Figure((width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
+    FigureCanvasAgg(figure)
+    letter = 0.115  # Width of a letter of the headline [inches].
+    lines = [fill(plain(line), int(width / letter)) for line in (title, words) if line]
+    if lines:
+        figure.suptitle("\n".join(lines), color=INK, fontsize=11)
+    return figure
+
+
+def add_legend(figure: Figure, axes: Sequence[Axes]) -> None:
+    """Name what the axes show, each mark once, below all of them."""
+    named: dict[str, Artist] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    entry = 2.75  # Width of an entry of the legend [inches].
+    columns = max(1, min(len(named), int(figure.get_figwidth() / entry)))
+    figure.legend(
+        list(named.values()), list(named), loc="outside lower center", ncols=columns,
+        frameon=False, fontsize=9, labelcolor=INK,
+    )  # fmt: skip
+
+
+def dressed(ax: Axes) -> Axes:
+    """Axes in metres, as long in x as in y, with the look of all figures."""
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(MARGIN)
+    for axis, name in ((ax.xaxis, "x"), (ax.yaxis, "y")):
+        axis.set_label_text(f"{name} [m]", color=FAINT, fontsize=9)
+    return quiet(ax)
+
+
+def quiet(ax: Axes) -> Axes:
+    """Axes with a light grid below all marks, and no strong lines."""
+    ax.tick_params(which="both", colors=FAINT, labelsize=8, length=0)
+    ax.grid(color=GRID, linewidth=0.7)
+    ax.set_axisbelow(True)
+    for spine in ax.spines.values():
+        spine.set(color=SPINE, linewidth=0.8)
+    return ax
+
+
+def plain(words: str) -> str:
+    """Words that a user may have chosen, such as a name, as a figure shows them.
+
+    They are not read as maths, and invalid letters, of a file's name that is not UTF-8, have
+    a question mark in their place.
+    """
+    return words.encode("utf-8", "replace").decode("utf-8").replace("$", r"\$")
+
+
+def save_figure(figure: Figure, path: str | Path | None) -> Figure:
+    """Write a figure, if there is a path, and return it."""
+    if path is not None:
+        known = figure.canvas.get_supported_filetypes()
+        if as_path(path).suffix[1:].lower() not in known:
+            raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
+        with replacing(path) as unfinished:
+            figure.savefig(unfinished, dpi=DOTS_PER_INCH)
+    return figure

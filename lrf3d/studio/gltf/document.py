@@ -1,0 +1,204 @@
+"""A glTF document in the making: arrays become accessors, and all of them one block of bytes."""
+
+import io
+import json
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lrf3d.geometry.lines import Float
+
+VERTICES, INDICES, KEYS = 34962, 34963, None
+"""What an array is for, as the format numbers it; keys of animations have no number."""
+
+TRIANGLES, LINES = 4, 1
+"""What the corners of a part make up."""
+
+_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
+_CLAMP, _LINEAR, _MIPMAPS = 33071, 9729, 9987
+
+_UNLIT, _ALIGNMENT = "KHR_materials_unlit", 4
+"""The extension of all materials, and the bytes that the start of every array is a multiple of."""
+
+
+class Document:
+    """Collects nodes, meshes and one animation of a length [s], in a frame with z up, in metres.
+
+    All materials keep their colours in any light. The root node has the name of the document, and
+    extras for programs.
+    """
+
+    def __init__(self, name: str, extras: Mapping[str, Any], length: float) -> None:
+        self._parts: dict[str, list[dict[str, Any]]] = {}
+        self._blob = bytearray()
+        self._name, self._length = name, length
+        self._samplers: list[dict[str, Any]] = []
+        self._channels: list[dict[str, Any]] = []
+        # A quarter turn about x: glTF has y up.
+        self.root = self.node(name, rotation=[-(0.5**0.5), 0.0, 0.0, 0.5**0.5], extras=dict(extras))
+
+    def add(self, kind: str, **properties: Any) -> int:
+        """Add an entry of a kind, such as ``cameras``, and give its number."""
+        entries = self._parts.setdefault(kind, [])
+        entries.append(properties)
+        return len(entries) - 1
+
+    def array(self, values: NDArray[Any], use: int | None, *, bounded: bool = False) -> int:
+        """Add an array (n,) or (n, k) and give its accessor; whole numbers of vertices are 0…1.
+
+        The format wants the bounds of positions and of times noted.
+        """
+        columns = 1 if values.ndim == 1 else values.shape[1]
+        accessor: dict[str, Any] = {
+            "bufferView": self._view(values.tobytes(), **({} if use is None else {"target": use})),
+            "componentType": _COMPONENTS[values.dtype.name],
+            "count": len(values),
+            "type": _KINDS[columns],
+        }
+        if use == VERTICES and values.dtype.kind == "u":
+            accessor["normalized"] = True
+        if bounded:
+            rows = values.reshape(-1, columns)
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        return self.add("accessors", **accessor)
+
+    def _view(self, data: bytes, **properties: Any) -> int:
+        self._blob += bytes(-len(self._blob) % _ALIGNMENT)
+        place = {"buffer": 0, "byteOffset": len(self._blob), "byteLength": len(data)}
+        self._blob += data
+        return self.add("bufferViews", **place, **properties)
+
+    def material(self, name: str, *, texture: int | None = None, translucent: bool = False) -> int:
+        """Add a material and give its number; vertices carry its colours, if it has no texture."""
+        factors: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+        if texture is not None:
+            factors["baseColorTexture"] = {"index": texture}
+        return self.add(
+            "materials",
+            name=name,
+            pbrMetallicRoughness=factors,
+            extensions={_UNLIT: {}},
+            alphaMode="BLEND" if translucent else "OPAQUE",
+            doubleSided=True,
+        )
+
+    def texture(self, name: str, picture: Image.Image, kind: str) -> int:
+        """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture."""
+        file = io.BytesIO()
+        picture.save(file, kind, quality=88, optimize=True)
+        filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
+        sampler = self.add("samplers", **filters, wrapS=_CLAMP, wrapT=_CLAMP)
+        view, mime = self._view(file.getvalue()), f"image/{kind.lower()}"
+        source = self.add("images", name=name, mimeType=mime, bufferView=view)
+        return self.add("textures", source=source, sampler=sampler)
+
+    def part(
+        self,
+        material: int,
+        corners: NDArray[Any],
+        colours: NDArray[Any] | None = None,
+        *,
+        kind: type = np.uint8,
+        texture: NDArray[Any] | None = None,
+        mode: int = TRIANGLES,
+    ) -> dict[str, Any]:
+        """A part of a mesh: corners (…, 3), screen colours (…, 3 or 4), places (…, 2) in a texture.
+
+        Colours are kept as whole numbers of a kind.
+        """
+        columns = {"POSITION": corners.reshape(-1, 3).astype(np.float32)}
+        if colours is not None:
+            rows = np.ones((len(columns["POSITION"]), 4))
+            rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
+            # Screen colours are kept as the linear ones that glTF counts with.
+            low = np.clip(rows[:, :3], 0.0, 1.0)
+            rows[:, :3] = np.where(low <= 0.04045, low / 12.92, ((low + 0.055) / 1.055) ** 2.4)
+            columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
+        if texture is not None:
+            columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
+        # Corners that are the same in all are kept once.
+        rows = np.concatenate([column.view(np.uint8) for column in columns.values()], axis=1)
+        _, first, numbers = np.unique(
+            rows.view(f"V{rows.shape[1]}")[:, 0], return_index=True, return_inverse=True
+        )
+        small = np.uint16 if len(first) < 65535 else np.uint32
+        attributes = {
+            name: self.array(column[first], VERTICES, bounded=name == "POSITION")
+            for name, column in columns.items()
+        }
+        indices = self.array(numbers.astype(small), INDICES)
+        return {"attributes": attributes, "indices": indices, "material": material, "mode": mode}
+
+    def node(
+        self, name: str, parent: int | None = None, *parts: Mapping[str, Any], **properties: Any
+    ) -> int:
+        """Add a node, with a mesh of parts if there are any, and give its number."""
+        if parts:
+            properties["mesh"] = self.add("meshes", name=name, primitives=parts)
+        number = self.add("nodes", name=name, **properties)
+        if parent is not None:
+            self._parts["nodes"][parent].setdefault("children", []).append(number)
+        return number
+
+    def animate(
+        self, node: int, path: str, times: Float, values: Float, *, step: bool = False
+    ) -> None:
+        """Move a node: key times (k,) [s] and values (k, n), straight or stepping between.
+
+        What does not play an animation shows the first.
+        """
+        self._parts["nodes"][node][path] = values[0].tolist()
+        if len(times) < 2:
+            return
+        keys = self.array(times.astype(np.float32), KEYS, bounded=True)
+        output = self.array(values.astype(np.float32), KEYS)
+        kind = "STEP" if step else "LINEAR"
+        self._samplers.append({"input": keys, "output": output, "interpolation": kind})
+        target = {"node": node, "path": path}
+        self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
+
+    def show(
+        self, node: int, begin: float, end: float | None = None, *, rests: bool | None = None
+    ) -> None:
+        """Give a node its size only from one time to another [s], or to the end.
+
+        What does not play an animation shows it as it is at the start, or as told.
+        """
+        times, sizes = ([0.0, begin], [0.0, 1.0]) if begin > 0.0 else ([0.0], [1.0])
+        if end is not None and end < self._length:
+            times, sizes = [*times, end], [*sizes, 0.0]
+        if len(times) > 1:
+            self.animate(node, "scale", np.array(times), np.tile(sizes, (3, 1)).T, step=True)
+        if rests is not None:
+            self._parts["nodes"][node]["scale"] = [float(rests)] * 3
+
+    def glb(self) -> bytes:
+        """The finished file."""
+        if self._channels:
+            self.add("animations", name="drive", samplers=self._samplers, channels=self._channels)
+        whole = {
+            "asset": {"version": "2.0", "generator": "lrf3d"},
+            "extensionsUsed": [_UNLIT],
+            "scene": 0,
+            "scenes": [{"nodes": [self.root], "name": self._name}],
+            "buffers": [{"byteLength": len(self._blob)}],
+            **self._parts,
+        }
+        chunks = b""
+        text = json.dumps(whole, separators=(",", ":")).encode()
+        for kind, data, fill in ((b"JSON", text, b" "), (b"BIN\0", bytes(self._blob), b"\0")):
+            data += fill * (-len(data) % _ALIGNMENT)
+            chunks += struct.pack("<I4s", len(data), kind) + data
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def turned(angles: Float) -> Float:
+    """Turns (n, 4) about the vertical by angles (n,) [rad], as quaternions."""
+    turns = np.zeros((len(angles), 4))
+    turns[:, 2], turns[:, 3] = np.sin(0.5 * angles), np.cos(0.5 * angles)
+    return turns

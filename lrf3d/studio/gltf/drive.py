@@ -1,0 +1,203 @@
+"""A run as glTF: the robot drives, and its scans and map snapshots follow each other.
+
+Every player of glTF can move, turn and scale nodes, and few can do more. So each scan and each
+snapshot of the map is a node of its own, which has its size while it is to be seen and none
+otherwise, and each straight piece of the trail is one that grows while it is driven.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import LEFT, Float
+from lrf3d.simulation.run import Run
+from lrf3d.studio.gltf.document import LINES, Document, turned
+from lrf3d.studio.gltf.stage import add_stage
+from lrf3d.studio.scene import look
+from lrf3d.studio.scene.camera import Look, SmoothPath
+from lrf3d.studio.scene.cameras import behind
+from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, outlines
+from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
+from lrf3d.studio.scene.stage.structures import panes_of
+from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
+
+_ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
+"""A look that nothing is made larger for, to be seen from far away."""
+
+_OFF_WALL, _AHEAD = 0.02, np.array([2.0, 0.0, 0.0])
+"""How far hits lie before their walls, so that both never share a pixel, and how far ahead of the
+robot its camera looks [m]."""
+
+_TRAIL_WIDTH, _LIFT, _PIECE_ERROR, _LEAST = 0.045, 0.005, 0.03, 1e-3
+"""Width of trails; how far the estimated one lies over the true one, and its ellipses over that;
+largest error of a straight piece, and its least length, as of a robot that turns on the spot, which
+is the least half axis of an ellipse, too [m]."""
+
+
+def run_glb(run: Run, *, every: int = 1) -> bytes:
+    """A run as a GLB file with one animation; of ``every`` scans one is kept.
+
+    Raises:
+        InputError: ``every`` is less than 1.
+    """
+    if every < 1:
+        raise InputError(f"every {every}: expected a whole number from 1")
+    # A scene plays as fast as the robot drove.
+    scene = Scene(Timeline(run, playback=1.0))
+    timeline = scene.timeline
+    about = {"origin": scene.origin.tolist(), "world": run.world.name}
+    document = Document(run.world.name or "world", about, timeline.end - timeline.start)
+    last = DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
+    add_stage(document, scene.stage, last)
+    keys = drive_keys(timeline)
+    paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
+    nodes = []
+    for (name, body), path in zip(_seen(scene, timeline.start).bodies, paths, strict=True):
+        part = document.part(document.material(name), *body.faces, kind=np.uint16)
+        nodes.append(document.node(name, document.root, part))
+        document.animate(nodes[-1], "translation", path.times, path.poses * [1.0, 1.0, 0.0])
+        document.animate(nodes[-1], "rotation", path.times, turned(path.poses[:, 2]))
+    _add_camera(document, nodes[0], scene)
+    if scene.structures.glass.any():
+        panes, edges = panes_of(scene.structures, np.inf)
+        material = document.material("glass", translucent=True)
+        parts = document.part(material, *panes[:2]), _lines(document, edges, material)
+        document.node("glass", document.root, *parts)
+    _add_scans(document, scene, every)
+    _add_maps(document, scene)
+    if run.knows_truth:
+        _add_trail(document, keys, "trail", look.TRAIL_COLOUR, look.TRAIL_HEIGHT)
+    _add_estimate(document, timeline)
+    return document.glb()
+
+
+def _seen(scene: Scene, time: float, *layers: str) -> Seen:
+    return scene.seen(scene.timeline.moment(time), _ABOVE, (1280, 720), layers)
+
+
+def _add_camera(document: Document, robot: int, scene: Scene) -> None:
+    """The chase's camera, which the robot carries; in rooms it is over the top of the walls."""
+    structures = scene.structures
+    path = SmoothPath(np.zeros(1), np.zeros((1, 2)), np.zeros(1))
+    view = behind(path, structures.setting.chase).look(0.0)
+    over = structures.heights.max(initial=0.0) if structures.indoor else 0.0
+    eye = view.eye + np.array([0.0, 0.0, over])
+    # The film's picture is moved up instead, which glTF cannot.
+    view = replace(view, eye=eye, target=view.target + _AHEAD, up=(0.0, 0.0, 1.0))
+    lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
+    camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
+    document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())
+
+
+def _add_scans(document: Document, scene: Scene, every: int) -> None:
+    times = scene.run.trajectory.times[::every]
+    shown = np.column_stack(scan_times(scene.timeline, every)) - scene.timeline.start
+    material = document.material("beams", translucent=True)
+    group = document.node("beams", document.root)
+    for number, (time, (begin, end)) in enumerate(zip(times, shown.tolist(), strict=True)):
+        marks = dict(_seen(scene, time, "beams", "points").marks)
+        hits, beams = marks["points"], marks["beams"]
+        assert isinstance(hits, Points) and isinstance(beams, Lines)
+        parts = [_lines(document, beams, material)]
+        if len(hits.places):
+            robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
+            corners = _triangles(hits, robot)
+            colours = np.repeat(hits.colours[:, None], 3, axis=1)
+            parts.append(document.part(material, corners, colours))
+        node = document.node(f"scan {number * every}", group, *parts)
+        document.show(node, begin, end)
+
+
+def _lines(document: Document, lines: Lines, material: int) -> dict[str, Any]:
+    tints = np.repeat(lines.colours[:, None], 2, axis=1)
+    tints = np.concatenate([tints, lines.opacities[..., None]], axis=2)
+    return document.part(material, np.stack([lines.starts, lines.ends], axis=1), tints, mode=LINES)
+
+
+def _triangles(hits: Points, robot: Float) -> Float:
+    """Upright triangles (n, 3, 3) at hits, which look where their walls do, or at a robot (2,)."""
+    loose = (hits.sides == 0.0).all(axis=1, keepdims=True)
+    side = np.where(loose, robot - hits.places[:, :2], hits.sides)
+    side = side / np.maximum(np.hypot(*side.T), 1e-9)[:, None]
+    turns = np.radians([90.0, 210.0, 330.0])
+    across = np.insert(side @ LEFT, 2, 0.0, axis=1)[:, None] * np.cos(turns)[:, None]
+    up = np.array([0.0, 0.0, 1.0]) * np.sin(turns)[:, None]
+    places = hits.places + _OFF_WALL * np.insert(side, 2, 0.0, axis=1)
+    return np.asarray(places[:, None] + hits.size * (across + up))
+
+
+def _add_maps(document: Document, scene: Scene) -> None:
+    timeline, run = scene.timeline, scene.run
+    material = document.material("map")
+    group = document.node("map", document.root)
+    begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
+    for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
+        if not len(stage):
+            continue
+        bands = dict(_seen(scene, begin, "map").marks)["bands"]
+        assert isinstance(bands, Lines)
+        half = np.array([0.0, 0.0, 0.5 * bands.thick])
+        ends = bands.starts - half, bands.ends - half, bands.ends + half, bands.starts + half
+        corners = np.stack(ends, axis=1)[:, [0, 1, 2, 0, 2, 3]]
+        part = document.part(material, corners, np.repeat(bands.colours[:, None], 6, axis=1))
+        node = document.node(f"map of {len(stage)} segments", group, part)
+        document.show(node, begin - timeline.start, end - timeline.start)
+
+
+def _add_trail(
+    document: Document, keys: DriveKeys, name: str, colour: tuple[float, ...], height: float
+) -> None:
+    strip = np.array([[0, -0.5, 0], [1, -0.5, 0], [1, 0.5, 0], [0, 0.5, 0]])[[0, 1, 2, 0, 2, 3]]
+    part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
+    mesh = document.add("meshes", name=name, primitives=[part])
+    group = document.node(name, document.root)
+    pieces = keys.thinned(_PIECE_ERROR)
+    for number in np.flatnonzero(pieces.driven):
+        (begin, end), (start, stop) = (column[number : number + 2] for column in pieces)
+        along = (stop - start)[:2]
+        length = np.hypot(*along)
+        if length < _LEAST:
+            continue
+        place = {"translation": [*start[:2].tolist(), height]}
+        place["rotation"] = turned(np.arctan2(along[1:], along[:1]))[0].tolist()
+        node = document.node(f"{name} from {begin:.1f} s", group, mesh=mesh, **place)
+        # Its width is there at once: a strip that widens as it grows would be a wedge.
+        grown = np.array([[0.0, _TRAIL_WIDTH, 1.0], [length, _TRAIL_WIDTH, 1.0]])
+        document.animate(node, "scale", np.array([begin, end]), grown)
+
+
+def _add_estimate(document: Document, timeline: Timeline) -> None:
+    """The estimated trail, the ellipses that stay, and that of now: a circle that is stretched."""
+    drawn = DrawnEstimate.from_timeline(timeline)
+    if drawn is None:
+        return
+    keys, known = drawn.keys, drawn.keys.times[drawn.known]
+    height = look.TRAIL_HEIGHT + _LIFT
+    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, height)
+    if not len(known):
+        return
+    material = document.material("ellipses", translucent=True)
+    group = document.node("ellipses", document.root)
+    for outline, begin in zip(drawn.outlines(), known[drawn.kept], strict=True):
+        ring = _ring(document, outline, look.ESTIMATE_FADED, material)
+        document.show(document.node(f"ellipse from {begin:.1f} s", group, ring), float(begin))
+    circle = outlines(np.zeros((1, 2)), np.eye(2)[None])[0]
+    node = document.node("ellipse of now", document.root, _ring(document, circle, 1.0, material))
+    sizes, axes = np.linalg.eigh(drawn.shapes)
+    # The longer axis is that of x; half a turn makes the same ellipse.
+    angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
+    scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
+    document.animate(node, "translation", keys.times, keys.poses * [1.0, 1.0, 0.0])
+    document.animate(node, "rotation", known, turned(angles))
+    document.animate(node, "scale", known, scales)
+
+
+def _ring(document: Document, outline: Float, opacity: float, material: int) -> dict[str, Any]:
+    """A closed outline (c, 2) on the ground, in the estimate's colour."""
+    ends, colours = np.roll(outline, -1, axis=0), np.tile(look.ESTIMATE_COLOUR, (len(outline), 1))
+    opacities, height = np.full((len(outline), 2), opacity), look.TRAIL_HEIGHT + 2.0 * _LIFT
+    return _lines(document, level_lines(height, outline, ends, colours, opacities, 0.0), material)

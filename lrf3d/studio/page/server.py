@@ -1,0 +1,250 @@
+"""The page and its server, and what a page is opened for.
+
+Everything is served from this machine, by the library of the page's socket; the page loads nothing
+from elsewhere.
+"""
+
+import asyncio
+import contextlib
+import errno
+import gzip
+import html
+import io
+import ipaddress
+import json
+import logging
+import os
+import re
+import socket
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from weakref import WeakSet
+
+from PIL import Image
+
+from lrf3d.base.errors import InputError, OutputError, missing_extra
+from lrf3d.base.interrupts import asked, check
+from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import Scenario
+from lrf3d.studio.page.hand_drive import HandDrive
+from lrf3d.studio.page.message import stage_message
+from lrf3d.studio.page.shown import Shown, Wanted
+
+PORT, MESSAGE_SIZE = 8080, 10_000
+"""The port that is tried if none is given, and the longest message [bytes] from a page, whose own
+have some hundred."""
+
+_STEP, _PATIENCE = 1.0 / 30.0, 60.0
+"""Least time between two answers to a page that drives, and how long a page may take to load a file
+[s]."""
+
+GUARDS = {
+    "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; object-src 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+"""Headers of all answers: no other site may frame the page or load its files."""
+
+PAGE = Path(__file__).parent / "static"
+"""The files of the page."""
+
+Make = Callable[[], Shown]
+"""Makes what one page shows: each has its own."""
+
+
+def run_view(run: Run, playback: float | None) -> Make:
+    """What pages show of a run that is played."""
+    return lambda: Shown.played(run, run.playback if playback is None else playback)
+
+
+def world_view(scenario: Scenario, seed: int) -> Make:
+    """What pages show of a world to drive in, with a route or poses to start at."""
+    drive = HandDrive(scenario, rng=seed)
+    # The first step compiles kernels and builds search trees, so it is made before the user drives.
+    drive.step(0.0)
+    stage = Shown.driven(drive).scene.stage
+    return lambda: Shown.driven(HandDrive(scenario, rng=seed), stage)
+
+
+def serve(
+    make: Make,
+    door: socket.socket,
+    *,
+    host: str,
+    browser: bool = True,
+    started: Callable[[str], None] = lambda address: None,
+) -> None:
+    """Serve pages until the program is interrupted; `started` is called with their address.
+
+    The door is a socket of :func:`bound` for the host; it is closed in the end.
+
+    Raises:
+        MissingLibraryError: The libraries of the extra ``view`` are not installed.
+    """
+    try:
+        from websockets.asyncio.server import ServerConnection
+        from websockets.asyncio.server import serve as listen
+    except ImportError as error:
+        raise missing_extra(f"the view needs a server ({error})", "view") from None
+    port = door.getsockname()[1]
+    address = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+    transports: WeakSet[Any] = WeakSet()
+
+    class Page(ServerConnection):
+        def connection_made(self, transport: Any) -> None:
+            transports.add(transport)
+            super().connection_made(transport)
+
+    async def run() -> None:
+        server = await listen(
+            lambda page: _show(make, page),
+            sock=door,
+            create_connection=Page,
+            process_request=_answers(make(), host),
+            max_size=MESSAGE_SIZE,
+            # A short message could unpack to gigabytes.
+            compression=None,
+            open_timeout=_PATIENCE,
+            close_timeout=_PATIENCE,
+            # Pages may close in the middle of a message.
+            logger=logging.Logger("view", logging.CRITICAL),
+        )
+        started(address)
+        if browser:
+            webbrowser.open(address)
+        # Signals set the flag of lrf3d.base.interrupts, which is looked at here.
+        while not asked():
+            await asyncio.sleep(0.05)
+        server.close()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), 0.5)
+        # Pages that have stopped reading, as on a laptop that sleeps, would not let the end come.
+        for transport in [*transports]:
+            transport.abort()
+
+    with door:
+        asyncio.run(run())
+    check()
+
+
+def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
+    """A function that answers requests for the page, its files and its socket.
+
+    A web page anywhere can have its visitor's browser send requests to this machine. It could read
+    the scene and drive the robot, and so is refused: by its origin, or, where a name of its own
+    points here (DNS rebinding), by that name.
+    """
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    setup, stage = shown.setup(), shown.scene.stage
+    # Row 0 of the ground's picture is at the smallest y, as textures have it.
+    ground = io.BytesIO()
+    Image.fromarray(stage.ground.picture).save(ground, "JPEG", quality=90)
+    files = {
+        "/": ("text/html; charset=utf-8", page_text(setup).encode()),
+        "/lrf3d/world": ("application/octet-stream", gzip.compress(stage_message(stage), 1)),
+        "/lrf3d/ground.jpg": ("image/jpeg", ground.getvalue()),
+    }
+    for name in ("page.css", "page.js", "scene.js", "served.js"):
+        kind = "text/css" if name.endswith("css") else "text/javascript"
+        files[f"/lrf3d/{name}"] = kind, (PAGE / name).read_bytes()
+
+    def answer(connection: Any, request: Any) -> Any:
+        response = answer_to(connection, request)
+        if response is not None:
+            for name, value in GUARDS.items():
+                response.headers[name] = value
+        return response
+
+    def answer_to(connection: Any, request: Any) -> Any:
+        named, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(named) != 1 or not is_own(re.sub(r":\d+$", "", named[0]), host):
+            return connection.respond(400, "the page does not open by this name\n")
+        if origin not in ([], [f"http://{named[0]}"]):
+            return connection.respond(403, "pages of other sites may not use this one\n")
+        # Older versions of the library refuse other methods themselves.
+        if (method := getattr(request, "method", "GET")) not in ("GET", "HEAD"):
+            refusal = connection.respond(405, "the page is only read\n")
+            refusal.headers["Allow"] = "GET, HEAD"
+            return refusal
+        path = request.path.partition("?")[0]
+        if path == "/lrf3d/moments":
+            return None
+        if path not in files:
+            return connection.respond(404, "there is no such page\n")
+        kind, body = files[path]
+        headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
+        if path == "/lrf3d/world":
+            headers["Content-Encoding"] = "gzip"
+        return Response(200, "OK", headers, b"" if method == "HEAD" else body)
+
+    return answer
+
+
+def page_text(setup: dict[str, Any]) -> str:
+    """The page's HTML, with what it is given once."""
+    page = (PAGE / "index.html").read_text(encoding="utf-8")
+    words = {name: html.escape(str(value)) for name, value in setup.items()}
+    words["setup"] = json.dumps(setup).replace("<", "\\u003c")
+    return re.sub(r"\{(\w+)\}", lambda found: words[found[1]], page)
+
+
+async def _show(make: Make, page: Any) -> None:
+    """Answer each message of a page, until it leaves; an empty answer says that nothing changed."""
+    from websockets.exceptions import ConnectionClosed
+
+    time = asyncio.get_running_loop().time
+    # In threads, so that one page's work holds up no other.
+    shown, wanted, last = await asyncio.to_thread(make), Wanted(), time()
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            before, wanted = wanted, wanted.changed(await page.recv())
+            if wanted.drive != before.drive:
+                shown = await asyncio.to_thread(make)
+            if shown.drive is not None:
+                await asyncio.sleep(last + _STEP - time())
+            seconds, last = time() - last, time()
+            await page.send(await asyncio.to_thread(shown.answer, wanted, seconds) or b"")
+
+
+def is_own(name: str, host: str) -> bool:
+    """Whether the page opens by a name where the server listens at a host."""
+    with contextlib.suppress(ValueError):
+        # Only names can be made to point here from elsewhere.
+        return bool(ipaddress.ip_address(name.strip("[]")))
+    own = ["localhost", host.lower()]
+    if host.lower() not in ("localhost", "127.0.0.1", "::1"):
+        machine = socket.gethostname().lower()
+        short = machine.partition(".")[0]
+        own += [machine, short, f"{short}.local"]
+    return name.lower() in own
+
+
+def bound(host: str, port: int | None) -> socket.socket:
+    """A socket at a host and a port; if none is given, at 8080 or, where that is taken, any.
+
+    A browser that connects before the page is ready waits.
+
+    Raises:
+        InputError: There is no such host, or it is another machine.
+        OutputError: The port is taken.
+    """
+    try:
+        # Listening at an empty name would let all machines in.
+        family, *_, address = socket.getaddrinfo(host or "\0", None, type=socket.SOCK_STREAM)[0]
+    except (OSError, ValueError):
+        raise InputError(f"--host {host}: no such address") from None
+    for number in [PORT, 0] if port is None else [port]:
+        try:
+            return socket.create_server((address[0], number, *address[2:]), family=family)
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise InputError(f"--host {host}: not an address of this machine") from None
+            reason = os.strerror(error.errno or 0)
+    raise OutputError(f"--port {number}: {reason} at {host}; choose another")

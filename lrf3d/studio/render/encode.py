@@ -1,0 +1,129 @@
+"""The kinds of films by the ending of their file, and the one encoder that writes them all.
+
+Pictures go in one by one and are written at once, so that a film of any length takes no more memory
+than a short one.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from PIL import Image
+
+from lrf3d.base.errors import InputError
+from lrf3d.studio.scene.shapes import Pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A kind of film, as FFmpeg's libraries write it."""
+
+    codec: str
+    colours: str
+    """How the codec holds pixels."""
+    fastest: float
+    """Most frames a second: browsers show pictures of a shorter time for a tenth of a second."""
+    unit: Fraction | None = None
+    """What times are whole numbers of [s]; the time of a frame if not given."""
+    codec_options: dict[str, str] = field(default_factory=dict)
+    file_options: dict[str, str] = field(default_factory=dict)
+    even: bool = False
+    """Whether width and height have to be even."""
+    palette: bool = False
+    """Whether all pictures share 256 colours."""
+
+
+FORMATS = {
+    ".gif": Format("gif", "pal8", 50.0, Fraction(1, 100), file_options={"loop": "0"}, palette=True),
+    ".mp4": Format(
+        "libx264",
+        "yuv420p",
+        1000.0,
+        # A short look ahead halves the size that this preset gives, at a fifth less time than the
+        # next one.
+        codec_options={
+            "preset": "superfast",
+            "x264-params": "rc-lookahead=8:mbtree=1",
+            "crf": "20",
+            "bf": "0",
+        },
+        file_options={"movflags": "faststart"},
+        even=True,
+    ),
+    ".webp": Format(
+        "libwebp_anim",
+        "yuv420p",
+        200.0,
+        Fraction(1, 1000),
+        # A quarter of what the film takes as GIF, and hardly different from the original.
+        codec_options={"quality": "75", "compression_level": "4"},
+        file_options={"loop": "0"},
+    ),
+}
+
+
+def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
+    """The kind of film that a path names.
+
+    Raises:
+        InputError: There is no such kind, or it cannot have that size [pixels] or rate [Hz].
+    """
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise InputError(f"{path}: expected a film that ends in {', '.join(sorted(FORMATS))}")
+    if found.even and (size[0] % 2 or size[1] % 2):
+        raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
+    if fps > found.fastest:
+        raise InputError(
+            f"fps {fps:g}: players show at most {found.fastest:g} frames a second of {path.suffix}"
+        )
+    return found
+
+
+def encode(
+    pictures: Iterable[Pixels],
+    path: Path,
+    kind: Format,
+    *,
+    fps: float,
+    examples: Sequence[Pixels] = (),
+) -> None:
+    """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
+    # Largest denominator of frames a second, and the lines of an example from which on not all of
+    # its pixels choose the colours of a palette.
+    rates, sampled = 1000, 360
+    rate = Fraction(fps).limit_denominator(rates)
+    unit = kind.unit or 1 / rate
+    palette = None
+    if kind.palette:
+        # The 256 colours that serve examples best; with one palette none changes between frames.
+        step = -(-len(examples[0]) // sampled)
+        seen = Image.fromarray(np.concatenate([each[::step, ::step] for each in examples]))
+        palette = seen.quantize(256, method=Image.Quantize.FASTOCTREE)
+    with av.open(str(path), "w", format=path.suffix[1:], options=kind.file_options) as film:
+        stream: Any = film.add_stream(kind.codec, rate, options=kind.codec_options)
+        stream.codec_context.time_base = unit
+        for number, picture in enumerate(pictures):
+            frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            if palette is not None:
+                # Spreading errors from pixel to pixel would flicker.
+                colours = np.full((256, 4), 255, np.uint8)
+                colours[:, 1:] = np.resize(palette.getpalette() or [0], (256, 3))
+                numbers = Image.fromarray(picture).quantize(
+                    palette=palette, dither=Image.Dither.NONE
+                )
+                indexed: Any = np.asarray(numbers), colours
+                frame = av.VideoFrame.from_ndarray(indexed, format="pal8")
+            # Rounded from the start, so that it does not add up.
+            frame.pts = round(number / (fps * unit))
+            frame.duration = round((number + 1) / (fps * unit)) - frame.pts
+            frame.time_base = unit
+            if number == 0:
+                stream.width, stream.height = frame.width, frame.height
+                stream.pix_fmt = kind.colours
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))

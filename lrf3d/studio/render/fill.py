@@ -1,0 +1,295 @@
+"""Compiled loops of the plain renderer: what rays see, and triangles and discs over that."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import borrower, compiled
+from lrf3d.geometry.lines import Float, Single
+from lrf3d.studio.scene.look import (
+    CLIMB,
+    DAWN,
+    EMBER,
+    EMBER_SHARE,
+    FALL,
+    FRONT,
+    LEAST_FALL,
+    MAP_LIGHT,
+    MAP_SHARE,
+    NIGHT_LOW,
+    ROOF_SHARE,
+)
+
+NEAREST, _SLANT = 0.05, 0.35
+"""Depth [m] from which on walls are drawn, and how coarse copies of the ground's picture are, in
+lengths of a pixel: it is seen at a slant."""
+
+
+class Surfaces(NamedTuple):
+    """What rays see: triangles, the ground and their tones."""
+
+    corners: Single
+    """(t, 3, 9) place, colour, place before it, and whether it is a wall."""
+    ground: NDArray[np.uint8]
+    ground_levels: NDArray[np.int64]
+    """Texels of the ground's picture, and (n, 3) where each level starts, its width and height."""
+    area: Float
+    """(7,) corner and size of that picture [m], and the colour of the land around."""
+    tones: Float
+    """(4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit."""
+
+
+class LaserLight(NamedTuple):
+    """What the laser has lit by now: see :mod:`lrf3d.studio.scene.stage.exposure`."""
+
+    times: Single
+    """(h, w, 4) the picture of times."""
+    tints: Single
+    """(h, w, 4) the map in the same cells, and how much of each it covers."""
+    area: Float
+    """(4,) corner of both [m], and one over their size [1/m]."""
+    clock: Float
+    """(2,) what time it is, and how fast that passes."""
+
+
+@borrower
+def project(place: Float, matrix: Float, height: int, width: int, found: Float) -> None:
+    """Pixels and one over the depth of a place that a matrix (3, 4) shows as x, y and depth."""
+    x, y, depth = matrix[0, 3], matrix[1, 3], matrix[2, 3]
+    for k in range(3):
+        x += matrix[0, k] * place[k]
+        y += matrix[1, k] * place[k]
+        depth += matrix[2, k] * place[k]
+    found[0], found[1] = (0.5 + 0.5 * x / depth) * width, (0.5 + 0.5 * y / depth) * height
+    found[2] = 1.0 / depth
+
+
+@compiled
+def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near: Single) -> None:
+    """Number in hits (h, w) which of triangles (t, 3, …) a matrix (3, 4) shows in each pixel.
+
+    One over their depths is kept in near.
+    """
+    height, width = hits.shape
+    place, outline, depths = np.empty(3), np.empty((6, 3)), np.empty(3)
+    for t in range(len(corners)):
+        for i in range(3):
+            depths[i] = matrix[2, 3]
+            for k in range(3):
+                depths[i] += matrix[2, k] * corners[t, i, k]
+        # What lies before the eye is cut off: of a triangle, three or four corners are left.
+        count = 0
+        for i in range(3):
+            j = (i + 1) % 3
+            for share in (0.0, (NEAREST - depths[i]) / (depths[j] - depths[i] + 1e-12)):
+                crosses = (depths[i] >= NEAREST) != (depths[j] >= NEAREST)
+                if (depths[i] >= NEAREST) if share == 0.0 else crosses:
+                    for k in range(3):
+                        place[k] = corners[t, i, k] + share * (corners[t, j, k] - corners[t, i, k])
+                    project(place, matrix, height, width, outline[count])
+                    count += 1
+        if count < 3:
+            continue
+        low, high = outline[:count, 1].min(), outline[:count, 1].max()
+        for row in range(max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), height)):
+            y = row + 0.5
+            left, right, begin, end = math.inf, -math.inf, 0.0, 0.0
+            for i in range(count):
+                p, q = outline[i], outline[(i + 1) % count]
+                if (p[1] <= y) != (q[1] <= y):
+                    share = (y - p[1]) / (q[1] - p[1])
+                    x, depth = p[0] + share * (q[0] - p[0]), p[2] + share * (q[2] - p[2])
+                    if x < left:
+                        left, begin = x, depth
+                    if x > right:
+                        right, end = x, depth
+            step = (end - begin) / max(right - left, 1e-9)
+            first, last = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+            for column in range(math.ceil(first), math.ceil(last)):
+                depth = begin + (column + 0.5 - left) * step
+                if depth > near[row, column]:
+                    hits[row, column], near[row, column] = t, depth
+
+
+@borrower
+def plane(corners: Single, eye: Float, found: Float) -> None:
+    """Fill in the numbers (10,) by which `shade` meets rays from an eye with a triangle (3, 9).
+
+    The product of a ray's direction with the first three is a volume. Its products with the next
+    three and the three after, divided by the volume, are the shares of the second and the third
+    corner (Möller and Trumbore, 1997); the last number divided by the volume is the distance.
+    """
+    found[9] = 0.0
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        a, b = corners[1, i] - corners[0, i], corners[1, j] - corners[0, j]
+        c, d = corners[2, i] - corners[0, i], corners[2, j] - corners[0, j]
+        x, y = eye[i] - corners[0, i], eye[j] - corners[0, j]
+        found[k], found[3 + k], found[6 + k] = c * b - d * a, c * y - d * x, x * b - y * a
+        found[9] -= found[k] * (eye[k] - corners[0, k])
+
+
+@borrower
+def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> None:
+    """Read a picture (h, w, 4) at a place [m], between its cells; nothing is beyond its edges."""
+    height, width = picture.shape[:2]
+    u, v = (x - area[0]) * area[2] * width - 0.5, (y - area[1]) * area[3] * height - 0.5
+    # What a sliver of a triangle gives may be no number.
+    u = u if 0.0 <= u else 0.0
+    v = v if 0.0 <= v else 0.0
+    u, v = min(u, width - 1.001), min(v, height - 1.001)
+    column, row = int(u), int(v)
+    a, b = u - column, v - row
+    for k in range(4):
+        low = picture[row, column, k] * (1.0 - a) + picture[row, column + 1, k] * a
+        high = picture[row + 1, column, k] * (1.0 - a) + picture[row + 1, column + 1, k] * a
+        found[k] = low + b * (high - low)
+
+
+@borrower
+def grey(colour: Single) -> float:
+    """The brightness of a colour."""
+    bright: float = 0.3 * colour[0] + 0.55 * colour[1] + 0.15 * colour[2]
+    return bright
+
+
+@borrower
+def expose(seen: Single, when: Float, clock: Float, height: float, tones: Float) -> float:
+    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is."""
+    age = (clock[0] - when[0]) * clock[1] - when[3]
+    share = min(max(age / DAWN, 0.0), 1.0)
+    on = when[1] * share * share * (3.0 - 2.0 * share)
+    bright, hot = grey(seen), on / (1.0 + 2.0 * age * age)
+    share = on * max(1.0 - FALL * height, LEAST_FALL)
+    for k in range(3):
+        dark = NIGHT_LOW[k] + bright * (tones[2, k] - NIGHT_LOW[k])
+        cool = seen[k] * tones[3, k] * (1.0 - EMBER_SHARE[0] * hot)
+        lit = cool + EMBER[k] * hot * (EMBER_SHARE[1] + EMBER_SHARE[2] * bright)
+        seen[k] = dark + share * (lit - dark)
+    return float(on)
+
+
+@compiled
+def shade(
+    ways: Single, hits: NDArray[np.int32], fixed: Float, surfaces: Surfaces, laser: LaserLight
+) -> tuple[Single, Single, Single]:
+    """Colours (n, 3), inverse depths and exposures (n,) of what rays (n, 3) from an eye meet.
+
+    The hits (n,) are numbers of triangles, or −1. The fixed values are the eye (3,), the number of
+    pixels in a metre at a distance of one, and the density of the air.
+    """
+    corners, ground, ground_levels, area, tones = surfaces
+    eye, focus, thick, clock = fixed[:3], fixed[3], fixed[4], laser.clock
+    colours, near = np.empty((len(ways), 3), np.float32), np.zeros(len(ways), np.float32)
+    lit = np.ones(len(ways), np.float32)
+    value, when, tint = np.empty(9), np.empty(4), np.empty(4)
+    planes = np.empty((len(corners), 10))
+    for t in range(len(corners)):
+        plane(corners[t], eye, planes[t])
+    for n in range(len(ways)):
+        seen, hit, way = colours[n], hits[n], ways[n]
+        if hit >= 0:
+            own, corner = planes[hit], corners[hit]
+            volume = own[0] * way[0] + own[1] * way[1] + own[2] * way[2]
+            u = (own[3] * way[0] + own[4] * way[1] + own[5] * way[2]) / volume
+            v = (own[6] * way[0] + own[7] * way[1] + own[8] * way[2]) / volume
+            away = own[9] / volume
+            for k in range(9):
+                first = corner[0, k]
+                value[k] = first + u * (corner[1, k] - first) + v * (corner[2, k] - first)
+            seen[0], seen[1], seen[2] = value[3], value[4], value[5]
+            wall = value[8]
+            sample(laser.times, value[6], value[7], laser.area, when)
+            bright, sure = grey(seen), min(2.0 * when[1], 1.0)
+            when[1] *= wall
+            lit[n] = expose(seen, when, clock, value[2], tones)
+            climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
+            found = min(max(1.5 * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
+            if found > 0.0:
+                x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
+                sample(laser.tints, x, y, laser.area, tint)
+                share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
+                front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
+                light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
+                for k in range(3):
+                    seen[k] += tint[k] * light - seen[k] * share * tint[3]
+        elif way[2] < 0.0:
+            away = -eye[2] / way[2]
+            x, y = eye[0] + away * way[0], eye[1] + away * way[1]
+            u, v = (x - area[0]) / area[2], (y - area[1]) / area[3]
+            seen[0], seen[1], seen[2] = area[4], area[5], area[6]
+            if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
+                long = _SLANT * away * max(away / eye[2], 1.0) / focus
+                # The copy whose texels are as large as a pixel.
+                level = int(math.log2(max(long * ground_levels[0, 1] / area[2], 1.0)) + 0.5)
+                begin, wide, high = ground_levels[min(level, len(ground_levels) - 1)]
+                texel = begin + 3 * (int(v * high) * wide + int(u * wide))
+                for k in range(3):
+                    seen[k] = ground[texel + k] / 255.0
+            sample(laser.times, x, y, laser.area, when)
+            expose(seen, when, clock, 0.0, tones)
+        else:
+            rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+            for k in range(3):
+                seen[k] = tones[0, k] + (1.0 - (1.0 - rise) ** 2.6) * (tones[1, k] - tones[0, k])
+            continue
+        near[n] = 1.0 / max(away, 1e-6)
+        far = (away * thick) ** 2
+        for k in range(3):
+            seen[k] += far / (1.0 + far) * (tones[0, k] - seen[k])
+    return colours, near, lit
+
+
+@compiled
+def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> None:
+    """Fill triangles (t, 3, 7): x, y [pixels], one over the depth, colour and opacity.
+
+    A pixel is drawn where it is nearer than the one that is there; only solid ones set the depth.
+    """
+    height, width = near.shape
+    for t in range(len(rows)):
+        a, b, c = rows[t, 0], rows[t, 1], rows[t, 2]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if abs(area) < 1e-9:
+            continue
+        low, high = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        for row in range(max(int(low - 0.5), 0), min(int(high + 1.5), height)):
+            y = row + 0.5
+            left, right = float(width), 0.0
+            # Where the row crosses the sides of the triangle.
+            for p, q in ((a, b), (b, c), (c, a)):
+                if (p[1] <= y) != (q[1] <= y):
+                    x = p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
+                    left, right = min(left, x), max(right, x)
+            begin, end = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+            for column in range(math.ceil(begin), math.ceil(end)):
+                x = column + 0.5
+                u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+                v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+                depth = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2])
+                if depth < near[row, column]:
+                    continue
+                cover = a[6] + u * (b[6] - a[6]) + v * (c[6] - a[6])
+                for k in range(3):
+                    at = a[3 + k] + u * (b[3 + k] - a[3 + k]) + v * (c[3 + k] - a[3 + k])
+                    colours[row, column, k] += cover * (at - colours[row, column, k])
+                if solid:
+                    near[row, column] = depth
+
+
+@compiled
+def fill_discs(rows: Float, colours: Single, near: Single) -> None:
+    """Draw soft discs (n, 8): x, y, one over the depth, diameter [pixels], colour and opacity."""
+    height, width = near.shape
+    for n in range(len(rows)):
+        x, y, depth, reach = rows[n, 0], rows[n, 1], rows[n, 2], 0.5 * rows[n, 3] + 0.5
+        for row in range(max(int(y - reach), 0), min(int(y + reach) + 1, height)):
+            for column in range(max(int(x - reach), 0), min(int(x + reach) + 1, width)):
+                away = math.hypot(column + 0.5 - x, row + 0.5 - y)
+                cover = min(max(reach - away, 0.0), 1.0) * rows[n, 7]
+                if depth >= near[row, column]:
+                    for k in range(3):
+                        under = colours[row, column, k]
+                        colours[row, column, k] = under + cover * (rows[n, 4 + k] - under)

@@ -1,0 +1,281 @@
+"""Film: the pictures of a run, one for each time asked for, and the options of all films.
+
+Text and the frame of the inset are laid over what a renderer draws.
+"""
+
+from collections.abc import Collection
+from dataclasses import asdict, dataclass, replace
+from functools import cache, lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
+from lrf3d.simulation.run import Run
+from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
+from lrf3d.studio.scene import panel
+from lrf3d.studio.scene.cameras import make_camera, margins
+from lrf3d.studio.scene.moments import LAYERS, Goal, Scene, Window
+from lrf3d.studio.scene.shapes import Label, Pixels
+from lrf3d.studio.scene.stage.stage import Stage
+from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.world.cameras import check_view
+
+SLACK = 1e-6
+"""How far past its end a run can still be looked at [s], as sums of steps are rounded."""
+
+_INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
+"""Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
+those of the picture, and the least side [pixels]."""
+
+_LINE, _LESSER, _GAP = 1.36, 0.8, 16
+"""Height of a line in letters, the size of all lines but the first, and the free border round text
+and the inset [pixels of 720 lines]."""
+
+_LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
+"""Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
+that would cover more of the height of a picture, is left out."""
+
+_DARKEST, _SHADED = 0.74, 1.6
+"""How much the picture is darkened in the corner under text, and how far, in the text's size."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmOptions:
+    """How pictures of a run are drawn: see :func:`lrf3d.render_video`."""
+
+    size: tuple[int, int] = (1280, 720)
+    view: str | None = None
+    playback: float | None = None
+    samples: int = 4
+    renderer: str | None = None
+    panel: str = "short"
+    layers: Collection[str] = LAYERS
+    """What is drawn over the scene."""
+    goal: Goal | None = None
+    """A goal to be marked on the ground."""
+
+    def of(self, run: Run) -> "FilmOptions":
+        """These options, where the run and the machine choose what is not given.
+
+        Raises:
+            InputError: An option is invalid.
+            MissingLibraryError: OpenGL is asked for and is not there.
+        """
+        expect(run, Run, "run")
+        view = run.film.view if self.view is None else self.view
+        playback = run.playback if self.playback is None else self.playback
+        sides = self.size if isinstance(self.size, tuple | list) else ()
+        smallest, largest = 16, 8192  # Sides of pictures [pixels] that can be drawn.
+        limits = {"least": smallest, "most": largest}
+        if len(sides) != 2:
+            raise InputError(f"size {shown(self.size)}: expected width and height [pixels]")
+        if not isinstance(view, str):
+            raise InputError(f"view {shown(view)}: expected the name of a camera")
+        check_view(view, run.world.cameras)
+        if not (is_finite(self.samples) and self.samples in (0, 4)):
+            raise InputError(f"samples {shown(self.samples)}: expected 0 or 4")
+        if self.panel not in panel.PANELS:
+            found = f"panel {shown(self.panel)}"
+            raise InputError(f"{found}: expected one of {', '.join(panel.PANELS)}")
+        goal = None if self.goal is None else read_only(self.goal, "goal")
+        if goal is not None and (goal.shape != (3,) or not is_finite(*goal)):
+            raise InputError(f"goal {shown(self.goal)}: expected x, y and radius [m]")
+        width, height = (whole_number(side, "size", **limits) for side in sides)
+        return replace(
+            self,
+            size=(width, height),
+            view=view,
+            playback=number(playback, "playback", positive=True),
+            renderer=choose_renderer(self.renderer),
+            layers=frozenset(self.layers),
+            goal=None if goal is None else tuple(goal.tolist()),
+        )
+
+
+def choose_renderer(wanted: str | None) -> str:
+    """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's."""
+    if wanted is None:
+        return "gl" if gl_available() else "embree"
+    # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
+    renderers = ("embree", "gl")
+    if wanted not in renderers:
+        raise InputError(f"renderer {shown(wanted)}: expected one of {', '.join(renderers)}")
+    if wanted == "gl":
+        require_gl()
+    return wanted
+
+
+class Film:
+    """Draws pictures of a run, whose stage may have been painted already.
+
+    The options are those of :class:`FilmOptions`.
+    """
+
+    def __init__(self, run: Run, *, stage: Stage | None = None, **options: Any) -> None:
+        chosen = FilmOptions(**options).of(run)
+        if chosen.renderer == "gl":
+            # Before anything is painted, which takes seconds.
+            import_libraries()
+        self.timeline = Timeline(run, playback=chosen.playback)
+        self.scene = Scene(self.timeline, chosen.goal, stage)
+        # Only what the renderer needs is imported.
+        self.renderer: Any
+        if chosen.renderer == "gl":
+            from lrf3d.studio.render.renderer import Renderer
+
+            self.renderer = Renderer(self.scene.stage, chosen.size, chosen.samples)
+        else:
+            from lrf3d.studio.render.plain import PlainRenderer
+
+            self.renderer = PlainRenderer(self.scene.stage, chosen.size)
+        self.camera = make_camera(str(chosen.view), self.timeline, self.scene.structures)
+        self._size, self._layers = chosen.size, chosen.layers
+        self._full = chosen.panel == "full"
+        self._window = self.scene.plan_window()
+        wide = _INSET * min(chosen.size) / self._window.aspect**0.5
+        wide = round(min(wide, _WIDEST * chosen.size[0]))
+        gap, high = round(_GAP * _scale_of(chosen.size)), round(wide * self._window.aspect)
+        self._box = chosen.size[0] - gap - wide, gap, wide, high
+        self._key: object = None
+        self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
+
+    def draw(self, time: float) -> Pixels:
+        """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
+        moment = self.timeline.moment(time)
+        view = self.camera.look(time, self._size[0] / self._size[1])
+        settled = 4.0  # After the end light still fades, and colours climb [s of the film].
+        key = min(moment.now, self.timeline.end + settled * self.timeline.playback), view.key
+        if key == self._key:
+            # Nothing has moved: the last picture is this one.
+            return self._picture
+        self._key = key
+        seen = self.scene.seen(moment, view, self._size, self._layers)
+        inset = view.plan and "inset" in self._layers and min(self._box[2:]) >= _LEAST_SIDE
+        if inset:
+            seen = seen._replace(plan=self.scene.plan(moment, self._box, self._window))
+        self._picture = self.renderer.draw(seen)
+        if inset:
+            _lay_frame(self._picture, self._box, self._window)
+        if "hud" in self._layers:
+            run, playback = self.timeline.run, self.timeline.playback
+            _lay_label(self._picture, panel.panel(run, moment, view, playback, full=self._full))
+        return self._picture
+
+    def close(self) -> None:
+        """Free what the driver holds."""
+        self.renderer.close()
+
+
+def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
+    """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
+    chosen = FilmOptions(**options).of(run)
+    if not is_finite(time):
+        raise InputError(f"time {shown(time)}: expected a finite number of seconds")
+    timeline = Timeline(run, playback=chosen.playback)
+    # The pictures of the opening and the end can be looked at, too.
+    before, after = (timeline.playback * margin for margin in margins(str(chosen.view)))
+    # Checked before anything is painted, which takes seconds.
+    if not timeline.start - before - SLACK <= time <= timeline.end + after + SLACK:
+        raise InputError(
+            f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
+        )
+    return np.array(_film(run, chosen).draw(time)[:, :, :3])
+
+
+_latest: list[tuple[Run, FilmOptions, Film]] = []
+
+
+def _film(run: Run, options: FilmOptions) -> Film:
+    """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
+    if not _latest or _latest[0][0] is not run or _latest[0][1] != options:
+        # The driver's memory is not freed by itself: environments draw a new run in each step.
+        while _latest:
+            _latest.pop()[2].close()
+        _latest.append((run, options, Film(run, **asdict(options))))
+    return _latest[0][2]
+
+
+def _scale_of(size: tuple[int, int]) -> float:
+    """How many times its size at 720 lines text is in a picture of a size [pixels]."""
+    return max(_LEAST_SCALE, min(size) / 720.0)
+
+
+@cache
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """The sans face of the page, which comes with matplotlib; that is not imported."""
+    spec = find_spec("matplotlib")
+    assert spec is not None and spec.origin is not None
+    folder = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf"
+    return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
+
+
+@lru_cache(maxsize=16)
+def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
+
+    What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
+    """
+    gap, letters = round(_GAP * _scale_of(size)), [_scale_of(size) * label.size]
+    left = round(1.4 * gap)
+    letters += [_LESSER * letters[0]] * (len(label.text) - 1)
+    wide = max(
+        _font(100).getlength(line) * high / 100
+        for line, high in zip(label.text, letters, strict=True)
+    )
+    fits = min(1.0, (size[0] - 2 * left) / max(wide, 1.0))
+    heights = [int(fits * high) for high in letters]
+    high = sum(round(_LINE * each) for each in heights)
+    if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
+        return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
+    shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
+    x, y = (np.arange(side) / side for side in shape)
+    shade = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
+    kept = 256.0 * (1.0 - shade[..., None])
+    picture, cover = Image.new("RGB", shape), Image.new("L", shape)
+    place = left, shape[1] - round(1.2 * gap) - high
+    for line, colour, each in zip(label.text, label.colours, heights, strict=True):
+        for layer, fill in ((picture, colour), (cover, 255)):
+            ImageDraw.Draw(layer).text(place, line, font=_font(each), fill=fill)
+        place = place[0], place[1] + round(_LINE * each)
+    covered = np.asarray(cover)[..., None] / 255.0
+    return (
+        (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],
+        np.asarray(picture, np.uint16)[-size[1] :, : size[0]],
+    )
+
+
+def _lay_label(picture: Pixels, label: Label) -> None:
+    """Lay text over the lower left corner of a picture, on a soft gradient."""
+    kept, added = _label(label, picture.shape[1::-1])
+    if len(kept):
+        part = picture[-len(kept) :, : kept.shape[1], :3]
+        part[:] = ((part * kept) >> 8) + added
+
+
+def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -> None:
+    """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
+    left, top, wide, high = box
+    scale = _scale_of(picture.shape[1::-1])
+    rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
+    part = picture[top : top + high, left : left + wide, :3]
+    # Colours of the frame of the inset and of its scale, and the height of the letters of that
+    # [pixels of 720 lines].
+    rim_colour, bar_colour, scale_letter = (38, 50, 72), (200, 210, 228), 20
+    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = rim_colour
+    # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
+    letters, words = max(round(scale_letter * scale), 9), f"{window.bar:g} m"
+    foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
+    foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
+    middle, end = len(foot) // 2, foot.shape[1] - pad
+    begin = end - round(window.bar / window.width * wide)
+    foot[middle - rim : middle + rim, begin:end] = bar_colour
+    text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
+    place = text.width - pad, middle
+    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=bar_colour, anchor="rm")
+    foot[:, :begin] = np.asarray(text)

@@ -1,0 +1,228 @@
+"""Bodies as they are drawn: the robot, from ``assets/robot.glb``, a goal, and dynamic obstacles.
+
+All have a pose: they are triangles in their own frames, and shadows and darts where they stand.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+import trimesh
+from numpy.typing import ArrayLike
+
+from lrf3d.base.files import data_folder
+from lrf3d.geometry.lines import LEFT, Float, directions
+from lrf3d.robot.kinematics import RADIUS
+from lrf3d.studio.scene.look import BODY_LIGHT, DART, ROBOT, SUN, paler
+from lrf3d.studio.scene.shapes import Body, Faces, Soft, single, together
+from lrf3d.studio.scene.stage.stage import triangles
+
+if TYPE_CHECKING:
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+
+_DARK, _SHADOW, _LIFT = (0.02, 0.03, 0.05), (0.35, 0.40), 0.01
+"""Colour of shadows and of the rim of a dart; width of the soft edge of a body's shadow [m], its
+darkness, and its height above ground [m]."""
+
+_RADIUS, _LEAST_RADIUS = 0.27, 0.05
+"""Radius of the part of the usual robot that casts a shadow, and that of smaller robots, also of
+points, as drawn [m]."""
+
+_OBSTACLE_COLOURS = np.array(
+    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
+)
+"""Colours of dynamic obstacles: strong, and none is the robot's orange."""
+
+_FOOT, _LEAST = 0.10, 0.3
+"""Height of the foot of an obstacle [m], and the least half size of one from above, in darts, so
+that it can be seen."""
+
+_DART = DART[[0, 1, 2, 0, 2, 3]]
+"""Corners (6, 2) of the triangles of the robot as seen from above."""
+
+
+def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) -> Faces:
+    """The robot, of a radius [m], with its laser at a height [m]; its column is stretched to it.
+
+    Another robot has another colour (3,).
+    """
+    mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
+    visual: Any = mesh.visual
+    # glTF has y up, films have z up.
+    (x, z, y), normals = (
+        mesh.vertices.T,
+        np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0],
+    )
+    size = _size(radius)
+    low = min(size, 1.0)
+    # Heights [m] of the laser's ring in the file, and of what carries the laser's column; above,
+    # the column is stretched.
+    ring_height, deck = 0.495, 0.31
+    stretch = max(0.3, (laser_height / low - deck) / (ring_height - deck))
+    z = low * z + np.maximum(low * (z - deck), 0.0) * (stretch - 1.0)
+    vertices = np.column_stack([size * x, -size * y, z])
+    colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
+    # Of the colours in the file, the one next to the robot's is its own.
+    off = np.abs(colours - ROBOT).max(axis=1)
+    colours = np.where((off == off.min())[:, None], colour, colours)
+    return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
+
+
+def _lit(colours: Float, normals: Float) -> Float:
+    """Colours (n, 3) of a body's faces in a light that goes with it, from behind, as cameras do."""
+    everywhere, sunny, upward = BODY_LIGHT
+    light = (
+        everywhere
+        + sunny * np.maximum(normals @ (SUN * [-1.0, 1.0, 1.0]), 0.0)
+        + upward * (normals @ [0.0, 0.0, 1.0])
+    )
+    return np.asarray(colours * light[..., None])
+
+
+def world_from_robot(pose: Float) -> Float:
+    """The matrix (4, 4) of a pose x, y [m], theta [rad]."""
+    x, y, theta = pose.tolist()
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+def flat_dart(pose: Float, size: float, height: float, colour: Sequence[float] = ROBOT) -> Soft:
+    """A robot as a dart with a dark rim, of a size at a pose, seen from above."""
+    outline = _placed(size * np.concatenate([1.4 * _DART, _DART]), pose)
+    return _flat(outline, height, np.repeat([(*_DARK, 1.0), (*colour, 1.0)], 6, axis=0))
+
+
+def goal_disc(goal: Float) -> Soft:
+    """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
+    # Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in
+    # outer ones, and its height over the ground [m].
+    goal_colour, opacities, ring_inside, above_ground = (0.10, 0.70, 0.36), (0.28, 0.9), 0.86, 0.04
+    (inside, ring), (x, y, radius) = opacities, goal.tolist()
+    outlines = [x, y] + radius * _circle(48) * np.array([0.0, ring_inside, 1.0])[:, None, None]
+    return _rings(outlines, [[inside, inside], [ring, ring]], goal_colour, above_ground)
+
+
+def robot_shadow(pose: Float, radius: float) -> Soft:
+    """The shadow of the robot, of a radius [m], at a pose."""
+    return _shadow(_size(radius) * _RADIUS * _circle(24), pose)
+
+
+def _size(radius: float) -> float:
+    """Size of a robot of a radius [m], in that of the usual one."""
+    return max(radius, _LEAST_RADIUS) / RADIUS
+
+
+def _shadow(outline: Float, pose: Float) -> Soft:
+    """The shadow of a body with an outline (n, 2) at a pose: dark, fading out over an edge."""
+    corners, (edge, dark) = shapely.multipoints(_placed(outline, pose)), _SHADOW
+    hull = shapely.get_coordinates(shapely.convex_hull(corners))[:-1]
+    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
+    away = hull - middle
+    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
+    outlines = np.stack([middle, hull, outer])
+    return _rings(outlines, [[dark, dark], [dark, 0.0]], _DARK, _LIFT)
+
+
+class Obstacles:
+    """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
+
+    Other robots have their laser at a height [m], too.
+    """
+
+    def __init__(
+        self, obstacles: "tuple[DynamicObstacle, ...]", origin: Float, *, laser_height: float
+    ) -> None:
+        self._obstacles = obstacles
+        self._origin = np.array([*origin, 0.0])
+        self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
+        self._tops, self._bodies = [], list[Faces]()
+        for each, colour in zip(obstacles, self._colours, strict=True):
+            top, _ = triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))
+            self._tops.append(top)
+            prism = _prism(each.outline, top, each.height, colour)
+            other = robot_body(laser_height, each.reach, colour) if each.is_robot else prism
+            self._bodies.append(other)
+
+    def _poses(self, time: float) -> list[Float]:
+        now = np.array([time])
+        return [pose - self._origin for each in self._obstacles for pose in each.path.at(now)]
+
+    def bodies(self, time: float) -> list[tuple[str, Body]]:
+        """The bodies at a time [s]."""
+        bodies = enumerate(zip(self._bodies, self._poses(time), strict=True))
+        return [(f"obstacle {n}", Body(one, world_from_robot(pose))) for n, (one, pose) in bodies]
+
+    def shadows(self, time: float) -> Soft | None:
+        """The shadows of all bodies at a time [s]."""
+        placed = zip(self._obstacles, self._poses(time), strict=True)
+        shadows = [_shadow(each.outline, pose) for each, pose in placed]
+        return together(shadows) if shadows else None
+
+    def plans(self, time: float, dart: float) -> list[Soft]:
+        """The bodies from straight above, where robots are darts of a size [m]."""
+        plans, placed = list[Soft](), zip(self._obstacles, self._poses(time), strict=True)
+        for (each, pose), top, colour in zip(placed, self._tops, self._colours, strict=True):
+            if each.is_robot:
+                plans.append(flat_dart(pose, dart, 0.0, paler(colour)))
+                continue
+            size = max(1.0, _LEAST * dart / each.reach)
+            level = _placed(size * top.reshape(-1, 2), pose)
+            plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
+        return plans
+
+
+def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
+    """An outline (n, 2) of a height [m] with a top of triangles (t, 3, 2), on a dark foot.
+
+    The top is pale; a dart on it says which way is ahead.
+    """
+    if not shapely.is_ccw(shapely.linearrings(outline)):
+        outline = outline[::-1]
+    after = np.roll(outline, -1, axis=0)
+    outward = -directions(np.hstack([outline, after])) @ LEFT
+    foot, up = min(_FOOT, 0.2 * height), np.array([0.0, 0.0, 1.0])
+    sides = np.stack([outline, after, after, outline, after, outline], axis=1).reshape(-1, 2)
+    outward = np.insert(np.repeat(outward, 6, axis=0), 2, 0.0, axis=1)
+    dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
+    parts = []
+    for corners, levels, normals, paint in (
+        (sides, np.array([0.0, 0.0, foot, 0.0, foot, foot]), outward, 0.35 * colour),
+        (sides, np.array([foot, foot, height, foot, height, height]), outward, colour),
+        (top.reshape(-1, 2), np.full(3, height), up, 0.55 + 0.45 * colour),
+        (dart, np.full(6, height + 0.005), up, 0.35 * colour),
+    ):
+        places = np.column_stack([corners, np.resize(levels, len(corners))])
+        looks = np.broadcast_to(normals, places.shape)
+        parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
+    return Faces(*map(single, np.concatenate(parts, axis=1)))
+
+
+def _placed(points: Float, pose: Float) -> Float:
+    return np.asarray(points @ world_from_robot(pose)[:2, :2].T + pose[:2])
+
+
+def _circle(corners: int) -> Float:
+    turns = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    return np.column_stack([np.cos(turns), np.sin(turns)])
+
+
+def _flat(corners: Float, height: float, colours: Float) -> Soft:
+    """Triangles with corners (3 t, 2), which have colours (3 t, 4), at a height [m]."""
+    places = np.insert(corners, 2, height, axis=1)
+    return Soft(single(places.reshape(-1, 3, 3)), single(colours.reshape(-1, 3, 4)))
+
+
+def _rings(
+    outlines: Float, opacities: list[list[float]], colour: tuple[float, ...], height: float
+) -> Soft:
+    """What lies between outlines (k, n, 2), the inmost first.
+
+    The opacities at both sides of each ring are given.
+    """
+    inner, outer = outlines[:-1], outlines[1:]
+    quads = [inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)]
+    corners = np.stack(quads, axis=2)[:, :, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
+    alpha = np.array(opacities)[:, None, [0, 1, 1, 0, 1, 0]]
+    alpha = np.broadcast_to(alpha, (*inner.shape[:2], 6)).reshape(-1, 1)
+    return _flat(corners, height, np.hstack([np.tile(colour, (len(alpha), 1)), alpha]))

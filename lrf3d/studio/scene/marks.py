@@ -1,0 +1,315 @@
+"""What is drawn over a world: the beams of a scan, the map, and the trails of the robot.
+
+A scan, a map snapshot, the keys of a drive and the estimate of a run enter; leave lines, points and
+translucent faces in the film's frame.
+"""
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, lengths
+from lrf3d.laser import LaserScan, beam_directions
+from lrf3d.mapping.tints import object_tints
+from lrf3d.robot import EstimatedTrajectory
+from lrf3d.simulation.run import Run
+from lrf3d.studio.scene import look
+from lrf3d.studio.scene.shapes import Lines, Points, Soft, level_lines, single
+from lrf3d.studio.scene.stage.structures import FARTHEST, Structures, folded
+from lrf3d.studio.scene.timeline import DriveKeys, Timeline, interpolated
+
+RANGE_COLOURS = np.array([[1.0, 0.95, 0.80], [1.0, 0.74, 0.42], [0.95, 0.50, 0.22]])
+"""Colours of hit points from near to far."""
+
+_INTENSITIES = 1e-4, 1.0
+"""Intensities from which hit points have the last and the first colour where these are shown, in
+steps of factors."""
+
+_POINT_SIZE, _POINT_PIXELS = 0.08, (2.6, 8.0)
+"""Diameter of a hit point [m], and its limits in a picture of 720 lines [pixels]."""
+
+_LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE = 60, float(np.radians(28.0)), 0.33
+"""About how many beams light the ground, the angle over which that ends at the sides of the field
+of view [rad], and how far it goes, in the reach of beams."""
+
+
+def draw_beams(
+    scan: LaserScan,
+    walls: Float,
+    mirrors: Float,
+    apex: Float,
+    *,
+    height: float,
+    reach: float,
+    by: str = "range",
+) -> tuple[Lines, Points, Soft]:
+    """A few beams of a scan, which fade to nothing at the reach [m], all its hits, and its lamp.
+
+    The pose of the scan, walls (n, 4), those that turn beams (m, 4) and apex (2,) are in the film's
+    frame. The apex is where the robot stands now, a little past that pose: beams follow the robot
+    while points stay on their walls. Points are coloured by their range or intensity.
+    """
+    origin, hits = np.array([scan.pose.x, scan.pose.y]), scan.hits
+    # A beam without return goes as far as it can be measured; one too near ends at once.
+    far = scan.range_max if np.isfinite(scan.range_max) else 100.0
+    ranges = np.where(hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
+    ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
+    legs, beams, gone = folded(origin, ends, mirrors)
+    last = np.zeros(len(ends), np.int64)
+    last[beams] = np.arange(len(beams))
+    final = legs[last[hits]]
+    sides = _sides(final[:, :2], walls, scan.walls[hits])
+    colours = single(np.insert(_point_colours(scan, by), 3, 1.0, axis=1))
+    places = single(np.insert(final[:, 2:], 2, height, axis=1))
+    points = Points(places, colours, single(sides), _POINT_SIZE, _POINT_PIXELS)
+    legs[: len(ends), :2] = apex
+    # Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
+    # more would run into one plane.
+    strength, line_width, most_drawn = 0.40, 1.1, 30
+    step = max(1, round(len(ends) / most_drawn))
+    chosen = np.isin(beams, np.arange((len(ends) - 1) % step // 2, len(ends), step))
+    chosen &= (gone < reach) | (gone == 0.0)
+    starts, stops = np.hsplit(legs[chosen], 2)
+    gone, length = gone[chosen, None], lengths(legs[chosen])[:, None]
+    drawn = np.minimum(length, reach - gone)
+    stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
+    opacities = strength * (1.0 - np.hstack([gone, gone + drawn]) / reach)
+    amber = np.full((len(gone), 3), look.EMBER)
+    lines = level_lines(height, starts, stops, amber, opacities, line_width)
+    return lines, points, _lamp(legs[: len(ends)], scan.angles, _LAMP_SHARE * reach)
+
+
+def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
+    """Light on the ground along the first legs (n, 4) of beams at angles (n,) [rad].
+
+    It fades to nothing at a reach [m], and at the sides of the field of view.
+    """
+    step = max(1, len(legs) // _LAMP_BEAMS)
+    (starts, ends), angles = np.hsplit(legs[::step], 2), angles[::step]
+    away = lengths(legs[::step])
+    far = np.minimum(away, reach)
+    ends = starts + (far / np.maximum(away, 1e-9))[:, None] * (ends - starts)
+    edge = np.minimum(angles - angles.min(), angles.max() - angles) / _LAMP_SIDE
+    bright = look.LAMP * (1.0 if np.ptp(angles) > 6.1 else np.clip(edge, 0.0, 1.0)) + 0.0 * far
+    dim = bright * (1.0 - far / reach) ** 2
+    # Each triangle stands at the robot's end of a beam, on the far ends of that and the one before.
+    amber = np.tile([look.TRAIL_HEIGHT, *look.EMBER], (len(far) - 1, 1))
+    corners = (starts[1:], bright[1:]), (ends[:-1], dim[:-1]), (ends[1:], dim[1:])
+    rows = np.stack([np.column_stack([places, amber, light]) for places, light in corners], axis=1)
+    return Soft(single(rows[..., :3]), single(rows[..., 3:]))
+
+
+def _point_colours(scan: LaserScan, by: str) -> Float:
+    """Colours (hits, 3) of the hits of a scan by their ranges or their intensities."""
+    share = scan.ranges[scan.hits] / min(scan.range_max, FARTHEST)
+    if by == "intensity" and scan.intensities is not None:
+        dark, bright = np.log(_INTENSITIES)
+        with np.errstate(divide="ignore"):
+            share = (bright - np.log(scan.intensities[scan.hits])) / (bright - dark)
+    steps = np.linspace(0.0, 1.0, len(RANGE_COLOURS))
+    return np.column_stack([np.interp(share, steps, channel) for channel in RANGE_COLOURS.T])
+
+
+def _sides(origins: Float, walls: Float, numbers: Int) -> Float:
+    """Normals (n, 2) of walls by number, towards where beams come from (n, 2); 0 for −1."""
+    if not len(walls):
+        return np.zeros_like(origins)
+    along = walls[numbers, 2:] - walls[numbers, :2]
+    toward = np.sign(cross(along, origins - walls[numbers, :2]))
+    return np.asarray(along @ LEFT * np.where(numbers >= 0, toward, 0.0)[:, None])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrawnMap:
+    """A map as it is drawn, each object in its colour."""
+
+    segments: Float
+    """(m, 4) its segments in the film's frame [m]."""
+    colours: Float
+    """(m, 3) red, green, blue in 0…1."""
+
+    @classmethod
+    def from_snapshot(cls, run: Run, number: int, structures: Structures) -> "DrawnMap":
+        """Take a map snapshot of a run; −1 is the empty map before the first."""
+        if number < 0:
+            return cls(np.zeros((0, 4)), np.zeros((0, 3)))
+        segments = run.maps[number].segments - np.tile(structures.origin, 2)
+        return cls(segments, _object_colours(run, run.lasting_objects[number]))
+
+    def lines(self, height: float, width: float) -> Lines:
+        """Its segments as lines at a height [m], of a width [pixels]."""
+        opacities = np.ones((len(self.segments), 2))
+        starts, ends = np.hsplit(self.segments, 2)
+        return level_lines(height, starts, ends, self.colours, opacities, width)
+
+    def bands(self) -> Lines:
+        """Its segments along the walls."""
+        # Height of the map's lines along the walls, above the beams, how thick they are [m], and at
+        # least [pixels of 720 lines]: they show from far away.
+        band, band_thick, band_pixels = 0.70, 0.06, 3.0
+        return self.lines(band, band_pixels)._replace(thick=band_thick)
+
+    def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
+        """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""
+        tints, near = np.zeros((len(places), 3)), np.zeros(len(places), dtype=bool)
+        if len(self.segments):
+            tree = shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+            found, segment = tree.query_nearest(
+                shapely.points(places), max_distance=tolerance, all_matches=False
+            )
+            tints[found], near[found] = self.colours[segment], True
+        return tints, near
+
+    def ghosts(self, structures: Structures, tolerance: float) -> Soft:
+        """What of its segments lies on no wall within a tolerance [m], standing free."""
+        # Height of walls of the map that the world lacks [m], opacity at their foot, length of
+        # pieces [m], and the most of a segment: some are as long as the world.
+        ghost_height, ghost_strength, ghost_step, most_pieces = 1.8, 0.55, 0.4, 500
+        pieces = np.ceil(lengths(self.segments) / ghost_step)
+        count = np.clip(pieces, 1, most_pieces).astype(int)
+        owner = np.repeat(np.arange(len(count)), count)
+        number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        start, end = np.hsplit(self.segments[owner], 2)
+        low, middle, high = (
+            start + ((number + step) / count[owner])[:, None] * (end - start)
+            for step in (0.0, 0.5, 1.0)
+        )
+        on_walls = {"predicate": "dwithin", "distance": tolerance}
+        near, _ = structures.tree.query(shapely.points(middle), **on_walls)
+        loose = np.setdiff1d(np.arange(len(owner)), near)
+        a, b = (np.insert(place[loose], 2, 0.0, axis=1) for place in (low, high))
+        up = np.array([0.0, 0.0, ghost_height])
+        corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
+        strength = ghost_strength * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
+        tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
+        return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
+
+
+def _object_colours(run: Run, objects: Int) -> Float:
+    """Colours (m, 3) of objects of a run's map: their numbers last while it grows.
+
+    What most of the last map belongs to, such as the walls of a house, is pale.
+    """
+    last = run.snapshot_after(sys.maxsize)
+    colours = object_tints(objects, dark=True)
+    sums = np.bincount(run.lasting_objects[last], weights=lengths(run.maps[last].segments))
+    if sums.max(initial=0.0) > look.PALE_FROM * sums.sum():
+        colours[objects == int(sums.argmax())] = look.PALE_OBJECT
+    return colours
+
+
+_WIDTH, _RING_WIDTH, _FRESH, _OLD = 3.4, 1.6, 0.95, 0.35
+"""Widths of trails and of the outlines of ellipses [pixels of 720 lines], and the opacity of the
+trail where the robot is, and long after."""
+
+MOST_KEPT, CORNERS = 40, 48
+"""Most ellipses that stay along the path, as more would be one band; and corners of one as drawn.
+"""
+
+TRUTH = "truth"
+"""What legends call the trail of where the robot was."""
+
+
+def believed(estimate: EstimatedTrajectory) -> str:
+    """What legends call the trail of an estimate, which may have no ellipses."""
+    return "estimate, 95 %" if len(estimate.known_scans) else "estimate"
+
+
+def trail_lines(
+    keys: DriveKeys, now: float, fade: float, colour: tuple[float, float, float] = look.TRAIL_COLOUR
+) -> Lines:
+    """The trail up to a time [s]; what is older is paler, after a time of fading [s]."""
+    begun = min(len(keys.times) - 1, int(np.searchsorted(keys.times, now)))
+    places, times = keys.poses[: begun + 1, :2].copy(), keys.times[: begun + 1]
+    places[begun:] = interpolated(np.array([now]), keys.times, keys.poses[:, :2])
+    old = np.clip((now - times) / fade, 0.0, 1.0)
+    left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
+    legs = np.flatnonzero(keys.driven[:begun])
+    opacities = np.column_stack([left[legs], left[legs + 1]])
+    colours = np.tile(colour, (len(legs), 1))
+    return level_lines(
+        look.TRAIL_HEIGHT, places[legs], places[legs + 1], colours, opacities, _WIDTH
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrawnEstimate:
+    """The estimate of a run as it is drawn."""
+
+    keys: DriveKeys
+    """Where the robot believed that it was at each of its scans."""
+    known: Int
+    """(m,) the scans with which an ellipse is known."""
+    shapes: Float
+    """(m, 2, 2) the matrices that make the ellipses of the unit circle [m]."""
+    kept: Int
+    """(n,) numbers of the ellipses that stay along the path, faded."""
+
+    @classmethod
+    def from_timeline(cls, timeline: Timeline) -> "DrawnEstimate | None":
+        """Take the estimate of a timeline's run; None if it has none."""
+        estimate = timeline.run.estimate
+        if estimate is None:
+            return None
+        times = timeline.run.trajectory.times - timeline.start
+        keys = DriveKeys(times, estimate.poses - [*timeline.origin, 0.0])
+        return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
+
+    def trail(self, time: float, fade: float) -> Lines:
+        """The estimated trail up to a time from the start of the run on, paler with age [s]."""
+        return trail_lines(self.keys, time, fade, look.ESTIMATE_COLOUR)
+
+    def rings(self, time: float) -> Lines:
+        """The ellipses that stay by a time, faded, and the one that is known now."""
+        times, now = self.keys.times[self.known], np.array([time])
+        rings = self.outlines()[times[self.kept] <= time]
+        alpha = np.full((len(rings) * CORNERS, 2), look.ESTIMATE_FADED)
+        if len(times):
+            place = interpolated(now, self.keys.times, self.keys.poses[:, :2])
+            shape = interpolated(now, times, self.shapes.reshape(-1, 4)).reshape(1, 2, 2)
+            rings = np.concatenate([rings, outlines(place, shape)])
+            alpha = np.concatenate([alpha, np.ones((CORNERS, 2))])
+        starts, ends = rings.reshape(-1, 2), np.roll(rings, -1, axis=1).reshape(-1, 2)
+        colours = np.tile(look.ESTIMATE_COLOUR, (len(alpha), 1))
+        return level_lines(look.TRAIL_HEIGHT, starts, ends, colours, alpha, _RING_WIDTH)
+
+    def outlines(self) -> Float:
+        """Outlines (n, CORNERS, 2) of the ellipses that stay [m]."""
+        return outlines(self.keys.poses[self.known[self.kept], :2], self.shapes[self.kept])
+
+
+def outlines(middles: Float, shapes: Float) -> Float:
+    """Outlines (n, CORNERS, 2) of ellipses with middles (n, 2) and matrices (n, 2, 2) [m]."""
+    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.asarray(middles[:, None] + np.einsum("nij,cj->nci", shapes, circle))
+
+
+def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
+    """Which ellipses (n,) stay along the path: at most this number, and none that overlap."""
+    steps = np.hypot(*np.diff(estimate.poses[:, :2], axis=0).T)
+    driven = np.append(0.0, np.cumsum(steps))
+    sizes = np.linalg.norm(estimate.ellipses, axis=(1, 2)).tolist()
+    kept, last = list[int](), -np.inf
+    for number, (place, size) in enumerate(zip(driven[estimate.known_scans], sizes, strict=True)):
+        # The start is certain: a point, and no ellipse.
+        if size > 0.0 and place - last >= max(steps.sum() / MOST_KEPT, size):
+            kept.append(number)
+            last = place
+    return np.array(kept, dtype=np.int64)
+
+
+def estimate_words(run: Run, scan: int) -> tuple[tuple[str, str], ...]:
+    """What the panel says of a run's estimate after a scan: for each trail its name and its error.
+
+    Nothing where the robot was given its poses.
+    """
+    estimate = run.estimate
+    if estimate is None:
+        return ()
+    if not run.knows_truth:
+        return ((believed(estimate), ""),)
+    apart = float(np.hypot(*(estimate.poses[scan, :2] - run.trajectory.poses[scan, :2])))
+    return ((TRUTH, ""), (believed(estimate), f"{apart:.2f} m off"))

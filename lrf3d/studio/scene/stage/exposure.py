@@ -1,0 +1,261 @@
+"""First-seen times: when beams first passed each cell of the ground, and when the map covered it.
+
+The scans of a run enter; one picture of times leaves, which every renderer compares with now. The
+ground takes its own cell, a wall the cell before it. Light comes from measured ranges, at the poses
+that the robot had to go by: where its estimate is wrong, so is the light.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from PIL import Image, ImageDraw
+from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter, minimum_filter
+
+from lrf3d.geometry.lines import Bool, Float, Int, Records, Single, lengths
+from lrf3d.geometry.pose import as_pose
+from lrf3d.laser import LaserScan, beam_directions
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.shapes import single
+from lrf3d.studio.scene.stage.structures import FARTHEST, Structures, folded
+
+TIME = np.dtype(
+    [
+        ("seen", np.float32),  # When a beam first passed [lengths of the run].
+        ("sure", np.float32),  # How surely, 0…1.
+        ("mapped", np.float32),  # When a segment of the map first covered it [lengths of the run].
+        ("delay", np.float32),  # Of the wave of light [s of the film].
+    ]
+)
+"""A cell of the first-seen times."""
+
+_MOST_CELLS, _MOST_SCANS = 1_500_000, 1500
+"""Most cells, which are larger where there would be more; and most scans, of which longer runs are
+lit by every n-th: a film has no more frames."""
+
+_LONGEST_WAVE, _NEVER = 0.7, 9.0
+"""Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
+never seen [lengths of the run]."""
+
+_SOFT, _SLOPE, _CLOSED, _COVERS, _TOLERANCE = 1.3, 5.0, 3, 3.2, 1.6
+"""How far times and rims, and the times of the map, are smoothed, how wide gaps between beams are
+closed, half the width of the strip in which a segment sets the time of its cells, and how far off
+it colours walls [cells]."""
+
+_GAP, _BRIDGED, _MOVED = 0.3, 13, 1e-3
+"""Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
+the colour of the map [cells]. A robot that has moved by less [m, rad] sees nothing new."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Exposure:
+    """When the places of a world were first seen and first mapped."""
+
+    times: Records
+    """(h, w) cells of :data:`TIME`."""
+    corner: Float
+    cell: float
+    """(2,) its lower left corner in the film's frame, and the side of a cell [m]."""
+    start: float
+    length: float
+    """When the run starts and how long it is [s]."""
+
+    @property
+    def texels(self) -> Single:
+        """The times (h, w, 4) as textures take them."""
+        return texels_of(self.times)
+
+    @property
+    def size(self) -> Float:
+        """Width and height (2,) [m]."""
+        return self.cell * np.array(self.times.shape[::-1], float)
+
+    @property
+    def area(self) -> tuple[float, ...]:
+        """Its corner [m] and one over its size [1/m], as shaders take them."""
+        return (*self.corner.tolist(), *(1.0 / self.size).tolist())
+
+    @property
+    def tolerance(self) -> float:
+        """How far from a wall a segment of the map may lie to be that wall [m]."""
+        return _TOLERANCE * self.cell
+
+    def clock(self, time: float, playback: float) -> tuple[float, float]:
+        """A time of the run [s] in lengths of it, and the film's seconds in one length."""
+        return (time - self.start) / self.length, self.length / playback
+
+    def sampled(self, places: Float) -> Records:
+        """The times (n,) at places (n, 2)."""
+        cells = np.floor((places - self.corner) / self.cell).astype(int)
+        columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
+        return np.asarray(self.times[rows, columns])
+
+    def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
+        """Paint a value into a picture where the beams of a scan in the film's frame pass."""
+        draw, ways = ImageDraw.Draw(picture), beam_directions(scan.pose.theta, scan.angles)
+        place = np.array([scan.pose.x, scan.pose.y])
+
+        def fill(corners: Float) -> None:
+            draw.polygon(((corners - self.corner) / self.cell - 0.5).ravel().tolist(), fill=value)
+
+        far = min(scan.range_max, FARTHEST)
+        reach = np.where(np.isfinite(scan.ranges), scan.ranges, far) + 0.5 * self.cell
+        reach[scan.ranges == -np.inf] = 0.0
+        if len(mirrors):
+            legs, beams, gone = folded(place, place + reach[:, None] * ways, mirrors)
+            for one, other in pairwise(legs.reshape(-1, 2, 2)):
+                # Behind a mirror neighbouring beams light what lies between them.
+                (a, b), (c, d) = one, other
+                if np.hypot(*(a - c)) < 1.0 and not (a == place).all():
+                    fill(np.array([a, b, d, c]))
+            first = np.argsort(beams[gone == 0.0])
+            reach = lengths(legs[gone == 0.0])[first] + 0.5 * self.cell
+        # Between two beams light goes as far as both do where they meet one wall, else as the
+        # nearer: what stands there may hide the rest.
+        one = (scan.walls[:-1] == scan.walls[1:]) & (scan.walls[:-1] >= 0)
+        one |= np.abs(np.diff(reach)) < 2.0 * self.cell
+        low = np.minimum(reach[:-1], reach[1:])
+        right, left = np.where(one, reach[:-1], low), np.where(one, reach[1:], low)
+        ends = np.stack([right[:, None] * ways[:-1], left[:, None] * ways[1:]], axis=1)
+        # A single beam has no neighbour: it lights a line.
+        ends = ends.reshape(-1, 2) if len(ways) > 1 else reach[:, None] * ways
+        fill(place + np.concatenate([ends, [[0.0, 0.0]]]))
+
+
+def texels_of(times: Records) -> Single:
+    """Times (h, w) as textures (h, w, 4) take them."""
+    return np.ascontiguousarray(times).view(np.float32).reshape(*times.shape, 4)
+
+
+def unexposed(structures: Structures, low: Float, high: Float) -> Exposure:
+    """The times of a world in a box from low to high (2,) [m] before anything has been seen."""
+    cell = max(structures.setting.cell, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+    columns, rows = np.maximum(np.ceil((high - low) / cell), 2).astype(int).tolist()
+    times = np.full((rows, columns), np.array((_NEVER, 0.0, _NEVER, 0.0), TIME))
+    return Exposure(times, low, cell, 0.0, 1.0)
+
+
+def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposure:
+    """The first-seen times of a run in a box from low to high (2,) [m] of the film's frame."""
+    origin = structures.origin
+    poses = (run.trajectory if run.estimate is None else run.estimate).poses - [*origin, 0.0]
+    if not len(poses):
+        return unexposed(structures, low, high)
+    # No farther from the path than anything was measured.
+    far = float(np.max(run.ranges, initial=FARTHEST, where=np.isfinite(run.ranges)))
+    low = np.maximum(low, poses[:, :2].min(axis=0) - far - 2.0)
+    high = np.maximum(np.minimum(high, poses[:, :2].max(axis=0) + far + 2.0), low + 1.0)
+    bare, times = unexposed(structures, low, high), run.trajectory.times
+    start, length = float(times.min()), max(float(np.ptp(times)), 1e-3)
+    exposure = replace(bare, start=start, length=length)
+    size, cells = bare.times.shape[::-1], bare.times
+    first, mirrors = Image.new("I", size), structures.segments[structures.mirrors]
+    # From the last scan to the first: what was seen first lies on top.
+    step = 1 + (len(poses) - 1) // _MOST_SCANS
+    for number in range(0, len(poses), step)[::-1]:
+        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
+            placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
+            if not run.knows_truth:
+                # Recorded beams without a return may have met what is black or clear.
+                placed = replace(placed, ranges=np.where(placed.hits, placed.ranges, -np.inf))
+            exposure.fan(placed, mirrors, first, number + 1)
+    seen: Bool = np.asarray(first) > 0
+    near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+    scans = np.maximum(np.asarray(first)[tuple(near)] - 1, 0)
+    share = (times - start) / length
+    cells["seen"] = gaussian_filter(share[scans].astype(np.float32), _SOFT)
+    # Beyond the picture nothing is seen.
+    cells["sure"][1:-1, 1:-1] = soft_rim(seen)[1:-1, 1:-1]
+    covered = Image.new("I", size)
+    draw = ImageDraw.Draw(covered)
+    for number, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
+        segments = (line_map.segments - np.tile(origin + low, 2)) / exposure.cell - 0.5
+        for ends in segments.tolist():
+            draw.line(ends, fill=number + 1, width=round(2.0 * _COVERS))
+    within: Bool = np.asarray(covered) > 0
+    # A wall that grows scan by scan is coloured by an even slope, without steps.
+    sums, weights = (
+        gaussian_filter(each.astype(np.float32), _SLOPE)
+        for each in (np.append(0.0, share)[np.asarray(covered)], within)
+    )
+    mapped = np.where(within, sums / np.maximum(weights, 1e-6), _NEVER)
+    # What the map has between two lit places is coloured with them.
+    cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
+    delay = wave(exposure, poses[scans, :2], structures.setting.light)
+    cells["delay"] = gaussian_filter(delay, _SOFT)
+    return exposure
+
+
+class LiveExposure:
+    """The times of a drive that goes on, lit by each scan as it comes, from those before it."""
+
+    def __init__(self, exposure: Exposure, structures: Structures) -> None:
+        self.exposure = replace(exposure, times=exposure.times.copy())
+        self._structures = structures
+        self._poses: Float | None = None
+        self._fresh: tuple[Int, Int] | None = None
+
+    def see(self, scans: Sequence[LaserScan], time: float) -> None:
+        """Light what scans of a time [s] see, if the robot has moved."""
+        poses = np.array([scan.pose for scan in scans]) - [*self._structures.origin, 0.0]
+        if self._poses is not None and (np.abs(poses - self._poses) < _MOVED).all():
+            return
+        self._poses = poses
+        for pose, scan in zip(poses, scans, strict=True):
+            self._light(replace(scan, pose=as_pose(pose)), time)
+
+    def _light(self, scan: LaserScan, time: float) -> None:
+        place, whole = np.array(scan.pose[:2]), self.exposure
+        mirrors = self._structures.segments[self._structures.mirrors]
+        far = (
+            np.max(scan.ranges, initial=min(scan.range_max, FARTHEST), where=scan.hits) + whole.cell
+        )
+        size = np.array(whole.times.shape[::-1])
+        low, high = (
+            np.clip(((place + side * far - whole.corner) / whole.cell).astype(int), 1, size - 1)
+            for side in (-1.0, 1.0)
+        )
+        if (high <= low).any():
+            return
+        times = whole.times[_box(low, high)]
+        part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
+        picture = Image.new("L", (high - low).tolist())
+        part.fan(scan, mirrors, picture, 255)
+        cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
+        first = (cover > 0.0) & (times["sure"] == 0.0)
+        times["seen"][first], times["mapped"][first] = time, time + _GAP
+        times["delay"][first] = wave(part, place, self._structures.setting.light)[first]
+        np.maximum(times["sure"], cover, out=times["sure"])
+        before, after = self._fresh or (low, high)
+        self._fresh = np.minimum(low, before), np.maximum(high, after)
+
+    def fresh(self) -> tuple[Single, list[int]] | None:
+        """The part of the times (h, w, 4) that changed since the last call, and its first cell."""
+        if self._fresh is None:
+            return None
+        (low, high), self._fresh = self._fresh, None
+        return texels_of(self.exposure.times[_box(low, high)]), low.tolist()
+
+
+def _box(low: Int, high: Int) -> tuple[slice, ...]:
+    """Rows and columns of a box from low to high (2,), columns and rows."""
+    return tuple(slice(*ends) for ends in zip(low[::-1].tolist(), high[::-1].tolist(), strict=True))
+
+
+def soft_rim(seen: Bool) -> Float:
+    """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, the rim is blurred."""
+    closed = binary_closing(np.pad(seen, 4), iterations=_CLOSED)[4:-4, 4:-4]
+    soft = gaussian_filter(closed.astype(np.float32), 0.8 * _SOFT)
+    return np.asarray(np.clip(1.6 * soft - 0.3, 0.0, 1.0))
+
+
+def wave(exposure: Exposure, places: Float, speed: float) -> Single:
+    """The delay (h, w) of light of a speed [m/s] from places (h, w, 2) or (2,) [s of the film]."""
+    (left, low), (rows, columns) = exposure.corner, exposure.times.shape
+    x = left + (np.arange(columns, dtype=np.float32) + 0.5) * exposure.cell
+    y = low + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
+    from_x, from_y = np.moveaxis(places, -1, 0)
+    away = np.hypot(x - from_x, y[:, None] - from_y)
+    return single(np.minimum(away / speed, _LONGEST_WAVE))

@@ -1,0 +1,321 @@
+"""Structures: the visible part of a world, as buildings and free-standing walls.
+
+A world and the path of the robot enter; arrays of the visible walls leave, in the frame of the
+film. Rendering cost depends only on the visible part, however large the world is: walls beyond the
+farthest distance that is drawn are cut off. The origin of the frame lies among the walls, because
+graphics compute in float32, which far from the origin does not resolve centimetres.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
+from lrf3d.simulation.run import Run
+from lrf3d.studio.scene import look
+from lrf3d.studio.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
+from lrf3d.studio.scene.shapes import Lines, Soft, single
+from lrf3d.world import World
+
+SIGHT_DISTANCE = 4000.0
+"""Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it."""
+
+
+class Sight(NamedTuple):
+    """The part of a world that can be seen."""
+
+    world: World
+    """The walls within :data:`SIGHT_DISTANCE` of the path; where those are all, the world itself.
+    """
+    origin: Float
+    """(2,) whole metres near their middle: the origin of the frame to draw in."""
+
+    @classmethod
+    def of(cls, world: World, path: Float | None = None) -> "Sight":
+        """What can be seen of a world from a path (k, 2) and from its cameras; all without one."""
+        if path is None or not len(path):
+            return cls(world, world.origin)
+        stands = [np.reshape([c.position[:2], c.target[:2]], (2, 2)) for c in world.cameras]
+        places = np.concatenate([path, *stands])
+        low, high = places.min(axis=0), places.max(axis=0)
+        world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
+        there = len(world.segments) > 0
+        return cls(world, world.origin if there else np.round(0.5 * (low + high)))
+
+
+def _near(world: World, low: Float, high: Float) -> World:
+    """The world, its walls clipped to a box; the same object if none leaves the box."""
+    ends = world.segments.reshape(-1, 2)
+    if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
+        return world
+    pieces = shapely.clip_by_rect(shapely.linestrings(ends.reshape(-1, 2, 2)), *low, *high)
+    kept = np.flatnonzero(shapely.length(pieces) > 0.0)
+    objects = world.objects[kept]
+    count = int(objects.max(initial=-1)) + 1
+    return replace(
+        world,
+        segments=shapely.get_coordinates(pieces[kept]).reshape(-1, 4),
+        objects=objects,
+        heights=np.minimum(world.heights[kept], SIGHT_DISTANCE),
+        object_names=world.object_names[:count],
+        colours=world.colours[:count],
+        materials=world.materials[:count],
+    )
+
+
+INDOOR_HEIGHT, _DOOR, _ENCLOSED, _AS_HIGH = 3.5, 2.0, 0.9, 0.4
+"""Walls up to the first [m] are those of rooms. Half the width of openings in the walls of a hall
+[m], the share of all walls within, and how high they are, in the highest wall, at the least."""
+
+_PROBE, _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 0.005, 1.1, 3.1, 0.4
+"""How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
+edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over it.
+"""
+
+FARTHEST, _MOST_LEGS, _LEAST_LEG = 30.0, 9, 1e-9
+"""Range [m] up to which beams without a return light the ground, and from which hits have the last
+colour; legs of a beam, which casters turn up to eight times, and the shortest, as a share of the
+rest of its path: a beam does not meet the wall that it has just left."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structures:
+    """The walls of a world in the film's frame, and the solids that they close round."""
+
+    segments: Float
+    """(n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left."""
+    objects: Int
+    heights: Float
+    colours: Float
+    """(n,) the object of each wall, its height [m] and (n, 3) its colour."""
+    closed: Bool
+    glass: Bool
+    mirrors: Bool
+    """(n,) whether a wall is of a solid, and so has one visible side; whether it is glass; and
+    whether it is a mirror."""
+    solids: NDArray[Any]
+    """(k,) polygons of the solids."""
+    solid_objects: Int
+    solid_heights: Float
+    solid_colours: Float
+    """(k,) the object that each is, the height of its roof [m], and (k, 3) its colour."""
+    indoor: bool
+    """Whether this is the inside of a house."""
+    origin: Float
+    """(2,) where the origin of the film's frame lies in the world [m]."""
+    path: Float
+    """(k, 2) where a robot drives [m]."""
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """A search tree of the walls."""
+        return shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+
+    @classmethod
+    def from_run(cls, run: Run) -> "Structures":
+        """Find the solids of a run's world; outlines that it drove inside of are not.
+
+        Walls that are known from scans alone are low: they hide neither the robot nor the map.
+        """
+        world = run.world
+        if not run.knows_truth:
+            world = replace(world, heights=np.minimum(world.heights, SECTION))
+        return cls.from_world(world, run.trajectory.poses[:, :2])
+
+    @classmethod
+    def from_world(cls, world: World, path: Float | None = None) -> "Structures":
+        """Find the solids of a world; an outline around a robot's path (k, 2) is not one.
+
+        What cannot be seen from the path is left out; all is there where no path is given.
+        """
+        sight = Sight.of(world, path)
+        world, origin = sight.world, sight.origin
+        segments = world.segments - np.tile(origin, 2)
+        path = np.zeros((0, 2)) if path is None else path - origin
+        areas = np.full(world.object_count, None, dtype=object)
+        groups, built = enclosed_areas(segments, world.objects, world.object_count)
+        # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
+        whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
+        solid = whole & (shapely.area(built) > 1e-4)
+        areas[solid] = built[solid]
+        areas[_rooms(areas, segments, world.objects, path)] = None
+        left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
+        closed, turned, facing = left != right, right & ~left, segments.copy()
+        facing[turned] = segments[turned][:, [2, 3, 0, 1]]
+        indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT) or _enclosed(
+            segments, world.heights, closed, path
+        )
+        colours = object_colours(world, indoor=indoor)
+        clear = [bool(one and one.passes) for one in world.materials]
+        found = np.flatnonzero(~shapely.is_missing(areas))
+        tops = np.zeros(world.object_count)
+        np.maximum.at(tops, world.objects, world.heights)
+        return cls(
+            segments=facing,
+            objects=world.objects,
+            heights=world.heights,
+            colours=colours[world.objects].reshape(-1, 3),
+            closed=closed,
+            glass=np.array(clear or [False])[world.objects if clear else 0 * world.objects],
+            mirrors=turning_walls(world),
+            solids=areas[found],
+            solid_objects=found,
+            solid_heights=tops[found],
+            solid_colours=colours[found].reshape(-1, 3),
+            indoor=indoor,
+            origin=origin,
+            path=path,
+        )
+
+    @property
+    def setting(self) -> Setting:
+        """How streets or rooms look."""
+        return ROOMS if self.indoor else TOWN
+
+    @property
+    def places(self) -> Float:
+        """Ends (m, 2) of all walls [m]."""
+        return self.segments.reshape(-1, 2)
+
+
+def turning_walls(world: World) -> Bool:
+    """Which walls (n,) turn beams; glass turns little of the light, and lets the rest pass."""
+    turning = [bool(one and one.mirrors and not one.passes) for one in world.materials]
+    return np.array(turning or [False])[world.objects if turning else 0 * world.objects]
+
+
+def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Float]:
+    """The legs (l, 4) of beams from an origin (2,) to ends (beams, 2), folded at mirrors (m, 4).
+
+    Returns also the beam (l,) of each, and how far it has gone where the leg begins (l,) [m].
+    """
+    going, start, end = np.arange(len(ends)), np.tile(origin, (len(ends), 1)), ends
+    gone = np.zeros(len(ends))
+    found: list[tuple[Float, Int, Float]] = []
+    while len(going) and len(found) < _MOST_LEGS:
+        share, mirror = _first_crossing(start, end, mirrors)
+        path = end - start
+        place = start + share[:, None] * path
+        found.append((np.hstack([start, place]), going, gone))
+        turned = mirror >= 0
+        gone = (gone + share * np.hypot(*path.T))[turned]
+        going, start, end = going[turned], place[turned], end[turned]
+        along = directions(mirrors[mirror[turned]])
+        end = end - 2.0 * cross(along, end - start)[:, None] * along @ LEFT
+    legs, beams, distances = (np.concatenate(column) for column in zip(*found, strict=True))
+    return legs, beams, distances
+
+
+def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, Int]:
+    """The shares (n,) of paths from starts to ends (n, 2) up to a first mirror, and which it is.
+
+    The share is 1 and the mirror −1 where a path meets none.
+    """
+    path, along = (ends - starts)[:, None], mirrors[:, 2:] - mirrors[:, :2]
+    offset = mirrors[:, :2] - starts[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = cross(path, along)
+        share, place = cross(offset, along) / turn, cross(offset, path) / turn
+    meets = (share > _LEAST_LEG) & (share < 1.0) & (place >= 0.0) & (place <= 1.0)
+    share = np.column_stack([np.ones(len(starts)), np.where(meets, share, np.inf)])
+    nearest = np.argmin(share, axis=1)
+    return share[np.arange(len(share)), nearest], nearest - 1
+
+
+def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
+    """Panes of glass up to the height of a cut [m], and the bright edges of glass and mirrors."""
+    framed = structures.glass | structures.mirrors
+    walls, tops, clear = (
+        each[framed] for each in (structures.segments, structures.heights, structures.glass)
+    )
+    a, b = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(walls, 2))
+    c, d = (end + np.minimum(tops, cut)[:, None] * [0.0, 0.0, 1.0] for end in (b, a))
+    corners = np.stack([a, b, c, a, c, d], axis=1)[clear].reshape(-1, 3, 3)
+    tints = np.full((*corners.shape[:2], 4), (*look.MATERIAL_COLOURS["glass"], look.PANE))
+    starts, ends = np.concatenate([a, b, d]), np.concatenate([d, c, c])
+    colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
+    full = np.ones((len(starts), 2), np.float32)
+    edges = Lines(single(starts), single(ends), colours, full, 2.0 * _OUTLINE_WIDTH)
+    return Soft(single(corners), single(tints)), edges
+
+
+def outlines_of(structures: Structures) -> Lines:
+    """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
+    walls, tops = structures.segments, structures.heights
+    if structures.indoor:
+        tops = np.minimum(tops, SECTION)
+        storeys, levels = walls[:0], tops[:0]
+    else:
+        walls, tops = walls[structures.closed], tops[structures.closed]
+        count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+        storeys, levels = np.repeat(walls, count, axis=0), _STOREY * number
+    (a, b), (c, d) = (
+        [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
+        for lines, high in ((walls, tops), (storeys, levels))
+    )
+    starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
+    counts, strong = [len(walls), len(walls), len(storeys)], look.OUTLINE_STRENGTH
+    strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
+    opacities = single(np.repeat(strengths, counts, axis=0))
+    colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
+    return Lines(single(starts), single(ends), colours, opacities, _OUTLINE_WIDTH)
+
+
+def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
+    """Whether free-standing walls enclose the rest and the path: a hall or a flat, not a town."""
+    free = ~closed
+    if not free.any() or not len(path):
+        return False
+    if float(np.median(heights[free])) < _AS_HIGH * float(heights.max()):
+        return False
+    filled = filled_between(segments[free], _DOOR)
+    hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], 0.1)
+    shapely.prepare(hall)
+    middles = 0.5 * (segments[:, :2] + segments[:, 2:])
+    within = shapely.contains_xy(hall, *middles.T) * lengths(segments)
+    inside = shapely.contains_xy(shapely.buffer(hall, -_DOOR), *path.T)
+    return bool(inside.all() and within.sum() >= _ENCLOSED * lengths(segments).sum())
+
+
+def filled_between(segments: Float, reach: float) -> NDArray[Any]:
+    """Polygons (k,), without holes, that walls (n, 4) thickened by a reach [m] enclose."""
+    walls = shapely.buffer(shapely.linestrings(segments.reshape(-1, 2, 2)), reach)
+    parts = shapely.get_parts(shapely.union_all(walls))
+    parts = parts[shapely.get_type_id(parts) == 3]
+    return np.asarray(shapely.polygons(shapely.get_exterior_ring(parts)))
+
+
+def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The walls (count,) of each object, and what they enclose; None for objects without walls."""
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    order, groups = np.argsort(objects, kind="stable"), np.full(count, None, dtype=object)
+    groups = shapely.multilinestrings(lines[order], indices=objects[order], out=groups)
+    # Areas need an end wherever walls touch or cross, and one wall where two lie on each other.
+    # Ends a millimetre apart are one corner: files round their coordinates.
+    groups = shapely.union(groups, shapely.MultiLineString(), grid_size=1e-3)
+    return groups, shapely.build_area(groups)
+
+
+def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
+    """Which areas (k,) are rooms: the robot was inside, or all walls of another object are."""
+    tree, count = shapely.STRtree(areas), len(areas)
+    _, rooms = tree.query(shapely.points(path), "within")
+    middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
+    wall, area = tree.query(middles, predicate="within")
+    # Pairs of an object and an area that some of its walls are in.
+    pairs, counts = np.unique(objects[wall] * count + area, return_counts=True)
+    owner, around = np.divmod(pairs, count)
+    whole = (owner != around) & (counts == np.bincount(objects, minlength=count)[owner])
+    return np.isin(np.arange(count), [*rooms, *around[whole]])
+
+
+def _inside(areas: NDArray[Any], walls: Float, aside: float) -> Bool:
+    """Whether areas (n,) lie on the left (1), or the right (−1), of walls (n, 4)."""
+    places = 0.5 * (walls[:, :2] + walls[:, 2:]) + aside * _PROBE * directions(walls) @ LEFT
+    shapely.prepare(areas)
+    return np.asarray(shapely.contains_xy(areas, *places.T))

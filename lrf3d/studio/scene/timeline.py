@@ -1,0 +1,196 @@
+"""Timeline: where the robot stands and which scan is seen at each time of a film."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import shapely
+
+from lrf3d.geometry.lines import Bool, Float
+from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.stage.structures import Sight
+
+if TYPE_CHECKING:
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+
+_STANDING, _GLIDE_KEYS, _SET_DOWN = 0.75, 24, 5e-4
+"""Share of the time between two stops that the robot stands and scans; keys between two stops,
+enough for a soft start and end; and half the time [s] in which it is set down behind a wall."""
+
+_STOP_GAP, _FASTEST, _SPEED_STEP = 1.0, 1000.0, 0.05
+"""Scans farther apart in time [s] are stops and not a drive; a robot that went faster [m/s] was set
+down elsewhere; and half the time [s] over which the speed is measured: shorter shows the joints of
+the path."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The state of a run at one time [s].
+
+    The pose (3,) in the world, the newest scan, the speed [m/s], whether the beams are on; now is
+    the time asked for, also before the start and after the end, where nothing moves.
+    """
+
+    time: float
+    pose: Float
+    scan: int
+    speed: float
+    scanning: bool
+    now: float
+
+    @property
+    def mapped(self) -> int:
+        """The newest scan that the map may be of; −1 before the start."""
+        return self.scan if self.now > self.time - 1e-9 else -1
+
+
+class Timeline:
+    """The run as a function of time.
+
+    A run of single stops, such as the paper's three poses, is played as stops: the robot stands
+    with the beams on, then glides to the next pose with the beams off, or is set down there where
+    a wall stands between.
+
+    Args:
+        run: The run.
+        playback: Seconds of the run in a second of the film; the run's own if not given.
+
+    Attributes:
+        origin: (2,) where the origin of the film's frame lies in the world [m].
+    """
+
+    def __init__(self, run: Run, *, playback: float | None = None) -> None:
+        self.run = run
+        self.playback = run.playback if playback is None else playback
+        self.origin = Sight.of(run.world, run.trajectory.poses[:, :2]).origin
+        times = run.trajectory.times
+        gaps = np.diff(times)
+        gap = float(np.median(gaps)) if len(gaps) else np.inf
+        self.dwells = gap > _STOP_GAP
+        self.start, self.end = float(times.min()), float(times.max())
+        # Times of the film, and those of the drive that are shown then.
+        self.keys, self._shown = times, times
+        if self.dwells:
+            # The last stop is looked at as long as the others.
+            self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
+            places = run.trajectory.poses[:, :2]
+            legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
+            walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
+            through, _ = walls.query(legs, predicate="intersects")
+            self.keys, self._shown = _stops(times, np.isin(np.arange(len(legs)), through))
+
+    def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
+        """Times (frames,) of the run [s] that a film shows, first to last, at least one.
+
+        Args:
+            fps: Frames a second.
+            margins: How long the film goes on before and after the run [s of the film]; there the
+                run stands still, and only the camera moves.
+        """
+        step, (before, after) = self.playback / fps, margins
+        last = np.floor((self.end - self.start) / step + after * fps + 1e-6)
+        frames = np.arange(-np.floor(before * fps), last + 1.0)
+        return self.start + step * frames
+
+    def poses(self, times: Float) -> Float:
+        """Poses (m, 3) of the robot at times (m,) [s]."""
+        return self.run.trajectory.at(np.interp(times, self.keys, self._shown))
+
+    def moment(self, time: float) -> Moment:
+        """What is to be seen at a time [s]; before the start it is the start, and so at the end."""
+        times, now = self.run.trajectory.times, time
+        time = min(max(time, self.start), self.end)
+        scan = max(int(np.searchsorted(times, time + 1e-9, side="right")) - 1, 0)
+        before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
+        step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
+        since, until = time - times[scan], times[scan + 1 : scan + 2] - times[scan]
+        scanning = not (self.dwells and bool((since > _STANDING * until).any()))
+        scanning &= now >= self.start - 1e-9
+        return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
+
+
+def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:
+    """Keys (k,) of a film of stops at times (n,), and the times of the drive that are shown then.
+
+    Where a leg (n − 1,) goes through a wall, the robot is set down at once behind it.
+    """
+    gaps = np.diff(times)[:, None]
+    middle = 0.5 + np.array([-1.0, 1.0]) * _SET_DOWN / ((1.0 - _STANDING) * gaps)
+    even = np.tile(np.linspace(0.0, 1.0, _GLIDE_KEYS + 1), (len(gaps), 1))
+    share = np.sort(np.hstack([even, middle]), axis=1)
+    # The glide starts and ends at rest, as a robot does.
+    gone = np.where(through_walls[:, None], share > 0.5, share * share * (3.0 - 2.0 * share))
+    keys = times[:-1, None] + gaps * (_STANDING + (1.0 - _STANDING) * share)
+    shown = times[:-1, None] + gaps * gone
+    keys, first = np.unique(np.append(times, keys), return_index=True)
+    return keys, np.append(times, shown)[first]
+
+
+def interpolated(times: Float, knots: Float, values: Float) -> Float:
+    """Values (k, c) at knots (k,), which rise, as rows (m, c) at times (m,) between them."""
+    return np.column_stack([np.interp(times, knots, column) for column in values.T])
+
+
+class DriveKeys(NamedTuple):
+    """The robot's path in key poses (k, 3), between which it goes straight and evenly.
+
+    Their times (k,) rise from the start of the run on [s]; headings go on past half a turn.
+    """
+
+    times: Float
+    poses: Float
+
+    @property
+    def driven(self) -> Bool:
+        """Which legs (k − 1,) between keys the robot drove."""
+        step = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        return np.asarray(step <= _FASTEST * np.diff(self.times))
+
+    def thinned(self, error: float = 0.005) -> "DriveKeys":
+        """The keys without those that interpolation reproduces within an error [m].
+
+        The path, and the distance over time, are simplified (Douglas and Peucker, 1973).
+        """
+        times, places = self.times, self.poses[:, :2]
+        if len(times) < 3:
+            return self
+        path = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+        pace = path.max() / np.ptp(times)
+        lines = np.column_stack([places, times]), np.column_stack([path, pace * times, times])
+        simple = shapely.simplify(shapely.linestrings(lines), error, preserve_topology=False)
+        *_, left = shapely.get_coordinates(simple, include_z=True).T
+        kept = np.isin(times, left)
+        return DriveKeys(times[kept], self.poses[kept])
+
+
+def drive_keys(timeline: Timeline) -> DriveKeys:
+    """The key poses of a run's robot, as it is seen to move."""
+    times = np.unique(np.append(timeline.keys, timeline.end))
+    return _keys(timeline, times, timeline.poses(times))
+
+
+def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> DriveKeys:
+    """The key poses of a dynamic obstacle while a run lasts."""
+    times = np.clip(obstacle.poses.times, timeline.start, timeline.end)
+    times = np.unique([timeline.start, *times, timeline.end])
+    return _keys(timeline, times, obstacle.path.at(times))
+
+
+def _keys(timeline: Timeline, times: Float, poses: Float) -> DriveKeys:
+    """Keys at times (k,) of the run with poses (k, 3) in the world."""
+    x, y, theta = (poses - [*timeline.origin, 0.0]).T
+    return DriveKeys(times - timeline.start, np.column_stack([x, y, np.unwrap(theta)]))
+
+
+def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
+    """When each scan appears and disappears [s].
+
+    A scan is seen half before and half after its moment: then the robot is never far from where
+    it scanned. At a stop it is seen until the robot leaves.
+    """
+    times = timeline.run.trajectory.times[::every]
+    if not timeline.dwells:
+        middles = 0.5 * (times[:-1] + times[1:])
+        return np.append(timeline.start, middles), np.append(middles, timeline.end)
+    ends = times[:-1] + _STANDING * np.diff(times)
+    return times, np.append(ends, timeline.end)

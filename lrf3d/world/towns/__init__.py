@@ -1,0 +1,1 @@
+"""Towns: buildings from OpenStreetMap and GeoJSON."""

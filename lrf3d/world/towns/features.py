@@ -1,0 +1,332 @@
+"""Features of maps, as GeoJSON and OpenStreetMap have them, and the worlds that they become.
+
+Features in degrees are recognised, and laid flat in metres. Lines become walls. No beam can reach a
+wall that two buildings share, and a straight façade of several is one segment to a laser:
+footprints that touch are dissolved into blocks, with only their outer walls.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
+from operator import mul
+from typing import Any
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely.geometry import shape
+
+from lrf3d.base.errors import WorldError, shown
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, is_finite
+from lrf3d.world.materials import Material, material_of
+from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.pieces import (
+    Part,
+    check_crossings,
+    from_corner,
+    groups,
+    members_of,
+    pairs_within,
+    walls,
+    world_of_parts,
+)
+from lrf3d.world.schema import MOST_OBJECTS, parse_colour
+
+LEVEL_HEIGHT = 3.0
+"""Height of a storey [m], for buildings with only a number of levels."""
+
+DEFAULT_BUILDING_HEIGHT = 8.0
+"""Default height of a building [m]: two storeys and a roof."""
+
+CLOSING, STRAIGHT = 0.05, 0.01
+"""Widest gap [m] between footprints that touch, as surveys leave hairline gaps; largest distance
+[m] from a straight façade of a corner that is left out."""
+
+MOST_CROSSINGS = 200
+"""How often an outline may cross itself; surveyors let it cross once or twice."""
+
+EARTH_RADIUS = 6_371_008.8
+"""Mean radius of the Earth [m]."""
+
+UNITS = {
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), 0.3048),
+    **dict.fromkeys(("in", "inch", "inches", '"', "″"), 0.0254),
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "km": 1e3,
+    "yd": 0.9144,
+}
+"""Metres in the units of heights."""
+
+_LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
+
+FLAT = frozenset(
+    "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
+    " power place parking public_transport".split()
+)
+STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
+"""Properties of roads, water and land, on which nothing stands; and of what is built."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """Polygons and lines (shapely's), with one height [m], one for each wall, or None."""
+
+    shapes: tuple[Any, ...]
+    height: float | tuple[float, ...] | None = None
+    name: str = ""
+    colour: tuple[float, float, float] | None = None
+    number: int | None = None
+    material: Material | None = None
+    flat: bool = False
+    """Whether it is a road, water or land, on which nothing stands."""
+
+    def of_kind(self, kind: str) -> list[Any]:
+        """Its ``Polygon`` or ``LineString`` shapes."""
+        return [shape for shape in self.shapes if shape.geom_type == kind]
+
+    def part(self, number: int, segments: Float, default: float) -> Part:
+        """Walls of an object that look like the feature, with its height or the default."""
+        height = default if self.height is None else self.height
+        if isinstance(height, tuple) and len(height) != len(segments):
+            height = max(height)
+        return Part(number, segments, np.array(height), self.name, self.colour, self.material)
+
+
+def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[Feature]:
+    """Features with all their points (k, 2) moved."""
+    shapes = np.array([shape for feature in features for shape in feature.shapes], dtype=object)
+    rest = iter(shapely.transform(shapes, move))
+    return [replace(f, shapes=tuple(islice(rest, len(f.shapes)))) for f in features]
+
+
+def feature_of(item: object) -> Feature:
+    """The feature of a GeoJSON Feature, or of a bare geometry."""
+    if not isinstance(item, dict):
+        raise WorldError(f"expected a Feature, found {shown(item)}")
+    bare = item.get("type") != "Feature"
+    properties = {} if bare else item.get("properties") or {}
+    if not isinstance(properties, dict):
+        raise WorldError(f"expected an object of properties, found {shown(properties)}")
+    if isinstance(properties.get("tags"), dict):
+        properties = {**properties["tags"], **properties}
+    held = {key for key, value in properties.items() if value not in (None, "", "no", False)}
+    if held & FLAT and not held & STANDS:
+        return Feature((), flat=True)
+    number, name = properties.get("object"), properties.get("name")
+    colours = (properties.get(key) for key in ("colour", "building:colour", "color"))
+    return Feature(
+        tuple(_shapes(item if bare else item.get("geometry"))),
+        _height(properties),
+        name if isinstance(name, str) else "",
+        next(filter(None, map(parse_colour, colours)), None),
+        number if type(number) is int and 0 <= number <= MOST_OBJECTS else None,
+        material_of(properties.get("material", properties.get("building:material"))),
+    )
+
+
+def _shapes(geometry: Any) -> Iterator[Any]:
+    """The polygons and lines of a geometry, checked; points, such as trees, are left out."""
+    if geometry is None:
+        return
+    if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
+        raise WorldError(f"unknown geometry {shown(geometry)}, expected that of GeoJSON")
+    kind = geometry["type"][:40]
+    try:
+        whole = shape(_flat(geometry))
+    except Exception as error:
+        # shapely's exceptions depend on what is wrong with the geometry.
+        raise WorldError(f"{kind}: {' '.join(str(error).split())}; expected [x, y], …") from None
+    if not (np.abs(shapely.get_coordinates(whole)) <= LARGEST_COORDINATE).all():
+        raise WorldError(f"{kind}: expected finite coordinates of at most {LARGEST_COORDINATE:g} m")
+    # A collection may hold several polygons in one.
+    for part in shapely.get_parts(shapely.get_parts([whole])):
+        if part.geom_type in ("LineString", "Polygon") and not part.is_empty:
+            if part.geom_type == "Polygon" and not encloses(part):
+                raise WorldError(f"{kind}: lies on one line and encloses nothing")
+            if not part.length > 0.0:
+                raise WorldError(f"{kind} of no length: expected two different points")
+            yield shapely.remove_repeated_points(part)
+
+
+def encloses(polygon: Any) -> bool:
+    """Whether a polygon encloses anything; one that crosses itself time and again is an error."""
+    if not shapely.is_valid(polygon):
+        check_crossings(polygon, MOST_CROSSINGS, "lines of one outline")
+        polygon = shapely.make_valid(polygon)
+    return bool(polygon.area > 0.0)
+
+
+def _flat(value: Any) -> Any:
+    """A geometry without heights, which some positions of a line may lack."""
+    if isinstance(value, dict):
+        return {key: _flat(each) for key, each in value.items()}
+    if not isinstance(value, list):
+        return value
+    nested = not value or isinstance(value[0], list | dict)
+    return [_flat(each) for each in value] if nested else value[:2]
+
+
+def _height(properties: dict[str, Any]) -> float | tuple[float, ...] | None:
+    """The height [m] from the properties height or building:levels; 0 means unknown."""
+    given = properties.get("height")
+    if isinstance(given, list) and given:
+        return tuple(_number(value, "height") for value in given)
+    scales = {"height": 1.0, "building:levels": LEVEL_HEIGHT, "levels": LEVEL_HEIGHT}
+    for key, scale in scales.items():
+        if properties.get(key) is not None:
+            known = scale * _number(properties[key], key)
+            if known or key != "height":
+                return known or None
+    return None
+
+
+def _number(value: object, key: str) -> float:
+    metres: Any = metres_of(value) if isinstance(value, str) else value
+    if type(metres) in (int, float) and is_finite(metres) and 0.0 <= metres <= LARGEST_COORDINATE:
+        return float(metres)
+    raise WorldError(f'{key} is {shown(value)}, expected metres such as 12.5 or "12.5 m"')
+
+
+def metres_of(text: str) -> float | None:
+    """A length [m] from a text such as 12, 12,5 m or 40'; None if it is invalid."""
+    parts = _LENGTH.findall(text)
+    # After feet come inches.
+    units = [UNITS.get(unit.lower()) for _, unit in parts]
+    if None in units or units not in ([0.3048, 0.0254], units[:1]) or _LENGTH.sub("", text).strip():
+        return None
+    numbers = [float(number.replace(",", ".")) for number, _ in parts]
+    return sum(map(mul, numbers, units)) if parts else None
+
+
+def looks_geographic(features: Sequence[Feature]) -> bool:
+    """Whether the coordinates of features are in degrees and not in metres."""
+    shapes = [shape for feature in features for shape in feature.shapes]
+    points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
+    if (np.abs(points) > [180.0, 90.0]).any():
+        return False
+    sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
+    widest = np.ptp(_from(points, points[0]), axis=0).max()
+    # In metres the whole would be half a pace wide, and half of the outlines less than a finger.
+    return bool(widest <= 0.5 and np.median(sizes) < 0.01)
+
+
+def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
+    """Features in degrees laid flat around their middle (2,) [°], and their largest extent [°]."""
+    points = shapely.get_coordinates([shape for feature in features for shape in feature.shapes])
+    local = _from(points, points[0])
+    low, high = local.min(axis=0), local.max(axis=0)
+    longitude, latitude = points[0] + 0.5 * (low + high)
+    centre = np.array([(longitude + 180.0) % 360.0 - 180.0, latitude])
+    flat = moved(features, partial(lay_flat, centre=centre))
+    return flat, centre, float((high - low).max())
+
+
+def lay_flat(points: Float, centre: Float) -> Float:
+    """Metres (k, 2) east and north of a centre (2,) [°], by the equirectangular projection.
+
+    Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes.
+    """
+    scale = np.radians(1.0) * EARTH_RADIUS * np.array([np.cos(np.radians(centre[1])), 1.0])
+    return np.asarray(_from(points, centre) * scale, dtype=np.float64)
+
+
+def _from(points: Float, centre: Float) -> Float:
+    """Points (k, 2) [°] from a centre (2,) [°], the short way round, also across the dateline."""
+    local = points - centre
+    # Only what lies on the other side is turned, so that rounding touches nothing else.
+    local[:, 0] -= 360.0 * np.round(local[:, 0] / 360.0)
+    return np.asarray(local, dtype=np.float64)
+
+
+def world_of_features(
+    features: Sequence[Feature], name: str, *, place: tuple[float, float] | None = None
+) -> World:
+    """The world of features: polygons are dissolved into blocks, lines follow after them.
+
+    The place is the longitude and latitude [°] of the point (0, 0), if they are known.
+    """
+    parts = list(_blocks(features))
+    numbered = not parts and all(feature.number is not None for feature in features)
+    for feature in features:
+        lines = [walls(np.array(line.coords)) for line in feature.of_kind("LineString")]
+        if lines or numbered:
+            number = feature.number if numbered else parts[-1].number + 1 if parts else 0
+            segments = np.concatenate([np.empty((0, 4)), *lines])
+            parts.append(feature.part(number or 0, segments, DEFAULT_HEIGHT))
+    if not any(len(part.segments) for part in parts):
+        raise WorldError("the footprints are too small to leave a wall")
+    return world_of_parts(parts, name, place=place)
+
+
+def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
+    """The blocks of footprints that touch, in the order of the first of each.
+
+    Outer rings are counter-clockwise and courtyards clockwise; after them comes a part without
+    walls for the looks of each footprint.
+    """
+    owned = [(feature, polygon) for feature in features for polygon in feature.of_kind("Polygon")]
+    if not owned:
+        return
+    polygons = np.array([polygon for _, polygon in owned])
+    alone = [each.part(0, np.empty((0, 4)), DEFAULT_BUILDING_HEIGHT) for each, _ in owned]
+    tall = np.array([part.heights.max() for part in alone])
+    corners = shapely.get_coordinates(polygons)
+    origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+    source, number = cKDTree(corners - origin), 0
+    local = shapely.transform(polygons, lambda xy: xy - origin)
+    # An outline that crosses itself is made valid; lines there and back enclose nothing.
+    crossed = ~shapely.is_valid(local)
+    local[crossed] = shapely.buffer(shapely.make_valid(local[crossed]), 0.0)
+    # Labels are numbered by their first members, so blocks keep the order of the source.
+    for members in members_of(groups(*pairs_within(local, CLOSING, "footprints"), len(local))):
+        rings = []
+        if len(members) > 1:
+            check_crossings(local[members], 100 * MOST_CROSSINGS, "footprints")
+        for index, points in _rings(local[members]):
+            # Corners that came from the source, and not from closing a gap, are as in the source.
+            gaps, nearest = map(np.asarray, source.query(points))
+            exact = np.where((gaps <= 0.002)[:, None], corners[nearest], points + origin)
+            once = (exact != np.roll(exact, 1, axis=0)).any(axis=1)
+            exact, points = exact[once], points[once]
+            if len(points) < 3:
+                continue
+            ring = shapely.linearrings(points)
+            # A hole of less than a square metre is a gap between footprints and no courtyard.
+            if shapely.area(shapely.polygons(ring)) > (1.0 if index else 0.0):
+                turn = 1 if shapely.is_ccw(ring) == (index == 0) else -1
+                tops = _heights(points[::turn], local[members], tall[members])
+                rings.append(Part(number, walls(exact[::turn], closed=True), tops))
+        if rings:
+            yield from rings
+            yield from (alone[each]._replace(number=number) for each in members.tolist())
+            number += 1
+
+
+def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
+    """The straightened rings (k, 2) of the union of polygons, of whose areas 0 is the outer one."""
+    union = shapely.union_all(polygons)
+    if len(polygons) > 1:
+        # Slightly more than half on each side, so that a gap of exactly this width is closed.
+        # Corners sharper than 6° are cut; all others come back as they were.
+        for distance in (0.5001 * CLOSING, -0.5001 * CLOSING):
+            union = shapely.buffer(union, distance, join_style="mitre", mitre_limit=20.0)
+    for part in shapely.get_parts([union]):
+        for index, outline in enumerate((part.exterior, *part.interiors)):
+            ring = np.array(outline.coords)
+            line = shapely.simplify(shapely.linestrings(from_corner(ring)), STRAIGHT)
+            corners = shapely.get_coordinates(line) @ [1.0, 1.0j]
+            yield index, ring[:-1][np.isin(ring[:-1] @ [1.0, 1.0j], corners)]
+
+
+def _heights(ring: Float, polygons: Any, heights: Float) -> Float:
+    """Height (k,) of each wall of a ring: that of the tallest footprint at the wall's middle."""
+    middles = shapely.points(0.5 * (ring + np.roll(ring, -1, axis=0)))
+    tree = shapely.STRtree(polygons)
+    tallest = np.asarray(heights[tree.nearest(middles)], dtype=np.float64)
+    wall, neighbour = tree.query(middles, predicate="dwithin", distance=STRAIGHT)
+    np.maximum.at(tallest, wall, heights[neighbour])
+    return tallest

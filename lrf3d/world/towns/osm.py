@@ -1,0 +1,290 @@
+"""Worlds from OpenStreetMap extracts (``.osm``): buildings become blocks, laid flat in metres.
+
+The point (0, 0) is the middle of the buildings; ``place`` is where on Earth that is. Buildings are
+closed ways and relations with a tag ``building``; their height is ``height``, or three metres for
+each of ``building:levels``. Where a ``building:part`` stands on the ground it takes the place of
+its building, with its own height. Elements that an extract of Overpass holds twice, as ``out body``
+and ``out skel``, are merged; places may stand in the ways (``out geom``). Where they are asked for,
+nodes ``natural=tree`` become trunks, slender blocks of bark as high as the tree. Tags are free
+text, which OpenStreetMap's wiki defines; a value that cannot be read counts as not given.
+"""
+
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import shapely
+
+from lrf3d.base.errors import Lrf3dNote, WorldError
+from lrf3d.base.files import own_name
+from lrf3d.geometry.lines import Float
+from lrf3d.world.materials import BUILT_IN, material_of
+from lrf3d.world.model import World
+from lrf3d.world.pieces import MOST_PAIRS, pairs_within
+from lrf3d.world.schema import parse_colour
+from lrf3d.world.towns.features import (
+    LEVEL_HEIGHT,
+    Feature,
+    encloses,
+    laid_flat,
+    lay_flat,
+    metres_of,
+    world_of_features,
+)
+
+DEFAULT_TREE = 8.0
+"""Height [m] of a tree of which nothing is given: one along a street, some decades old."""
+
+Tags = dict[str, str]
+Place = tuple[float, float]
+Node = int | Place
+"""A node without a number, as within a relation, is named by its place."""
+
+
+def read_osm(path: Path, *, trees: bool = False) -> World:
+    """Read the buildings of an OpenStreetMap extract in XML, and the trunks of its trees if asked.
+
+    Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
+    left out, and so are outlines of which the extract holds a part only.
+    """
+    extract, left_out = _read(path), Counter[str]()
+    features = [feature for feature in _buildings(extract, left_out) if feature.shapes]
+    if not features:
+        raise WorldError("holds no whole building, so there is no wall")
+    features, centre, extent = laid_flat(features)
+    # Farther apart the projection is too inaccurate.
+    if extent > 2.0:
+        raise WorldError(f"buildings {extent:.1f}° apart, expected at most 2°; cut out a part")
+    if trees and extract.trees:
+        places = lay_flat(np.array([place for place, _ in extract.trees.values()]), centre)
+        buildings = [polygon for feature in features for polygon in feature.shapes]
+        features += trunks(places, [tags for _, tags in extract.trees.values()], buildings)
+    if left_out:
+        words = ", ".join(f"{number} {what}" for what, number in left_out.items())
+        warnings.warn(f"{path}: buildings left out: {words}", Lrf3dNote, stacklevel=2)
+    return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
+
+
+class _Extract:
+    """The places [°] of nodes, the trees, the nodes of ways, and the ways of relations."""
+
+    def __init__(self) -> None:
+        self.nodes = dict[Node, Place]()
+        self.trees = dict[int, tuple[Place, Tags]]()
+        self.ways = dict[int, tuple[list[Node], Tags]]()
+        self.relations = dict[int, tuple[list[tuple[int, str]], Tags]]()
+
+    def add(self, element: Element) -> None:
+        """Add an element to what is known of it."""
+        tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
+        number = int(element.get("id", ""))
+        if element.tag == "node":
+            place = self.nodes[number] = _place(element)
+            if tags.get("natural") == "tree" and tags.get("location") != "underground":
+                self.trees[number] = place, tags
+        elif element.tag == "way":
+            self._add_way(number, element, tags)
+        else:
+            members, before = self.relations.get(number, ([], {}))
+            for each in element.iter("member"):
+                if each.get("type") == "way":
+                    way = int(each.get("ref", ""))
+                    members.append((way, each.get("role", "")))
+                    self._add_way(way, each, {})
+            self.relations[number] = members, before | tags
+
+    def _add_way(self, number: int, element: Element, tags: Tags) -> None:
+        nodes = list[Node]()
+        for each in element.iter("nd"):
+            # Beyond the border of an extract places are missing.
+            place = _place(each) if "lat" in each.attrib else None
+            nodes.append(
+                int(each.get("ref", "")) if "ref" in each.attrib else place or (np.nan,) * 2
+            )
+            if place is not None:
+                self.nodes[nodes[-1]] = place
+        before, known = self.ways.get(number, ([], {}))
+        self.ways[number] = nodes or before, known | tags
+
+    def enclosed(self, ways: Iterable[int]) -> Any:
+        """The area that some ways enclose together; those that are not whole are ignored."""
+        whole = [self.ways[n][0] for n in sorted({*ways}) if self.is_whole(n)]
+        lines = [[self.nodes[n] for n in refs] for refs in whole if len(refs) > 1]
+        enclosed = shapely.polygonize([shapely.LineString(line) for line in lines])
+        return shapely.union_all(shapely.get_parts(enclosed))
+
+    def is_whole(self, way: int) -> bool:
+        """Whether the places of all nodes of a way are known."""
+        return self.nodes.keys() >= set(self.ways[way][0])
+
+
+def _read(path: Path) -> _Extract:
+    """The elements of a file; each is forgotten when it is read."""
+    extract, elements = _Extract(), ElementTree.iterparse(path, events=("start", "end"))
+    try:
+        _, root = next(elements)
+        if root.tag != "osm":
+            raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+        for event, element in elements:
+            if event == "end" and element.tag in ("node", "way", "relation"):
+                if element.get("visible") != "false" and element.get("action") != "delete":
+                    called = f"{element.tag} {element.get('id', 'without id')[:40]}"
+                    try:
+                        extract.add(element)
+                    except ValueError as error:
+                        remedy = "export the extract again"
+                        raise WorldError(f"{called}: {error}; {remedy}") from None
+                root.clear()
+    except WorldError:
+        raise
+    # Encodings that the parser does not know are a LookupError or a ValueError.
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise WorldError(f"not XML: {error}; export the extract again") from None
+    return extract
+
+
+def _place(element: Element) -> Place:
+    place = float(element.get("lon", "")), float(element.get("lat", ""))
+    if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
+        raise ValueError(f"longitude and latitude {place}, expected degrees")
+    return place
+
+
+def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
+    """The buildings, in degrees of longitude and latitude; counts those that are left out."""
+    outlines, found, ways = set[int](), list[tuple[Tags, Any]](), extract.ways
+    for members, tags in extract.relations.values():
+        if tags.get("type") not in ("multipolygon", "building"):
+            continue
+        inner = [n for n, role in members if role == "inner"]
+        outer = [n for n, role in members if role not in ("inner", "part")]
+        # Old relations have the tags of the building on an outer way.
+        own = [tags] if _kind(tags) else [ways[n][1] for n in outer]
+        building = next(filter(is_building, own), None)
+        if any(map(_kind, own)):
+            # A way within that has tags of its own is a building in the courtyard.
+            outlines |= {n for n, _ in members if n in outer or ways[n][1] == building}
+        if building is not None:
+            area = shapely.difference(extract.enclosed(outer), extract.enclosed(inner))
+            found.append((building, area))
+    for number, (refs, tags) in ways.items():
+        if number not in outlines and _kind(tags):
+            closed = len(refs) > 3 and refs[0] == refs[-1] and extract.is_whole(number)
+            left_out["that are not whole"] += not closed
+            if closed:
+                found.append((tags, shapely.Polygon([extract.nodes[n] for n in refs])))
+    for tags, area in _with_parts(found):
+        if is_building(tags):
+            yield _feature(tags, area)
+        elif "building" in tags:
+            left_out["that leave the ground open"] += 1
+    left_out += Counter()  # Counts of 0 go.
+
+
+def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
+    """Buildings and their parts; a part takes its place from the building around it."""
+    parts = [
+        (tags, shapely.make_valid(area))
+        for tags, area in found
+        if "building" not in tags and encloses(area)
+    ]
+    tree, pairs = shapely.STRtree([area for _, area in parts]), 0
+    for tags, area in found:
+        own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
+        if (pairs := pairs + len(own)) > MOST_PAIRS:
+            raise WorldError(f"more than {MOST_PAIRS:,} parts in buildings; remove repeated ones")
+        if len(own) and encloses(area):
+            area = shapely.make_valid(area)
+            stands = shapely.union_all([parts[n][1] for n in own if is_building(parts[n][0])])
+            every = shapely.union_all([parts[n][1] for n in own])
+            # Parts of nearly all of it replace a building, also where they leave the ground open.
+            whole = shapely.area(shapely.intersection(area, every)) >= 0.95 * shapely.area(area)
+            rest = shapely.get_parts(shapely.difference(area, every if whole else stands))
+            # Rounding leaves slivers of centimetres between a building and its parts.
+            area = shapely.union_all(rest[~shapely.is_empty(shapely.buffer(rest, -1e-7))])
+        yield tags, area
+
+
+def _feature(tags: Tags, area: Any) -> Feature:
+    address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
+    return Feature(
+        tuple(part for part in shapely.get_parts([area]).tolist() if encloses(part)),
+        tag_height(tags),
+        tags.get("name") or address,
+        parse_colour(tags.get("building:colour")),
+        material=material_of(tags.get("building:material")),
+    )
+
+
+def _kind(tags: Tags) -> str:
+    """The kind of a building, or of a part of one; empty if it is neither."""
+    kind = tags.get("building", tags.get("building:part", ""))
+    return "" if kind == "no" else kind
+
+
+def is_building(tags: Tags) -> bool:
+    """Whether tags describe a building whose walls reach the ground."""
+    if _kind(tags) in ("", "roof", "carport") or tags.get("location") == "underground":
+        return False
+    above = metres_of(tags.get("min_height", ""))
+    # The robot passes under what is higher.
+    return (LEVEL_HEIGHT * _metres(tags, "building:min_level") if above is None else above) < 2.0
+
+
+def _metres(tags: Tags, key: str) -> float:
+    return metres_of(tags.get(key, "")) or 0.0
+
+
+def tag_height(tags: Tags) -> float | None:
+    """Height [m] of a building above the ground, or None if not given."""
+    height = metres_of(tags.get("height", "")) or metres_of(tags.get("building:height", ""))
+    if height is None:
+        height = LEVEL_HEIGHT * (_metres(tags, "building:levels") + _metres(tags, "roof:levels"))
+    # A building of over a kilometre is an error.
+    return height if 0.0 < height <= 1000.0 else None
+
+
+def tree_height(tags: Tags) -> float:
+    """Height [m] of a tree: given, or as its crown is wide, or that of most."""
+    height = metres_of(tags.get("height", ""))
+    if height is None:
+        height = _metres(tags, "diameter_crown") / 0.6
+    return height if 1.0 <= height <= 100.0 else DEFAULT_TREE
+
+
+def trunk_radius(tags: Tags) -> float:
+    """Radius [m] of the trunk of a tree: by its circumference, or as such trees have it."""
+    usual = tree_height(tags) * (1.0 / 45.0)
+    return float(np.clip(_metres(tags, "circumference") / (2.0 * np.pi) or usual, 0.05, 1.2))
+
+
+def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
+    """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
+    radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
+    # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
+    houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
+    near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]
+    # Of a tree that is mapped twice, the first one counts. Of trunks of one size class whose
+    # centres are in one square as wide as the least of them, the second touches the first.
+    side = 2.0 ** np.floor(np.log2(radii))
+    squares = np.column_stack([side, np.floor(places / side[:, None])])
+    single = np.sort(np.unique(squares, axis=0, return_index=True)[1])
+    circles = shapely.buffer(points[single], radii[single])
+    first, second = pairs_within(circles, 0.0, "trees")
+    once = {*single.tolist()} - {*single[second[first < second]].tolist()}
+    turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    return [
+        Feature(
+            (shapely.LineString(places[number] + radii[number] * circle),),
+            tree_height(own := tags[number]),
+            own.get("name") or own.get("species") or own.get("genus") or "",
+            material=BUILT_IN["bark"],
+        )
+        for number in sorted(once - {*near.tolist()})
+    ]

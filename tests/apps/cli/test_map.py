@@ -1,0 +1,121 @@
+import gzip
+import json
+
+import numpy as np
+import pytest
+from program import lrf3d, refused
+from synthetic_run import around, box, make_run, make_world
+
+from lrf3d.apps.export import export_run
+from lrf3d.base.errors import Lrf3dWarning
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import load_map
+from lrf3d.recordings import load_log
+from lrf3d.scoring import score_log
+from lrf3d.slam.offline import map_log
+
+BEAMS = 180
+
+
+@pytest.fixture(scope="module")
+def text(tmp_path_factory):
+    """The scans of a drive around in a room of 10 m by 8 m with a pillar, as lines of a log."""
+    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
+    lrf = LaserRangeFinder(-np.pi / 2, np.pi / 2 - np.pi / BEAMS, BEAMS, range_max=40.0)
+    run = make_run(world, around(5, 4, 2.5, 40, heading=np.pi / 2), lrf, sigma=0.04)
+    path = tmp_path_factory.mktemp("drive") / "drive.log"
+    export_run(run, "carmen", path)
+    lines = path.read_text().splitlines()
+    return "\n".join(line for line in lines if line.startswith("FLASER")) + "\n"
+
+
+@pytest.fixture
+def log(text, tmp_path):
+    path = tmp_path / "room.log.gz"
+    path.write_bytes(gzip.compress(text.encode()))
+    return path
+
+
+def test_map_writes_its_files_and_json_is_the_only_output(log, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = lrf3d("map", log, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads(done.stdout)
+    folder = tmp_path / "out" / "room"
+    assert summary == json.loads((folder / "summary.json").read_text())
+    written = {path.name for path in folder.iterdir()}
+    assert written == {"map.geojson", "map.png", "summary.json"} == set(summary["files"].values())
+    assert len(load_map(folder / "map.geojson")) == summary["map"]["segments"] == 8
+    assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert summary["score"]["explained"] > 0.99 and summary["score"]["violation"] < 0.01
+    assert summary["log"] == {
+        "scans": 40,
+        "beams": 180,
+        "bad_lines": 0,
+        "first_bad_lines": [],
+        "readings_not_numbers": 0,
+        "notes": [],
+        "poses": "as logged",
+    }
+
+
+def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
+    # What the odd scans say is moved a kilometre away: it must not get into the map.
+    away = [
+        line if place % 2 == 0 else " ".join([*line.split()[:182], "1000", *line.split()[183:]])
+        for place, line in enumerate(text.splitlines())
+    ]
+    path = tmp_path / "away.log"
+    path.write_text("\n".join(away))
+    with pytest.warns(Lrf3dWarning, match="the poses contradict the scans"):
+        mixed = map_log(load_log(path))
+    clean = map_log(load_log(log))
+    assert np.array_equal(mixed.map.segments, clean.map.segments)
+    assert score_log(mixed.map, load_log(path).scans[1::2]).explained == 0.0
+
+
+def test_modes_and_noise_reach_the_mapper(log):
+    drive = load_log(log)
+    for settings in ({"mode": "paper", "sigma": 0.02}, {"sigma": 5.0}):
+        changed = map_log(drive, **settings).map
+        assert not np.array_equal(changed.segments, map_log(drive).map.segments)
+
+
+def test_a_map_of_poses_that_drift_is_doubted(text, tmp_path):
+    lines = [line.split() for line in text.splitlines()]
+    for place, words in enumerate(lines):
+        words[182] = str(float(words[182]) + 0.3 * place)
+    path = tmp_path / "drift.log"
+    path.write_text("\n".join(map(" ".join, lines)))
+    done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0 and "warning: the map explains only" in done.stderr
+
+
+def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
+    path = tmp_path / "one.log"
+    path.write_text("\n".join(text.splitlines()[:1]))
+    done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["score"]["explained"] is None
+
+
+def test_a_log_stamped_in_nanoseconds_is_refused_in_one_line(text, tmp_path):
+    lines = text.splitlines()[:5]
+    words = lines[3].split()
+    log = tmp_path / "late.log"
+    late = " ".join([*words[:-3], "1e18", *words[-2:]])
+    log.write_text("\n".join([*lines[:3], late, lines[4]]))
+    said = refused("map", log, "--out", tmp_path / "out")
+    assert "late: " in said and "seconds" in said
+
+
+def test_scans_may_differ_in_their_beams(text, tmp_path):
+    lines = text.splitlines()
+    for number in range(2, len(lines), 4):
+        words = lines[number].split()
+        lines[number] = " ".join(["FLASER", "90", *words[2:182:2], *words[182:]])
+    log = tmp_path / "mixed.log"
+    log.write_text("\n".join(lines))
+    mapped = map_log(log)
+    assert len(mapped.map) == 8 and mapped.lrf.beams == 180
+    assert np.isneginf(mapped.ranges).any(axis=1).sum() == len(mapped) // 2

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from lrf3d.laser import LaserScan
+from lrf3d.recordings import load_log
+from lrf3d.recordings.log import without_no_returns
+
+ANGLES = np.linspace(-1.0, 1.0, 21)
+
+
+def scans_of(rng, ranges):
+    return [LaserScan((0, 0, 0), ANGLES, ranges(rng)) for _ in range(100)]
+
+
+def open_ahead(rng):
+    ranges = rng.uniform(1.0, 6.0, 21)
+    ranges[8:12] = 8.0
+    return ranges
+
+
+@pytest.mark.parametrize(
+    "ranges",
+    [
+        lambda rng: rng.uniform(1.0, 6.0, 21),
+        lambda rng: np.linspace(1.0, 8.0, 21),
+        lambda rng: np.full(21, np.inf),
+        # A corner that a robot at rest reads with one beam in each scan.
+        lambda rng: np.append(rng.uniform(1.0, 6.0, 20), 8.0),
+        # A wall seen at a right angle, at the range of its other beams.
+        lambda rng: 5.0 / np.cos(np.clip(ANGLES, -0.6, 0.6)) + rng.normal(0, 0.01, 21),
+    ],
+)
+def test_ranges_of_walls_are_kept(ranges):
+    scans = scans_of(np.random.default_rng(0), ranges)
+    kept, note = without_no_returns(scans)
+    assert not note
+    assert all(a.ranges.tolist() == b.ranges.tolist() for a, b in zip(scans, kept, strict=True))
+
+
+def test_a_smallest_reading_that_many_adjacent_beams_have_is_no_return():
+    def near(rng):
+        ranges = rng.uniform(1.0, 6.0, 21)
+        ranges[8:12] = 0.12
+        return ranges
+
+    scans, note = without_no_returns(scans_of(np.random.default_rng(0), near))
+    assert note == "readings up to 0.12 m mean no return"
+    assert all((scan.ranges == -np.inf).nonzero()[0].tolist() == [8, 9, 10, 11] for scan in scans)
+
+
+def test_a_log_that_writes_8_metres_for_beams_that_met_nothing(tmp_path):
+    path, rng = tmp_path / "short.log", np.random.default_rng(0)
+    with path.open("w") as file:
+        for number in range(100):
+            ranges = " ".join(f"{r:.2f}" for r in open_ahead(rng))
+            file.write(f"FLASER 21 {ranges} 0 0 0 0 0 0 {number} host {number}\n")
+    assert np.isinf([scan.ranges[8:12] for scan in load_log(path).scans]).all()
+    told = load_log(path, largest_range=80.0)
+    assert (np.array([scan.ranges[8:12] for scan in told.scans]) == 8.0).all()

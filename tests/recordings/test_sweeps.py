@@ -1,0 +1,72 @@
+"""Scans that take some time, of which their log says nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.geometry.pose import between
+from lrf3d.matching.key_scans import ScanConverter
+from lrf3d.recordings.log import LaserLog, WheelRecord
+from lrf3d.recordings.repair.odometry import WheelPath
+from lrf3d.recordings.repair.sweep import swept
+from lrf3d.slam.offline import solve_log
+
+INTERVAL = 0.1
+
+SWEEP = INTERVAL * 4.0 / (2.0 * np.pi)
+"""Time [s] of four radians of a mirror that turns once for each scan."""
+
+
+def recording(sweep, *, clockwise=False):
+    """Scans of sharp turns by a laser whose scans take a time [s], unsaid, and the true poses."""
+    hall = lrf3d.World(
+        [
+            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
+            *([3, 2, 3.5, 2], [6, 5, 6, 4.2], [2, 5.5, 2.6, 5.1], [7, 1.5, 7.4, 1.9]),
+        ]
+    )
+    turns = np.tile([0.0, 1.6, 0.0, -1.6], 3)
+    path = lrf3d.drive((2.0, 3.5, 0.0), np.full(12, 0.35), turns, duration=0.6, dt=INTERVAL)
+    lrf = lrf3d.LaserRangeFinder(-2.0, 2.0, 171, range_max=12.0, scan_duration=sweep)
+    run = lrf3d.simulate(hall, path, lrf, rng=0)
+    scans = [replace(scan, time_increment=0.0, motion=None) for scan in run.scans]
+    poses = run.trajectory.poses
+    if clockwise:
+        # The mirror image of the hall: a laser that sends its first beam to the left.
+        scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]
+        poses = poses * [1.0, -1.0, -1.0]
+    return scans, poses
+
+
+def unrolling(scans, poses):
+    return swept(ScanConverter(), scans, WheelPath(poses, INTERVAL), np.arange(len(scans)))
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_scans_that_take_time_unsaid_get_the_motion_of_the_robot(clockwise):
+    scans, poses = recording(SWEEP, clockwise=clockwise)
+    found, turns = unrolling(scans, poses), np.diff(poses[:, 2])
+    # A laser that turns clockwise is seen from its last beam on.
+    turned = -turns[:-1] if clockwise else turns[1:]
+    assert found[0].duration == pytest.approx(SWEEP)
+    assert np.allclose([scan.motion[2] for scan in found[1:-1]], SWEEP / INTERVAL * turned)
+
+
+def test_scans_of_a_moment_stay_as_they_are():
+    assert unrolling(*recording(0.0)) == []
+    scans, poses = recording(SWEEP)
+    # So do those whose log says how long they take, and those of a slow laser.
+    assert unrolling([replace(scan, time_increment=1e-4) for scan in scans], poses) == []
+    assert unrolling([replace(scan, time=10.0 * scan.time) for scan in scans], poses) == []
+
+
+def test_a_recording_with_unsaid_sweeps_is_solved_and_says_so():
+    scans, poses = recording(SWEEP)
+    times = np.array([scan.time for scan in scans])
+    log = LaserLog("hall", scans, wheels=WheelRecord(times, poses, np.arange(len(scans))))
+    solution = solve_log(log)
+    assert solution.repairs.sweep == pytest.approx(SWEEP, rel=0.02)
+    assert any("unrolled" in sentence for sentence in solution.repairs.sentences())
+    assert np.hypot(*between(solution.poses, poses)[:, :2].T).max() < 0.1

@@ -1,0 +1,132 @@
+"""One drive in the many forms that programs write their numbers in."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lrf3d.base.errors import InputError
+from lrf3d.recordings import load_log
+
+COUNT, BEAMS = 12, 180
+RANGES = np.random.default_rng(0).uniform(1.0, 6.0, (COUNT, BEAMS)).round(3)
+POSES = np.column_stack([0.05 * np.arange(COUNT), np.full(COUNT, -1.5), np.full(COUNT, 0.25)])
+TIMES = 0.1 * np.arange(COUNT) + 50.0
+NAMES = ["time", "x", "y", "yaw", *(f"range_{k}" for k in range(BEAMS))]
+ROWS = [[f"{t:.2f}", *map(str, p), *map(str, r)]
+        for t, p, r in zip(TIMES, POSES.tolist(), RANGES.tolist(), strict=True)]  # fmt: skip
+PLAIN = [NAMES, *ROWS]
+
+
+def joined(rows, separator=",", cell=str):
+    return "\n".join(separator.join(map(cell, row)) for row in rows)
+
+
+def echo(rows, light=(), cut=()):
+    """Messages as ``ros2 topic echo --csv`` prints them."""
+    fan = f"laser,{-np.pi / 2},{np.radians(89)},{np.pi / 180},0.0,0.1,0.05,10.0"
+    for t, row in zip(TIMES, rows, strict=True):
+        seconds, nanoseconds = divmod(round(t * 1e9), 1_000_000_000)
+        yield f"{seconds},{nanoseconds},{fan},{','.join([*row[4:], *light, *cut])}"
+
+
+def units(scale, names, degrees=False):
+    factors = [1.0, scale, scale, np.degrees(1) if degrees else 1.0, *[scale] * BEAMS]
+    rows = [[f"{f * float(w):.9g}" for f, w in zip(factors, r, strict=True)] for r in ROWS]
+    return joined([names, *rows])
+
+
+def dated(zone):
+    """Rows with a date and a time of day, around midnight."""
+    days = ["2024-02-28T23:59:", "2024-02-29T00:00:"]
+    return [[f"{days[int(t >= 50.5)]}{(t + 9.5) % 60.0:06.3f}{zone}", *r[1:]]
+            for t, r in zip(TIMES, ROWS, strict=True)]  # fmt: skip
+
+
+FORMS = {
+    "empty cells": joined(
+        [NAMES, *([*row[:90], "", "null", "N/A", "-", *row[94:]] for row in ROWS)]),
+    "an empty first cell": joined([NAMES, ["50.0", "", *ROWS[0][2:]], *ROWS]),
+    "comments before and between": "# made by, a, logger\n" + joined(
+        [NAMES, *ROWS[:5], ["// a note, here"], *ROWS[5:]]),
+    "quoted decimal commas": joined(PLAIN, cell=lambda word: f'"{word.replace(".", ",")}"'),
+    "units after a slash": units(100.0, ["t/s", "x/cm", "y/cm", "yaw/deg",
+                                         *(f"r{k}/cm" for k in range(BEAMS))], degrees=True),
+    "units in brackets": units(1e3, ["Time (s)", "X (mm)", "Y (mm)", "Heading (rad)",
+                                     *(f"Distance {k} (mm)" for k in range(BEAMS))]),
+    "dates": joined([["datetime", *NAMES[1:]], *dated("Z")]),
+    "dates with a zone": joined([["datetime", *NAMES[1:]], *dated("+02:00")]),
+    "a list in a cell": "time;x;y;theta;ranges\n" + "\n".join(
+        f"{';'.join(row[:4])};[{', '.join(row[4:])}]" for row in ROWS),
+    "lists one after the other": "\n".join(
+        f"[{', '.join(row[:4])}] [{', '.join(row[4:])}]" for row in ROWS),
+    "names before numbers and a list": "\n".join(
+        f"time={row[0]} x={row[1]} y={row[2]} yaw={row[3]} ranges=[{','.join(row[4:])}]"
+        for row in ROWS),
+    "a list over several lines": "\n".join(
+        f"[{' '.join(row[:50])}\n {' '.join(row[50:120])}\n {' '.join(row[120:])}]"
+        for row in ROWS),
+    "a sentence that ends with the names": units(
+        1.0, ["made on 3 May, 17:53:11, format: time[s], x[m] y[m] yaw[degrees] r1 ... r180"],
+        degrees=True,
+    ).replace(",", " "),
+    "spaces before a list": "\n".join(
+        f"{row[0]} {-np.pi / 2} {np.radians(89)} {np.pi / 180} {BEAMS} {', '.join(row[4:])}"
+        for row in ROWS),
+    "records by their numbers": json.dumps({
+        f"scan{k}": dict(zip(["time", "x", "y", "theta", "ranges"],
+                             [*map(float, row[:4]), [float(r) for r in row[4:]]], strict=True))
+        for k, row in enumerate(ROWS)}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_drive_is_read_in_each_form(form, tmp_path):
+    path = tmp_path / ("drive.log" if form.startswith("a sentence") else "drive.csv")
+    path.write_text(FORMS[form] + "\n")
+    log = load_log(path)
+    read, known = np.array([scan.ranges for scan in log.scans]), np.ones(BEAMS, dtype=bool)
+    if form == "empty cells":
+        known[86:90] = False
+        assert np.isposinf(read[:, ~known]).all()
+    assert read[:, known] == pytest.approx(RANGES[:, known])
+    if form == "spaces before a list":
+        assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
+    else:
+        assert log.poses == pytest.approx(POSES)
+    assert log.times - log.times[0] == pytest.approx(TIMES - TIMES[0])
+    assert log.bad_count == (form == "an empty first cell")
+
+
+@pytest.mark.parametrize("light", [(), ["47.0"] * BEAMS])
+def test_what_ros2_topic_echo_prints_as_csv_is_read(light, tmp_path):
+    path = tmp_path / "scan.csv"
+    path.write_text("\n".join(echo(ROWS, light)))
+    turned = f"0.0,0.0,{np.sin(0.125)},{np.cos(0.125)}"
+    lines = [f"{int(t)},{round(t % 1 * 1e9)},odom,base_link,{p[0]},{p[1]},0.0,{turned}"
+             for t, p in zip(TIMES, POSES, strict=True)]  # fmt: skip
+    (tmp_path / "odom.csv").write_text("\n".join(line + ",0.0" * 78 for line in lines))
+    log = load_log(path)
+    assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
+    assert log.scans[0].angles[[0, -1]] == pytest.approx([-np.pi / 2, np.radians(89)])
+    assert log.times == pytest.approx(TIMES) and log.poses == pytest.approx(POSES)
+    path.write_text("\n".join(echo([row[:132] for row in ROWS], cut=["..."])))
+    with pytest.raises(InputError, match="--full-length"):
+        load_log(path)
+
+
+def test_lines_of_other_kinds_are_said_to_be_left_out(tmp_path):
+    path = tmp_path / "drive.txt"
+    path.write_text("".join(f"[scan]\n{k}\n{' '.join(r[4:])}\n" for k, r in enumerate(ROWS)))
+    log = load_log(path)
+    assert len(log) == COUNT and "all others are left out" in str(log.notes)
+
+
+def test_a_column_that_counts_scans_holds_no_ranges(tmp_path):
+    path = tmp_path / "points.csv"
+    lines = [
+        f"{k},{np.radians(b):.5f},{r}" for k, row in enumerate(RANGES) for b, r in enumerate(row)
+    ]
+    path.write_text("\n".join(["scan_id,angle,range", *lines]))
+    log = load_log(path)
+    assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)

@@ -1,0 +1,399 @@
+"""Scans in text and array files: the same drive, written as people write it, is the same log."""
+
+import gzip
+import json
+import re
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from lrf3d import map_log
+from lrf3d.base.errors import InputError
+from lrf3d.recordings import load_log
+
+BEAMS = 181
+ANGLES = np.radians(np.linspace(-90, 90, BEAMS))
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Stamps (k,) [s], poses (k, 3) and ranges (k, n) [m] of a robot in a room of 8 m by 6 m."""
+    times = 1700000000.0 + 0.1 * np.arange(40)
+    poses = np.column_stack([np.linspace(-2, 2, 40), np.zeros(40), np.linspace(-1, 9, 40)])
+    ranges = np.empty((40, BEAMS))
+    for row, (x, y, theta) in zip(ranges, poses, strict=True):
+        heading = ANGLES + theta
+        with np.errstate(divide="ignore"):
+            along = np.where(np.cos(heading) > 0, 4.0 - x, -4.0 - x) / np.cos(heading)
+            across = np.where(np.sin(heading) > 0, 3.0 - y, -3.0 - y) / np.sin(heading)
+        row[:] = np.minimum(along, across)
+    return times, poses, ranges
+
+
+def text(columns, separator=" ", header=None, form="{:.6f}"):
+    lines = [
+        separator.join(form.format(value) for value in row) for row in np.column_stack(columns)
+    ]
+    return "\n".join([*([] if header is None else [header]), *lines]) + "\n"
+
+
+def named(mark, separator, *names):
+    return separator.join([*names, *(mark.format(k) for k in range(BEAMS))])
+
+
+KINDS = {
+    "bare": lambda t, p, r: text([t, p, r]),
+    "commas": lambda t, p, r: text([t, p, r], ","),
+    "tabs": lambda t, p, r: text([t, p, r], "\t"),
+    "semicolons, decimal commas": lambda t, p, r: text([t, p, r], ";").replace(".", ","),
+    "spaces, decimal commas": lambda t, p, r: text([t, p, r]).replace(".", ","),
+    "a header": lambda t, p, r: text(
+        [1e3 * t, r, p], ",", ",".join([named("range_{}", ",", "time_ms"), "x", "y", "yaw"])
+    ),
+    "German": lambda t, p, r: text(
+        [t, p, r], ";", named("Abstand_{}", ";", "Zeit", "x", "y", "Winkel")
+    ).replace(".", ","),
+    "two files that were joined": lambda t, p, r: "".join(
+        text([t[k], p[k], r[k]], ",", named("r{}", ",", "Time", "x", "y", "theta"))
+        for k in (slice(0, 9), slice(9, None))
+    ),
+    "a comment": lambda t, p, r: text([t, p, r], " ", "# t x y theta " + "r " * BEAMS),
+    "millimetres, degrees": lambda t, p, r: text(
+        [1e6 * t, 1e3 * p[:, :2], np.degrees(p[:, 2:]), 1e3 * r],
+        ";", named("r[{}] (mm)", ";", "stamp_us", "x [mm]", "y [mm]", "theta (deg)"),
+    ),
+    "times of day": lambda t, p, r: re.sub(
+        r"(?m)^\S+", lambda m: f"{datetime.fromtimestamp(float(m[0]), UTC):%Y/%m/%d %H:%M:%S.%f}",
+        text([t, p, r]),
+    ),
+    "nanoseconds": lambda t, p, r: text([1e9 * (t - t[0]), p, 1e3 * r], " ", None, "{:.3f}"),
+    "one column of ranges": lambda t, p, r: "time,ranges,x,y,theta\n" + "\n".join(
+        f'{a},"[{", ".join(map(str, c))}]",{",".join(map(str, b))}'
+        for a, b, c in zip(t, p.tolist(), r.tolist(), strict=True)
+    ),
+    "ROS": lambda t, p, r: text(
+        [1e9 * t, np.arange(len(t)), r, p], ",",
+        ",".join([named("field.ranges{}", ",", "%time", "field.header.seq"), "x", "y", "theta"]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_columns_are_found_in_whatever_form(kind, drive, tmp_path):
+    times, poses, ranges = drive
+    path = tmp_path / "drive.csv"
+    path.write_text(KINDS[kind](times, poses, ranges))
+    log = load_log(path)
+    assert log.bad_count == 0 and log.placed and log.notes
+    assert np.diff(log.times) == pytest.approx(np.diff(times), abs=1e-3)
+    assert log.poses[:, :2] == pytest.approx(poses[:, :2], abs=1e-3)
+    assert np.cos(log.poses[:, 2] - poses[:, 2]).min() > 1 - 1e-5
+    assert np.allclose([scan.angles for scan in log.scans], ANGLES)
+    assert np.allclose([scan.ranges for scan in log.scans], ranges, rtol=0.0, atol=1e-3)
+    assert len(map_log(log).map) == 4
+
+
+def test_a_format_names_columns_and_a_preset_is_one(drive, tmp_path):
+    _, poses, ranges = drive
+    path = tmp_path / "drive.dat.gz"
+    clockwise = 100.0 * ranges[:, ::-1]
+    path.write_bytes(
+        gzip.compress(text([clockwise, np.degrees(poses[:, 2]), poses[:, :2]]).encode())
+    )
+    spec = f"ranges:cm*{BEAMS}, theta:deg, x, y, first=90deg, step=-1deg"
+    for form in (
+        spec,
+        spec.replace("first=90deg, step=-1deg", "first=-90deg, last=90deg, clockwise"),
+    ):
+        log = load_log(path, format=form)
+        assert len(map_log(log).map) == 4
+        assert any("no stamps" in note for note in log.notes)
+    ticks = np.cumsum(np.full((40, 2), [100.0, 110.0]), axis=0) % 65536
+    lines = np.column_stack([1e5 * np.arange(40), np.zeros(40), ticks, np.zeros((40, 20)),
+                             np.full((40, 682), 2000.0) + np.arange(682)])  # fmt: skip
+    path.write_bytes(gzip.compress(text([lines], form="{:.0f}").encode()))
+    log = load_log(path)
+    assert "minesrover" in log.notes[0] and log.odometry.laser_offset == pytest.approx(0.145)
+    assert log.odometry.poses[-1, 2] == pytest.approx(39 * 10 * 0.00024190263 / 0.33, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "lines, form, reason",
+    [
+        ("1 2 3\n4 5 6\n", None, r"text of 3 columns.*--format, such as 'angles:deg@1, ranges"),
+        ("hello\nworld\n", None, "no lines of numbers"),
+        ("1 5\n2 5\n", "stamp,ranges", "one beam"),
+        ("1 5 5 5\n2 5 5 5\n", "stamp,ranges", "all are 5"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m", "3 beams at unknown bearings.*first="),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m,first=0deg,step=200deg", "over 400°"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,rangs:m", "did you mean 'ranges'"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:inch", "inch"),
+        ("1 50 60 70\n2 50 60 80\n", "stamp,ranges,first=0deg,step=1deg", "name their unit"),
+        ("1 5 6 7\n2 5 6 8\n", "left,right,ranges:m,first=0deg,step=1deg", "tick="),
+        ("1 5 6 7\n2 5 6 8\n", "ranges:m@9", "2 bad lines, first line 1: 4 columns"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_gets_one_line(lines, form, reason, tmp_path):
+    path = tmp_path / "drive.txt"
+    path.write_text(lines)
+    with pytest.raises(InputError, match=reason):
+        load_log(path, format=form)
+
+
+def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
+    times, poses, ranges = drive
+    lines = text([times, poses, ranges]).splitlines()
+    lines[3] = lines[3].replace(" ", " x", 1)
+    lines[5] = lines[5].rpartition(" ")[0]
+    path = tmp_path / "drive.txt"
+    path.write_text("\n".join(lines))
+    log = load_log(path)
+    assert log.bad_count == 2 and [line.number for line in log.bad_lines] == [4, 6]
+    counts = [BEAMS, 170] * 20
+    counted = [
+        " ".join(["S", str(k), str(n), *map(str, row[:n])])
+        for k, (n, row) in enumerate(zip(counts, ranges.tolist(), strict=True))
+    ]
+    path.write_text("\n".join(counted))
+    log = load_log(path)
+    assert not log.placed and "20 scans with fewer than 181" in " ".join(log.notes)
+    assert np.isneginf(log.scans[1].ranges[170:]).all()
+    records = [
+        json.dumps({"ranges": row[:n]}) for n, row in zip(counts, ranges.tolist(), strict=True)
+    ]
+    path.write_text("\n".join(records))
+    assert "20 scans with fewer than 181" in " ".join(load_log(path).notes)
+
+
+def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
+    ranges = " ".join(map(str, range(1000, 1660)))
+    scans = [f"S {100 * k} 660 {ranges}" for k in range(10)]
+    motors = [f"M {100 * k} {20 * k} 0 0 0 {30 * k} 0 0" for k in range(10)]
+    (tmp_path / "a_scan.txt").write_text("\n".join(scans))
+    assert "no odometry" in " ".join(load_log(tmp_path / "a_scan.txt").notes)
+    (tmp_path / "a_motors.txt").write_text("\n".join(motors))
+    log = load_log(tmp_path / "a_scan.txt")
+    assert log.odometry.poses[-1, 2] == pytest.approx(9 * 10 * 0.349e-3 / 0.15)
+    assert log.placed and "a_motors.txt" in " ".join(log.notes)
+
+
+def test_a_reading_a_line_makes_scans(drive, tmp_path):
+    times, _, ranges = drive
+    rng = np.random.default_rng(0)
+    for stamped in (True, False):
+        lines = ["t,angle_deg,dist_mm" if stamped else "angle_deg;dist_mm"]
+        for time, row in zip(times, ranges, strict=True):
+            for bearing in np.flatnonzero(rng.random(360) < 0.9):
+                reading = f"{bearing + 0.1:.2f}", f"{1e3 * row[bearing % BEAMS]:.0f}"
+                lines.append(",".join([f"{time:.3f}", *reading]) if stamped else ";".join(reading))
+        path = tmp_path / "lidar.csv"
+        path.write_text("\n".join(lines))
+        log = load_log(path)
+        assert len(log) == 40 and not log.placed and "gathered" in " ".join(log.notes)
+        for scan, row in zip(log.scans, ranges, strict=True):
+            found = scan.hits & (np.degrees(scan.angles) < 90)
+            expected = row[np.rint(np.degrees(scan.angles[found]) - 0.1).astype(int)]
+            # A fan has as many beams as most scans, a tenth fewer than there are bearings.
+            assert np.abs(scan.ranges[found] - expected).max() < 0.6 and found.sum() > 60
+
+
+def test_arrays_are_read_by_their_names(drive, tmp_path):
+    times, poses, ranges = drive
+    np.savez(tmp_path / "drive.npz", ranges=ranges, angles=ANGLES, stamps_s=times, poses=poses)
+    savemat(tmp_path / "drive.mat", {"data": {"Ranges": ranges, "Angles": np.degrees(ANGLES),
+                                              "time": times, "pose": poses}})  # fmt: skip
+    for name in ("drive.npz", "drive.mat"):
+        log = load_log(tmp_path / name)
+        assert log.times == pytest.approx(times) and len(map_log(log).map) == 4
+    np.savez(tmp_path / "other.npz", picture=ranges)
+    with pytest.raises(InputError, match=r"no ranges .*picture \(40, 181\)"):
+        load_log(tmp_path / "other.npz")
+
+
+PRINTED = """header:
+  stamp: {{sec: {sec}, nanosec: {nanosec}}}
+  frame_id: laser
+angle_min: {first}
+angle_increment: {step}
+ranges: {ranges}
+---
+"""
+
+MESSAGES = {
+    "short.txt": lambda r, p, t: f"FLASER {BEAMS} {r} {p} {p}",
+    "old.txt": lambda r, p, t: f"FLASER {BEAMS} {r} {p} {p} {t}",
+    "other.txt": lambda r, p, t: f"Odometry {p}\nLaser {BEAMS} {r}",
+    "gmapping.gfs": lambda r, p, t: f"ODO_UPDATE 3\nODOM {p} {t}\n"
+    f"LASER_READING {BEAMS} {r} {p} {t}",
+    "raw.log": lambda r, p, t: f"ODOM {p} 0 0 0 {t} h {t}\n"
+    f"RAWLASER1 0 {ANGLES[0]} 3.14 {ANGLES[1] - ANGLES[0]} 9 0 0 {BEAMS} {r} 0 {t} h {t}\n"
+    f"RLASER {BEAMS} {r} {p} {p} {t} h {t}",
+    "player.log": lambda r, p, t: f"{t} 16 6665 position2d 00 001 001 {t} {p} 0 0 0 1\n"
+    f"{t} 16 6665 laser 00 001 001 {t} 0 {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} 9 {BEAMS} "
+    + " ".join(f"{each} 0" for each in r.split()),
+    "first_player.log": lambda r, p, t: f"ODOM {p} {t}\n"
+    f"{t} fly 6665 laser 00 {t} {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} {BEAMS} "
+    + " ".join(f"{each} 0" for each in r.split()),
+    "lines.jsonl": lambda r, p, t: json.dumps({
+        "time": t, "pose": dict(zip(("x", "y", "theta"), map(float, p.split()), strict=True)),
+        "angle_min": ANGLES[0], "angle_increment": ANGLES[1] - ANGLES[0],
+        "ranges": [None, *map(float, r.split())][1:],
+    }),
+    "python.txt": lambda r, p, t: str({
+        "header": {"stamp": {"secs": int(t), "nsecs": int(1e9 * (t % 1))}, "frame_id": "laser"},
+        "pose": dict(zip("x y theta".split(), map(float, p.split()), strict=True)),
+        "angle_min": ANGLES[0].item(), "angle_max": ANGLES[-1].item(),
+        "ranges": [float("inf"), *map(float, r.split())][1:],
+    }),
+    "quoted.csv": lambda r, p, t: f"2024/05/01 11:06:36.445,\"{{'stamp': {t}, 'frame_id': 'b'}}\","
+    f'"[{", ".join(r.split())}]","[]",{",".join(p.split())}',
+    "lists.csv": lambda r, p, t: f"{t},[{', '.join(r.split())}],,{','.join(p.split())}",
+    "bag.csv": lambda r, p, t: ",".join([
+        "2023/01/02/03:04:05.6", f"{int(t)},{int(1e9 * (t % 1))},9", *p.split()[:2], "0,0",
+        str(np.sin(0.5 * float(p.split()[2]))), str(np.cos(0.5 * float(p.split()[2]))),
+        f'"({", ".join(r.split())})"',
+    ]),
+}  # fmt: skip
+"""A scan, its pose and its time, as programs write them."""
+
+HEADS = {
+    "quoted.csv": ["time,header,ranges,intensities,x,y,theta"],
+    "lists.csv": ["time,ranges,other,x,y,theta"],
+    "bag.csv": [
+        "time,.header.stamp.secs,.header.stamp.nsecs,.twist.x,.pose.position.x,.pose.position.y,"
+        + ",".join(f".pose.orientation.{axis}" for axis in "xyzw") + ",.ranges"
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_messages_and_records_of_other_programs_are_read(name, drive, tmp_path):
+    path = tmp_path / name
+    lines = [
+        MESSAGES[name](" ".join(map(str, row)), " ".join(map(str, pose)), time)
+        for time, pose, row in zip(*(each.tolist() for each in drive), strict=True)
+    ]
+    path.write_text("\n".join(HEADS.get(name, []) + lines) + "\n")
+    log = load_log(path)
+    assert len(log) == 40 and log.bad_count == 0 and log.placed and len(map_log(log).map) == 4
+    assert np.diff(log.times) == pytest.approx(0.1, abs=1e-3)
+    assert any("no stamps" in note for note in log.notes) == (name in ("short.txt", "other.txt"))
+    assert any("unknown mounts (40 of laser2)" in note for note in log.notes) == (name == "raw.log")
+
+
+def test_printed_messages_get_the_poses_in_a_file_beside_them(drive, tmp_path):
+    times, poses, ranges = drive
+    stamp = [{"sec": int(t), "nanosec": int(1e9 * (t % 1))} for t in times]
+    scans = [
+        PRINTED.format(**s, first=ANGLES[0], step=ANGLES[1] - ANGLES[0], ranges=row.tolist())
+        for s, row in zip(stamp, ranges, strict=True)
+    ]
+    path = tmp_path / "a_scan.txt"
+    path.write_text("".join(scans))
+    assert not load_log(path).placed
+    half = 0.5 * poses[:, 2]
+    tum = np.column_stack(
+        [times, poses[:, :2], 0 * times, 0 * times, 0 * times, np.sin(half), np.cos(half)]
+    )
+    np.savetxt(tmp_path / "a_poses.txt", tum[:-20], fmt="%.9f")
+    log = load_log(path)
+    # Scans a while after the last pose are left out, not placed there.
+    assert 20 <= len(log) < 22 and log.poses[:20, :2] == pytest.approx(poses[:20, :2], abs=1e-3)
+    assert len(map_log(log).map) == 4 and "left out" in " ".join(log.notes)
+    path.write_text("".join(scans).replace(", 4.0]", ", '...']").replace("]", ", '...']"))
+    with pytest.raises(InputError, match="--full-length"):
+        load_log(path)
+
+
+SWEEPS = {
+    "labels": lambda a, d: f"theta: {a:06.2f} Dist: {d:08.2f} Q: {47 * (d > 0)}",
+    "booleans": lambda a, d: f"{a < 1}\t{15 * (d > 0)}\t{a:.3f}\t{d:.1f}",
+    "plain": lambda a, d: f"{a:.2f} {d:.0f} {15 * (d > 0)}",
+    "named": lambda a, d: f"{15 * (d > 0)},{a:.3f},{d:.1f},0.5,0.6,1.0",
+    "tuples": lambda a, d: f"({15 * (d > 0)}, {a:.3f}, {d:.1f})",
+}
+
+
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, tmp_path):
+    _, _, ranges = drive
+    lines = ["Quality, Angle, Distance, Acceleration X, Acceleration Y, Yaw"] * (kind == "named")
+    for row in ranges:
+        sweep = [SWEEPS[kind](a, 1e3 * row[180 - a] if a <= 180 else 0.0) for a in range(360)]
+        lines += [f"[{', '.join(sweep)}]"] if kind == "tuples" else sweep
+    path = tmp_path / "lidar.txt"
+    path.write_text("\n".join(lines))
+    log = load_log(path)
+    assert len(log) == 40 and not log.placed and "clockwise, as RPLIDARs" in " ".join(log.notes)
+    for scan, row in zip(log.scans, ranges, strict=True):
+        # The first bearing is 0, and those of the row begin at −180° when turned this way.
+        places = np.rint(np.degrees(-scan.angles)).astype(int)
+        known = (places <= 180) & scan.hits
+        assert scan.ranges[known] == pytest.approx(row[180 - places[known]], abs=2e-3)
+        assert known.sum() == 181
+
+
+@pytest.mark.parametrize(
+    "begin, line",
+    [
+        ("AngleInDegrees,DistInMM,Intensity,ErrorCodeHEX", "{a},{mm:.0f},200,803a"),
+        ("angle(rad) range(m) intensity", "{rad:.6f} {m:.4f} 100"),
+    ],
+)
+def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualities(
+    begin, line, drive, tmp_path
+):
+    lines = [
+        "\n".join([begin, *(line.format(a=a, rad=np.radians(a), m=row[a], mm=1e3 * row[a])
+                            for a in range(BEAMS))])
+        for row in drive[2]
+    ]  # fmt: skip
+    (tmp_path / "lds.csv").write_text("\n".join(lines))
+    log = load_log(tmp_path / "lds.csv")
+    assert len(log) == 40 and log.bad_count == 0
+    assert np.allclose([scan.ranges for scan in log.scans], drive[2], atol=1e-3)
+    assert np.allclose(np.degrees(log.scans[0].angles), range(BEAMS), atol=1e-3)
+
+
+def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_path):
+    ranges = drive[2][:, :180]
+    head = ",".join(["time", *map(str, range(180))])
+    (tmp_path / "a.csv").write_text(text([drive[0], ranges], ",", head))
+    np.save(tmp_path / "a.npy", 1e3 * ranges)
+    by_header = load_log(tmp_path / "a.csv")
+    by_format = load_log(tmp_path / "a.npy", format="ranges:mm, first=90deg, step=-1deg")
+    assert by_header.times == pytest.approx(drive[0], abs=1e-3)
+    assert np.degrees(by_format.scans[0].angles[[0, -1]]) == pytest.approx([90, -89])
+    for one, other in zip(by_header.scans, by_format.scans, strict=True):
+        assert one.ranges == pytest.approx(other.ranges, abs=1e-3)
+    np.save(tmp_path / "a.npy", np.array([{}]), allow_pickle=True)
+    with pytest.raises(InputError, match="no file of arrays of numbers"):
+        load_log(tmp_path / "a.npy")
+
+
+def test_telegrams_of_sick_are_read(drive, tmp_path):
+    """Their bearings are in ten thousandths of a degree, and ahead is 90°."""
+    times, _, ranges = drive
+    lines = [
+        f"\x02sSN LMDscandata 0 1 89A27F 0 0 1 1 {round(1e6 * t):X} 0 0 0 3F 0 0 1388 168 0 1 DIST1"
+        f" 40000000 00000000 FFFFF63C 2710 {BEAMS:X} "
+        + " ".join(f"{round(500 * each):X}" for each in row) + " 0 0\x03"
+        for t, row in zip(times - times[0], ranges, strict=True)
+    ]  # fmt: skip
+    (tmp_path / "tim.txt").write_text("\n".join([*lines, "sSN LMDscandata DIST1 0 1 2 3 4"]))
+    log = load_log(tmp_path / "tim.txt")
+    assert len(log) == 40 and not log.placed and log.bad_count == 1
+    assert np.allclose(log.times, times - times[0])
+    assert np.allclose(log.scans[0].angles, ANGLES - np.radians(0.25))
+    assert np.allclose([scan.ranges for scan in log.scans], ranges, atol=2e-3)
+
+
+def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(tmp_path):
+    for data, reason in ((b"\x89PNG\r\n", "a picture"), (b"ply\nformat", "a point cloud"),
+                         (b"\xff\xfe1\0", "UTF-16"), (b"\0\1\2", "no text")):  # fmt: skip
+        path = tmp_path / "what.xyz"
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=f"what.xyz: not a log: it looks like .*{reason}"):
+            load_log(path)

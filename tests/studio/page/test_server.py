@@ -1,0 +1,176 @@
+"""The page's server: whom it answers, and what it makes of messages that no page sends."""
+
+import http.client
+import json
+import socket
+from contextlib import ExitStack
+from urllib.parse import urlsplit
+
+import pytest
+from browser import PATIENCE, served
+
+pytest.importorskip("websockets")
+
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from lrf3d.base.errors import InputError
+from lrf3d.studio.page.server import bound, is_own
+
+SOCKET = "/lrf3d/moments"
+
+
+@pytest.fixture(scope="module")
+def address():
+    """Where a world is shown."""
+    with served("paper_room") as address:
+        yield address
+
+
+def get(address, path="/", **headers):
+    """The status and the body that a path is answered with."""
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
+    connection.request("GET", path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+    response = connection.getresponse()
+    status, content = response.status, response.read().decode(errors="replace")
+    connection.close()
+    return status, content
+
+
+def page(address, *, origin=None, host=None):
+    """A websocket as a page opens it, which can send what no page sends."""
+    netloc = urlsplit(address).netloc
+    name, _, port = netloc.rpartition(":")
+    door = socket.create_connection((name, int(port)), timeout=PATIENCE)
+    return connect(f"ws://{host or netloc}{SOCKET}", sock=door, origin=origin or address)
+
+
+def test_a_foreign_page_or_name_gets_nothing(address):
+    port = urlsplit(address).port
+    for host in (f"LocalHost:{port}", "[::1]:80", "localhost"):
+        assert get(address)[0] == get(address, Host=host)[0] == 200
+    assert get(address, "/lrf3d/world", Origin=address)[0] == 200
+    for path in ("/", "/lrf3d/world", "/lrf3d/page.js", SOCKET, "/nowhere"):
+        for host in ("evil.com", "localhost.evil.com", "127.0.0.1.nip.io", "2130706433", ""):
+            assert get(address, path, Host=f"{host}:{port}")[0] == 400
+        for origin in ("http://evil.com", "null", f"http://localhost:{port}"):
+            status, text = get(address, path, Origin=origin)
+            assert status == 403 and text.count("\n") == 1
+
+
+@pytest.mark.parametrize("names", [[], ["localhost", "evil.com"]])
+def test_a_page_is_asked_for_by_one_name(address, names):
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
+    connection.putrequest("GET", "/", skip_host=True)
+    for name in names:
+        connection.putheader("Host", name)
+    connection.endheaders()
+    assert connection.getresponse().status == 400
+    connection.close()
+
+
+def test_a_foreign_page_opens_no_websocket(address):
+    port = urlsplit(address).port
+    with page(address):
+        pass
+    for headers in (
+        {"origin": "http://evil.com"},
+        {"origin": f"http://localhost:{port}"},
+        {"origin": f"http://evil.com:{port}", "host": f"evil.com:{port}"},
+    ):
+        with pytest.raises(InvalidStatus) as refused:
+            page(address, **headers)
+        assert refused.value.response.status_code in (400, 403)
+
+
+def test_where_others_are_let_in_the_machine_s_own_names_are_theirs(monkeypatch):
+    monkeypatch.setattr(socket, "gethostname", lambda: "Vega.lab.example.org")
+    for name in ("vega", "vega.local", "Vega.lab.example.org"):
+        assert is_own(name, "0.0.0.0") and not is_own(name, "127.0.0.1")
+    assert is_own("192.168.0.7", "0.0.0.0") and is_own("robot.lan", "robot.lan")
+    assert not is_own("vega.evil.com", "0.0.0.0")
+
+
+def test_files_beside_those_of_the_page_stay_here(address):
+    for path in ("/server.py", "/..%2fserver.py", "/../server.py", "/%2fetc%2fpasswd"):
+        for folder in ("", "/lrf3d", "/lrf3d/page.js"):
+            assert get(address, folder + path)[0] == 404
+
+
+def test_malformed_messages_do_not_stop_a_drive(address):
+    with page(address) as opened:
+        for text in (
+            "[" * 9_000,
+            '{"view": ' * 1_000,
+            "[]",
+            "[8, 9]",
+            "drive",
+            '{"forward": 1e300, "turn": 0}',
+            '{"forward": NaN}',
+        ):
+            opened.send(text)
+            opened.recv(PATIENCE)
+        for _ in range(9):
+            opened.send('{"forward": 0.5, "turn": 0}')
+            data = opened.recv(PATIENCE)
+        words = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])["words"]
+        assert float(words["v"]) > 0.0
+
+
+def asked(address, method, path="/"):
+    """The answer to a request, and its body."""
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
+    connection.request(method, path)
+    response = connection.getresponse()
+    body = response.read()
+    connection.close()
+    return response, body
+
+
+def test_no_other_site_may_frame_the_page_or_load_its_files(address):
+    for path in ("/", "/lrf3d/ground.jpg", "/lrf3d/world", "/lrf3d/page.js", "/nowhere"):
+        response, _ = asked(address, "GET", path)
+        assert "frame-ancestors 'none'" in response.headers["Content-Security-Policy"]
+        assert response.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert response.headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_a_page_is_only_read(address):
+    length = asked(address, "GET")[0].headers["Content-Length"]
+    response, body = asked(address, "HEAD")
+    assert (response.status, body, response.headers["Content-Length"]) == (200, b"", length)
+    for method in ("POST", "DELETE", "PUT", "OPTIONS", "TRACE"):
+        for path in ("/", "/lrf3d/world", SOCKET):
+            response, body = asked(address, method, path)
+            assert (response.status, response.headers["Allow"]) == (405, "GET, HEAD")
+
+
+def test_pages_that_have_stopped_reading_do_not_hold_the_program():
+    """Nor do those that never ask, as of a laptop that sleeps; `served` waits for the end."""
+    opening = (
+        f"GET {SOCKET} HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    with ExitStack() as pages, served("paper_room") as address:
+        place = "127.0.0.1", urlsplit(address).port
+        _silent, asking = (pages.enter_context(socket.create_connection(place)) for _ in "12")
+        asking.sendall(opening.encode())
+        assert asking.recv(12) == b"HTTP/1.1 101"
+        # Each message asks for a drive of its own, whose answer nobody reads.
+        for number in range(50):
+            words = json.dumps({"drive": number}).encode()
+            asking.sendall(bytes([0x81, 0x80 | len(words), 0, 0, 0, 0]) + words)
+
+
+def test_too_long_a_message_ends_its_page_alone(address):
+    with page(address) as opened, pytest.raises(ConnectionClosed):
+        opened.send("1" * 20_000)
+        while True:
+            opened.recv(PATIENCE)
+    assert get(address)[0] == 200
+
+
+@pytest.mark.parametrize("host", ["", "a" * 300, "a\0b", "nowhere.invalid", "192.0.2.1"])
+def test_where_nobody_can_listen_is_named(host):
+    with pytest.raises(InputError, match="--host"):
+        bound(host, None)

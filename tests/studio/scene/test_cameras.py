@@ -1,0 +1,231 @@
+"""Cameras: the whole world, the shots of a story, and cameras that follow the robot."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from test_render import box, city_run, room_run, run_of
+
+from lrf3d.studio.scene.camera import Track
+from lrf3d.studio.scene.cameras import (
+    CLOSING,
+    HELD,
+    OPENING,
+    Fixed,
+    Story,
+    chase,
+    margins,
+    orbit,
+    overview,
+    top,
+)
+from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.world import World
+from lrf3d.world.cameras import FixedCamera
+
+
+def seen(look, points, aspect):
+    """Where points (n, 3) are in a picture, −1…1 to the right and down."""
+    clip = np.column_stack([points, np.ones(len(points))]) @ look.matrix(aspect, 4000.0).T
+    return clip[:, :2] / clip[:, 3:]
+
+
+def filmed(run, playback=1.0):
+    """The timeline of a run and what stands in its world."""
+    return Timeline(run, playback=playback), Structures.from_run(run)
+
+
+def level(places):
+    return np.column_stack([places, np.zeros(len(places))])
+
+
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 9 / 16])
+@pytest.mark.parametrize("camera", [overview, top])
+@pytest.mark.parametrize("make", [city_run, room_run])
+def test_the_whole_world_is_shown_above_the_text(make, camera, aspect):
+    timeline, structures = filmed(make())
+    whole = camera(timeline, structures)
+    for time in (0.0, 1.3, timeline.end):
+        places = seen(whole.look(time, aspect), level(structures.places), aspect)
+        assert (np.abs(places) < 1.0).all()
+        assert places[:, 1].max() < 0.9
+        assert max(np.ptp(places[:, 0]), np.ptp(places[:, 1])) > 1.05
+
+
+def test_a_story_begins_at_the_robot_and_ends_with_the_whole_where_glass_is_what_was_not_seen():
+    timeline, structures = filmed(city_run(seconds=60.0), 2.0)
+    story = Story(timeline, structures)
+    first = story.look(timeline.start - 2.0 * OPENING, 1.5)
+    assert first.shot == "wave" and first.glass == 0.0
+    # What hides the robot is opened from the start of the run on.
+    assert not first.opens and story.look(timeline.start + 0.1, 1.5).opens
+    robot = timeline.poses(np.array([timeline.start]))[0, :2] - timeline.origin
+    assert np.abs(seen(first, np.array([[*robot, 0.35]]), 1.5)).max() < 0.3 and first.away < 3.0
+    held = [story.look(timeline.end + 2.0 * (CLOSING - before), 1.5) for before in (HELD, 0.1)]
+    assert all(look.shot == "end" for look in held)
+    assert [look.glass for look in held] == pytest.approx([1.0, 1.0])
+    assert (np.abs(seen(held[1], level(structures.places), 1.5)) < 1.0).all()
+
+
+def test_the_shots_of_a_story_are_of_some_seconds_and_show_all_that_there_is():
+    timeline, structures = filmed(city_run(seconds=80.0), 4.0)
+    story = Story(timeline, structures)
+    shots = [story.look(timeline.start + 4.0 * t, 1.5).shot for t in np.arange(-2.9, 25.9, 0.1)]
+    changes = np.flatnonzero([a != b for a, b in pairwise(shots)])
+    assert list(dict.fromkeys(shots)) == ["wave", "chase", "rise", "close", "high", "end"]
+    lengths = 0.1 * np.diff(changes)
+    assert (lengths > 3.9).all() and (lengths < 6.5).all()
+
+
+def test_a_story_rises_from_the_dark_in_time_and_ends_only_after_the_run():
+    timeline, structures = filmed(city_run(seconds=80.0), 4.0)
+    story = Story(timeline, structures)
+    first = 4.0 * float(story._cuts[1])
+    low, *high = (story.look(share * first, 1.5).away for share in (0.3, 0.6, 0.9))
+    assert low < 0.9 * high[0] and high[0] == pytest.approx(high[1])
+    assert story.look(timeline.end, 1.5).shot != "end"
+    assert story.look(timeline.end + 1e-9, 1.5).shot == "end"
+    assert story.look(timeline.end + 4.0 * CLOSING + 1.0, 1.5).glass == 1.0
+
+
+def test_between_two_looks_the_eye_goes_from_one_to_the_other_by_the_short_way_round():
+    timeline, structures = filmed(room_run())
+    times, shares = np.arange(5.0), np.linspace(0.0, 1.0, 5)
+    even = np.ones(5)
+    near = Track(times, np.zeros((5, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even)
+    turns = 0.1 + 5.5 * shares
+    far = Track(times, np.ones((5, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
+    found = Story(timeline, structures)._between(near, far, shares)
+    for column, one, other in zip(found[1:], near[1:], far[1:], strict=True):
+        assert column[0] == pytest.approx(one[0]) and column[4] == pytest.approx(other[4])
+    # The distance grows evenly in factors; half-way the eye has gone less than half a turn.
+    assert found.aways[2] == pytest.approx(6.0) and found.turns[2] == pytest.approx(
+        0.1 + 0.5 * 2.75
+    )
+    look = found.look(1.5, shot="chase")
+    assert look.pose[2, 0] == pytest.approx(0.0, abs=1e-12) and look.shot == "chase"
+
+
+def test_among_houses_the_eye_is_low_and_no_wall_hides_the_robot_from_it():
+    timeline, structures = filmed(city_run(seconds=80.0), 4.0)
+    walls = shapely.linestrings(structures.segments.reshape(-1, 2, 2))
+    for camera in (Story, orbit, chase):
+        moving = camera(timeline, structures)
+        for time in np.arange(timeline.start + 8.0, timeline.end, 0.5).tolist():
+            look = moving.look(time, 16 / 9)
+            if look.shot not in ("chase", "close"):
+                continue
+            eye, ahead = look.eye, look.target - look.eye
+            assert -ahead[2] < 0.6 * np.hypot(*ahead[:2])
+            robot = np.array([*(timeline.poses(np.array([time]))[0, :2] - timeline.origin), 0.5])
+            cuts = shapely.intersection(shapely.linestrings([robot[:2], eye[:2]]), walls)
+            met = ~shapely.is_empty(cuts)
+            share = shapely.distance(shapely.points(robot[:2]), cuts[met]) / np.hypot(
+                *(eye - robot)[:2]
+            )
+            assert (robot[2] + share * (eye - robot)[2] > structures.heights[met]).all()
+
+
+def test_in_a_passage_too_narrow_for_the_eye_it_looks_down_and_stays_out_of_the_houses():
+    segments = np.array([*box(-40.0, 1.2, 80.0, 10.0), *box(-40.0, -11.2, 80.0, 10.0)])
+    world = World(segments, np.repeat([0, 1], 4), np.full(8, 8.0), "passage")
+    times = np.arange(0.0, 20.0, 0.2)
+    poses = np.column_stack([times - 10.0, np.zeros_like(times), np.zeros_like(times)])
+    timeline, structures = filmed(run_of(world, times, poses))
+    for phase in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False).tolist():
+        track = orbit(timeline, structures, phase=phase).track(1.0)
+        assert (np.abs(track.eyes()[:, 1]) < 1.2).all()
+        assert track.aways.min() > 1.0
+
+
+def test_the_eye_does_not_leap_where_the_robot_turns_away_in_a_shot():
+    run = room_run()
+    times = np.arange(0.0, 30.0, 0.25)
+    # It goes round in the room four times, on a circle.
+    turns = np.linspace(0.0, 8.0 * np.pi, len(times))
+    poses = np.column_stack([2.0 + np.sin(turns), 3.0 - np.cos(turns), turns])
+    timeline, structures = filmed(run_of(run.world, times, poses))
+    story = Story(timeline, structures)
+    moments = np.arange(timeline.start - OPENING, timeline.end + CLOSING, 0.04)
+    looks = [story.look(float(moment), 16 / 9) for moment in moments]
+    for before, now, after in zip(looks, looks[1:], looks[2:], strict=False):
+        if before.shot == after.shot:
+            assert np.linalg.norm(before.eye - 2.0 * now.eye + after.eye) < 0.02 * now.away
+
+
+def test_in_a_fast_film_the_robot_stands_where_it_is_and_in_every_picture_from_near():
+    run, turns = room_run(), np.linspace(0.0, 20.0 * np.pi, 1000)
+    # It goes round in the room ten times, once in a third of a second of the film.
+    poses = np.column_stack([3.0 + 2.0 * np.sin(turns), 3.0 - 2.0 * np.cos(turns), turns])
+    run = run_of(run.world, np.arange(1000.0) / 5.3, poses)
+    scene = Scene(Timeline(run, playback=60.0))
+    timeline, frames = scene.timeline, scene.timeline.frame_times(5.0, margins("story"))
+    first, last = np.searchsorted(frames, [timeline.start, timeline.end - 1e-9])
+    assert 15 <= last - first <= 20
+    for camera in (chase, orbit, Story):
+        moving = camera(timeline, scene.structures)
+        for time in frames.tolist():
+            look = moving.look(time, 16 / 9)
+            [pose] = run.trajectory.at(np.clip([time], timeline.start, timeline.end))
+            [(name, robot)] = scene.seen(timeline.moment(time), look, (64, 36)).bodies
+            here = np.array([*(pose[:2] - scene.origin), 0.35])
+            ahead = [np.cos(pose[2]), np.sin(pose[2]), 0.0]
+            assert name == "robot" and len(robot.faces.corners) > 100
+            assert robot.pose[:2, 3] == pytest.approx(here[:2], abs=1e-9)
+            assert robot.pose[:3, 0] == pytest.approx(ahead, abs=1e-9)
+            if look.shot != "end":
+                assert np.abs(seen(look, here[None], 16 / 9)).max() < 0.8
+            if camera is Story and time < timeline.start - 30.0:
+                # In the dark it stands in the middle, not where the smoothed path begins.
+                assert seen(look, here[None], 16 / 9)[0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("tall", "turned"), [(40.0, True), (11.0, False)])
+def test_a_world_much_longer_than_wide_is_turned_to_fit_the_picture(tall, turned):
+    run = run_of(
+        World(np.array(box(0, 0, 10, tall))), [0.0, 1.0], [(5.0, 3.0, 0.0), (5.0, 4.0, 0.0)]
+    )
+    camera = top(*filmed(run))
+    assert camera.look(0.0, 9 / 16).up == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    up = (1.0, 0.0, 0.0) if turned else (0.0, 1.0, 0.0)
+    assert camera.look(0.0, 16 / 9).up == pytest.approx(up, abs=1e-9)
+
+
+def test_the_plan_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
+    scene = Scene(Timeline(room_run()))
+    window = scene.plan_window()
+    assert window.middle + scene.origin == pytest.approx([4.0, 3.0])
+    wide, tall = 1.04 * 8.0 + 2.0 * 8.0 / 40.0, 1.04 * 6.0 + 2.0 * 6.0 / 40.0
+    assert (window.width, window.aspect) == pytest.approx((wide, tall / wide))
+    bars = {5.9: 1.0, 6.1: 2.0, 14.9: 2.0, 15.1: 5.0, 31.0: 10.0, 2.9: 0.5}
+    assert [window._replace(width=each).bar for each in bars] == pytest.approx([*bars.values()])
+
+
+def test_a_film_of_a_story_goes_on_while_the_run_stands_still():
+    timeline = Timeline(city_run(seconds=4.0), playback=2.0)
+    times = timeline.frame_times(10.0, margins("story"))
+    assert len(times) == 21 + round(10 * (OPENING + CLOSING))
+    assert times[0] == pytest.approx(-2.0 * OPENING)
+    assert timeline.moment(float(times[0])).time == 0.0
+    assert timeline.moment(float(times[-1])).time == timeline.end
+    assert margins("chase") == (0.0, 0.0)
+
+
+def test_a_camera_that_turns_has_the_robot_in_its_middle_and_looks_closer_from_afar():
+    timeline = Timeline(city_run(), playback=1.0)
+    still, turning = (
+        Fixed(FixedCamera("gate", (-60.0, -3.0, 9.0), (0.0, 0.0, 0.0), track=track), timeline)
+        for track in (False, True)
+    )
+    fields = []
+    for time in (0.5, 2.0, 3.5):
+        look = turning.look(time, 1.0)
+        robot = timeline.poses(np.array([time]))[0, :2] - timeline.origin
+        middle = seen(look, np.array([[*robot, 0.4]]), 1.0)
+        assert np.abs(middle).max() < 0.1
+        fields.append(look.field)
+        assert still.look(time, 1.0) is still.look(0.0, 1.0)
+    assert fields[0] < still.look(0.0, 1.0).field and fields == sorted(fields, reverse=True)

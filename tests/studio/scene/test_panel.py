@@ -1,0 +1,65 @@
+"""What films say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_render import SIZE, city_run, room_run
+
+from lrf3d.base.errors import InputError
+from lrf3d.base.text import counted
+from lrf3d.mapping import LineMap
+from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.panel import panel
+from lrf3d.studio.scene.timeline import Timeline
+
+
+def said(run, shot="chase", *, time=1.0, glass=0.0, playback=1.0, full=False):
+    """The lines of a panel."""
+    view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot, glass=glass)
+    return panel(run, Timeline(run).moment(time), view, playback, full=full).text
+
+
+def test_a_short_panel_says_what_is_shown_when_and_what_is_found_and_a_full_one_all():
+    short, full = (said(city_run(), full=full) for full in (False, True))
+    assert len(short) == 2 and "beams" in short[0] and " walls" in short[1]
+    assert len(full) > 3 and full[0] == short[0] and any("beams hit" in line for line in full)
+
+
+def test_a_number_is_said_once_and_a_film_that_runs_faster_says_so():
+    run = city_run()
+    head, passed = said(run, "whole", playback=3.0)
+    assert head == f"{len(run.map)} walls in the map" and passed == "1 s at 3 × speed"
+
+
+def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
+    run = city_run()
+    kinds = np.array(["mirror"] + ["wall"] * (len(run.map) - 1))
+    known, plain = replace(run.map, kinds=kinds), run.map
+    left, few = (
+        LineMap(one.segments[:2], np.arange(2), one.points[:2], one.kinds[:2])
+        for one in (known, plain)
+    )
+    dropped = f"The room in the mirror is a reflection: {len(plain) - 2} walls dropped"
+    for maps, words in (((known, left), dropped), ((known,) * 2, "91 "), ((plain, few), "91 ")):
+        head, *_ = said(replace(run, maps=maps, snapshot_scans=(0, 3)))
+        assert head.startswith(words)
+
+
+@pytest.mark.parametrize("make", [city_run, room_run])
+def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
+    run = make()
+    found, rest = said(run, "end", glass=1.0)
+    assert rest.endswith(counted(run.map.object_count, "object"))
+    # Of all walls of the world, also of those that were never in sight.
+    seen, count = len(run.map), len(run.world.segments)
+    assert found == f"{seen} of {count} walls found, {100 * seen / count:.0f} %"
+
+
+def test_before_the_start_nothing_is_known():
+    assert said(city_run(), "wave", time=-0.5)[0] == "The robot knows nothing yet"
+
+
+def test_a_panel_of_another_kind_is_refused():
+    with pytest.raises(InputError, match="expected one of full, short"):
+        replace(city_run()).frame(1.0, size=SIZE, renderer="embree", panel="some")
