@@ -25,10 +25,13 @@ def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
         WorldError: The file cannot be used, or an option is given that its format does not have.
 
     Examples:
+        >>> from pathlib import Path
         >>> import lrf3d
-        >>> plan = lrf3d.read_plan("examples/flat.dxf")
-        >>> len(plan.doors), plan.segments.shape[1]
-        (4, 4)
+        >>> room = '<rect width="6000" height="4000" fill="none"/>'
+        >>> sheet = '<svg width="8m" height="6m" viewBox="0 0 8000 6000" stroke="black">'
+        >>> _ = Path("room.svg").write_text(f"{sheet}{room}</svg>")
+        >>> len(lrf3d.read_plan("room.svg").segments)
+        4
     """
     path = find_world(path)
     check_scale(scale)

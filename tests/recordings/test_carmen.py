@@ -12,7 +12,9 @@ from lrf3d.apps.export import export_run
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import wrap_angle
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.recordings import LaserLog, carmen, laser_log, load_log
+from lrf3d.recordings import LaserLog, load_log
+from lrf3d.recordings import log as laser_log
+from lrf3d.recordings.formats import carmen
 from lrf3d.simulation.recorder import simulate
 
 

@@ -19,7 +19,6 @@ from lrf3d.apps.cli.kernels import start_compiling, wait_for
 from lrf3d.base.errors import InputError, check_names
 from lrf3d.base.files import check_ordinary
 from lrf3d.planning import Side
-from lrf3d.plans.reading import read_plan
 from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run, load_log, odometry_of
 from lrf3d.simulation.run import Run
@@ -78,6 +77,8 @@ def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
     """Read a world as `read_world` does, and the plan that a drawing or a picture is, once."""
     if args.world is None or not is_plan(args.world):
         return read_world(args), None
+    from lrf3d.plans.reading import read_plan
+
     plan = read_plan(args.world, **options_of(args))
     file = WorldFile(plan.world(path := find_world(args.world)), path=path)
     return scenario_of(checked_size(args.world, file)), plan
