@@ -96,8 +96,12 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         noises = [scenario.noise, *(noise for _, noise in scenario.further)]
         if sigma is not None:
             noises = [at_sigma(each, sigma) if sigma else ProportionalNoise(0.0) for each in noises]
-        self.num_envs, self.max_steps, self.render_mode = num_envs, max_steps, None
-        self.lrf, self.lasers, self.dt = scenario.lrf, scenario.lasers, scenario.scan_interval
+        self.num_envs = num_envs
+        self.max_steps = max_steps
+        self.render_mode = None
+        self.lrf = scenario.lrf
+        self.lasers = scenario.lasers
+        self.dt = scenario.scan_interval
         self.together = bool(together)
         # A scan takes no time, because the robot decides on its motion after it.
         self._caster = PlanarCaster(scenario.world)
@@ -120,8 +124,10 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.poses, self.goals = np.zeros((num_envs, 3)), np.zeros((num_envs, 2))
-        self._times, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
+        self.poses = np.zeros((num_envs, 3))
+        self.goals = np.zeros((num_envs, 2))
+        self._times = np.zeros(num_envs)
+        self._steps = np.zeros(num_envs, np.int64)
         self._ended = np.zeros(num_envs, np.bool_)
 
     def reset(
@@ -152,7 +158,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
 
         A robot that hits a wall or a dynamic obstacle stays at its last pose.
         """
-        given, again = numbers(actions, "actions"), self._ended
+        given = numbers(actions, "actions")
+        again = self._ended
         if given.shape != (self.num_envs, 2):
             raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
         given = np.where(again[:, None], 0.0, given)
@@ -176,7 +183,9 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         after = self.distances()
         reached = (after < GOAL_RADIUS) & ~collided & ~again
         # Rewards at the goal, for a collision, and for each step, so that fast drives score higher.
-        at_goal, at_wall, each_step = 10.0, -10.0, -0.01
+        at_goal = 10.0
+        at_wall = -10.0
+        each_step = -0.01
         rewards = before - after + each_step + at_goal * reached + at_wall * collided
         self._steps += 1
         ended = reached | collided
@@ -198,7 +207,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         # Number of random candidates for a goal, of which the first at such a distance is used.
         candidates = 32
         cells = self._cells[rng.integers(len(self._cells), size=(len(robots), candidates + 1))]
-        starts, goals = cells[:, 0], cells[:, 1:]
+        starts = cells[:, 0]
+        goals = cells[:, 1:]
         if self.together:
             starts = self._apart(robots, starts, goals)
         distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
@@ -213,7 +223,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _apart(self, robots: Int, starts: Float, others: Float) -> Float:
         """Starts (k, 2) of robots, or others of (k, n, 2), away from where other robots are."""
-        places, room = self.poses[:, :2].copy(), 2.0 * self._body.reach + GOAL_MARGIN
+        places = self.poses[:, :2].copy()
+        room = 2.0 * self._body.reach + GOAL_MARGIN
         places[robots] = np.inf
         for robot, start, candidates in zip(robots, starts, others, strict=True):
             choices = np.vstack([start, candidates])
@@ -230,7 +241,9 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         return (measured, truth, walls) if len(parts) > 1 else parts[0]
 
     def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
-        lrf, rng, poses = sensor.lrf, self.np_random, sensor.lrf.placed(self.poses)
+        lrf = sensor.lrf
+        rng = self.np_random
+        poses = sensor.lrf.placed(self.poses)
         if self.scenario.world.materials:
             # Intensities are of single scans.
             places = zip(self._own.tolist(), self.poses, self._times.tolist(), strict=True)
@@ -240,10 +253,14 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
             truth, walls = self._caster.scan_batch(lrf, poses)
             for time in np.unique(self._times) if len(self._crowd) else ():
                 now = np.flatnonzero(self._times == time)
-                ranges, met, own = truth[now], walls[now], self._own[now]
+                ranges = truth[now]
+                met = walls[now]
+                own = self._own[now]
                 self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
-                truth[now], walls[now] = ranges, met
-            batch, scans = ScanBatch(lrf.angles, truth, walls, lrf.range_min, lrf.range_max), []
+                truth[now] = ranges
+                walls[now] = met
+            batch = ScanBatch(lrf.angles, truth, walls, lrf.range_min, lrf.range_max)
+            scans = []
         measured = sensor.noisy_ranges(batch, rng)
         if measured is None:
             scans = scans or [
@@ -261,7 +278,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         """
         self.scan = self._scan()
         """Measured and true ranges, and walls, of the last step."""
-        away, distances = self.goals - self.poses[:, :2], self.distances()
+        away = self.goals - self.poses[:, :2]
+        distances = self.distances()
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
         near = np.minimum(distances, self._farthest)
         goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
@@ -314,7 +332,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.action_space = self.robots.single_action_space
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.robots.dt))}
-        self._size, self._view = size, view
+        self._size = size
+        self._view = view
         self._window = Window("lrf3d") if render_mode == "human" else None
         self._film: list[tuple[Float, ...]] = []
 
@@ -361,7 +380,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         from lrf3d.studio.render.film import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
-        times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario
+        times = self.robots.dt * np.arange(len(poses))
+        scenario = self.robots.scenario
         obstacles = tuple(obstacle.until(times[-1]) for obstacle in scenario.obstacles)
         path = Trajectory(times, poses)
         drawn = scenario.world, scenario.lrf, path, ranges, truth, walls, (), (), obstacles

@@ -25,7 +25,8 @@ def name_of(part: Any) -> str:
     """The repr of an object with its class, or the class alone if the repr is only an address."""
     if isinstance(part, type | FunctionType):
         return f"{part.__module__}:{part.__qualname__}"
-    text, kind = repr(part), f"{type(part).__module__}:{type(part).__qualname__}"
+    text = repr(part)
+    kind = f"{type(part).__module__}:{type(part).__qualname__}"
     return kind if " at 0x" in text else f"{kind} {text}"
 
 

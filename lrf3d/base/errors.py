@@ -59,7 +59,8 @@ def shown(value: object, most: int = 40) -> str:
 
 def _text(value: object) -> str:
     """The text of a value, or of its first parts if it has thousands: they may be all the same."""
-    parts, count = [value], 0
+    parts = [value]
+    count = 0
     most_parts = 10_000  # Largest number of parts of a value that is shown by all of them.
     while parts and count < most_parts:
         part = parts.pop()
@@ -147,7 +148,8 @@ def missing_extra(task: str, extra: str) -> MissingLibraryError:
 
     Package indexes may not have what a checkout is; the checkout itself always installs.
     """
-    checkout, command = Path(__file__).parents[2], f"pip install 'lrf3d[{extra}]'"
+    checkout = Path(__file__).parents[2]
+    command = f"pip install 'lrf3d[{extra}]'"
     if (checkout / "pyproject.toml").exists():
         command = f"{sys.executable} -m pip install -e '{checkout}[{extra}]'"
     return MissingLibraryError(f"{task}; install it: {command}")

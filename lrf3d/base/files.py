@@ -165,12 +165,14 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
     """
     place = as_path(path).parent
     # Beginning and end of the names of the private folders in which files are written.
-    private, unfinished = ".lrf3d-", ".unfinished"
+    private = ".lrf3d-"
+    unfinished = ".unfinished"
     with writing(path):
         for left in place.glob(f"{private}*{unfinished}"):
             with suppress(OSError), _hold(left):
                 shutil.rmtree(left)
-        folder, held = None, ExitStack()
+        folder = None
+        held = ExitStack()
         # Between its making and its locking another process may take a folder for one that is left.
         while folder is None or not folder.exists():
             folder = Path(mkdtemp(unfinished, private, place))
@@ -245,7 +247,8 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    path, shown = target.with_name(f".{target.name}.lock"), shown or target
+    path = target.with_name(f".{target.name}.lock")
+    shown = shown or target
     lock = FileLock(path, blocking=False)
     if not path.parent.is_dir():
         raise OutputError(f"{shown}: cannot be written: there is no folder {path.parent}; make it")

@@ -64,7 +64,8 @@ def handle_signals(name: str) -> None:
         # such as `uv run`, forward a Ctrl-C that the terminal has sent to all.
         same = 0.1
         if not _asked:
-            _asked, _since = number, monotonic()
+            _asked = number
+            _since = monotonic()
             if _reads:
                 raise KeyboardInterrupt
             if sys.stderr is not None and sys.stderr.isatty():
@@ -146,7 +147,8 @@ def reading() -> Iterator[None]:
     """
     global _reads
     check()
-    before, _reads = _reads, True
+    before = _reads
+    _reads = True
     try:
         yield
     except Exception:

@@ -73,12 +73,14 @@ class PlanarCaster:
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
-        laser, pose = laser_of(lrf), as_pose(pose)
+        laser = laser_of(lrf)
+        pose = as_pose(pose)
         poses = np.fromiter(pose, np.float64, 3)[None]
         if self.lighting is not None:
             (lit,) = self._lit(lrf, poses).scans()
             return LaserScan.unchecked(lrf, pose, *lit.arrays(lrf.echoes))
-        ranges, walls = np.empty(lrf.beams), np.empty(lrf.beams, np.int64)
+        ranges = np.empty(lrf.beams)
+        walls = np.empty(lrf.beams, np.int64)
         self._fill(lrf.height, laser, poses, ranges[None], walls[None])
         return LaserScan.unchecked(lrf, pose, ranges, walls)
 
@@ -114,7 +116,8 @@ class PlanarCaster:
             >>> ranges.tolist(), walls.tolist()
             ([3.0, inf], [0, -1])
         """
-        starts, ways = as_rows(origins, "origins", 2), as_rows(directions, "directions", 2)
+        starts = as_rows(origins, "origins", 2)
+        ways = as_rows(directions, "directions", 2)
         if len(starts) != len(ways):
             raise InputError(f"{len(starts)} origins, {len(ways)} directions: expected as many")
         if not (long := (np.abs(ways) >= TINY).any(axis=1)).all():
@@ -128,8 +131,10 @@ class PlanarCaster:
     def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
         """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
         expect(lrf, LaserRangeFinder, "range finder")
-        ranges, walls = np.empty(len(rays)), np.empty(len(rays), np.int64)
-        tree, limits = self.tree(lrf.height)[:], (float(lrf.range_min), float(lrf.range_max))
+        ranges = np.empty(len(rays))
+        walls = np.empty(len(rays), np.int64)
+        tree = self.tree(lrf.height)[:]
+        limits = (float(lrf.range_min), float(lrf.range_max))
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
@@ -185,7 +190,8 @@ class PlanarCaster:
             cast_one_by_one(tree, laser, poses, ranges, walls, lambda rays: NO_GUESSES)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
-        laser, poses = laser_of(lrf), np.ascontiguousarray(poses)
+        laser = laser_of(lrf)
+        poses = np.ascontiguousarray(poses)
         if self.lighting is not None:
             lit = self._lit(lrf, poses)
             return lit.ranges, lit.walls
@@ -204,7 +210,8 @@ class PlanarCaster:
         lighting = self.lighting
         assert lighting is not None
         # Mirrors may be nearer than range_min, and what they show beyond it.
-        laser, tree = laser_of(lrf, range_min=0.0), self.tree(lrf.height)
+        laser = laser_of(lrf, range_min=0.0)
+        tree = self.tree(lrf.height)
         lit = lighting.empty(lrf, len(poses), chains=chains)
         rays = np.empty(lit.ranges.shape, RAY)
         rays_from(laser, poses, np.zeros(len(poses)), rays)

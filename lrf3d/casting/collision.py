@@ -134,7 +134,8 @@ class CollisionChecker:
         *,
         names: Sequence[str] | None = None,
     ) -> None:
-        self.world, self._tree = world, build_tree(world.segments)
+        self.world = world
+        self._tree = build_tree(world.segments)
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
         self._names = names
 
@@ -168,14 +169,17 @@ class CollisionChecker:
     ) -> Collision | None:
         """The first collision while a twist is held from a pose and a time [s] on, or None."""
         found = self.touch(body, move_of(begin, pose, twist), np.array([seconds]))
-        after, wall, obstacle = float(found[0][0]), int(found[1][0]), int(found[2][0])
+        after = float(found[0][0])
+        wall = int(found[1][0])
+        obstacle = int(found[2][0])
         if after == np.inf:
             return None
         x, y, _ = hold(pose, twist, after)
         if obstacle >= 0:
             name = self._names[obstacle] if self._names else f"dynamic obstacle {obstacle}"
         else:
-            names, owner = self.world.object_names, int(self.world.objects[wall])
+            names = self.world.object_names
+            owner = int(self.world.objects[wall])
             name = f"wall {wall}" + (f" of {names[owner]}" if owner < len(names) else "")
         return Collision(begin + after, x, y, wall, name, obstacle)
 
@@ -184,7 +188,8 @@ class CollisionChecker:
 
         A disc drives straight from pose to pose, an outline on the arc that leads there.
         """
-        poses, times = trajectory.poses, trajectory.times
+        poses = trajectory.poses
+        times = trajectory.times
         # At the last pose it rests.
         after = np.concatenate([poses[1:], poses[-1:]])
         seconds = np.append(np.diff(times), 1.0)
@@ -199,7 +204,8 @@ class CollisionChecker:
         if (found == np.inf).all():
             return None
         step = int(np.argmax(found < np.inf))
-        pose, twist = Pose(*poses[step].tolist()), tuple(twists[step].tolist())
+        pose = Pose(*poses[step].tolist())
+        twist = tuple(twists[step].tolist())
         return self.held(body, pose, twist, float(times[step]), float(seconds[step]))
 
     def checked(self, trajectory: Trajectory, body: Body, stops: bool) -> Trajectory:

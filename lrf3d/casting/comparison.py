@@ -126,8 +126,10 @@ def crosscheck(
     expect(progress, Callable, "progress")
     poses = as_poses(poses)
     world = World(world.segments, world.objects, world.heights)
-    planar, embree = PlanarCaster(world), BareEmbree(world)
-    largest, hits = 0.0, 0
+    planar = PlanarCaster(world)
+    embree = BareEmbree(world)
+    largest = 0.0
+    hits = 0
     found = [(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2), np.int64))]
     # With 181 beams trimesh's arrays for 256 poses take 20 MB.
     for start in range(0, len(poses), 256):
@@ -157,17 +159,20 @@ class BareEmbree:
     """Casts at the extruded walls with trimesh's ``intersects_location``, over Embree."""
 
     def __init__(self, world: World) -> None:
-        self.mesh, self._centre = extrude(world), world.origin
+        self.mesh = extrude(world)
+        self._centre = world.origin
 
     def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3)."""
         shape = len(poses), lrf.beams
         rays = np.zeros((2, *shape, 3))
-        rays[0, ..., :2], rays[0, ..., 2] = (poses[:, :2] - self._centre)[:, None], lrf.height
+        rays[0, ..., :2] = (poses[:, :2] - self._centre)[:, None]
+        rays[0, ..., 2] = lrf.height
         for row, pose in zip(rays[1], poses, strict=True):
             row[:, :2] = lrf.directions(pose)
         start, way = rays.reshape(2, -1, 3)
-        ranges, walls = np.full(len(start), np.inf), np.full(len(start), -1)
+        ranges = np.full(len(start), np.inf)
+        walls = np.full(len(start), -1)
         if len(self.mesh.faces):
             met = self.mesh.ray.intersects_location(start, way, multiple_hits=False)
             places, ray, triangle = met

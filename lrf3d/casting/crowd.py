@@ -56,7 +56,8 @@ class Crowd:
         movers["height"] = [one.height for one in obstacles]
         movers["disc"] = discs
         fastest = np.array([_fastest(lap) for lap in laps]).reshape(-1, 2)
-        movers["fastest"], movers["rim"] = fastest[:, 0], fastest[:, 0]
+        movers["fastest"] = fastest[:, 0]
+        movers["rim"] = fastest[:, 0]
         movers["rim"] += fastest[:, 1] * movers["reach"]
         movers["period"] = [path.period if isinstance(path, Patrol) else 0.0 for path in paths]
         corners = records(CORNER, *np.concatenate(outlines).T)
@@ -77,8 +78,10 @@ class Crowd:
     def hold(self, moves: Records, first: int = 0) -> None:
         """Let obstacles (k,) from the first on hold moves (k,), whatever their paths were."""
         movers, _, legs = self.plain
-        some, speeds = movers[first : first + len(moves)], np.hypot(moves["ahead"], moves["left"])
-        some["period"], some["fastest"] = HELD, speeds
+        some = movers[first : first + len(moves)]
+        speeds = np.hypot(moves["ahead"], moves["left"])
+        some["period"] = HELD
+        some["fastest"] = speeds
         some["rim"] = speeds + np.abs(moves["turn"]) * some["reach"]
         legs[some["leg"]] = moves
         self._moment[0] = math.nan
@@ -116,7 +119,8 @@ class Crowd:
 
         Walls become −1, or the row of the obstacles' side, counted on from a number of walls.
         """
-        limits, seen = (float(lrf.range_min), float(lrf.range_max)), (self.own, float(lrf.height))
+        limits = (float(lrf.range_min), float(lrf.range_max))
+        seen = (self.own, float(lrf.height))
         rays_among(self.plain, limits, (*seen, named), rays, ranges, walls)
 
 
@@ -141,7 +145,8 @@ def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:
 
 def _fastest(path: Trajectory) -> tuple[float, float]:
     """The largest speed on a path [m/s], and the largest turn rate [rad/s]."""
-    steps, seconds = np.diff(path.poses, axis=0), np.diff(path.times)
+    steps = np.diff(path.poses, axis=0)
+    seconds = np.diff(path.times)
     speeds = np.hypot(steps[:, 0], steps[:, 1]) / seconds
     turns = np.abs(wrap_angle(steps[:, 2])) / seconds
     return float(speeds.max(initial=0.0)), float(turns.max(initial=0.0))

@@ -98,13 +98,15 @@ class EmbreeCaster(PlanarCaster):
         """
         if self.lighting is not None:
             return self.light_layers(lrf, pose, elevations, pitch=pitch, roll=roll)[:2]
-        (x, y, theta), level = as_pose(pose), _level_layers(lrf, elevations, pitch, roll)
+        x, y, theta = as_pose(pose)
+        level = _level_layers(lrf, elevations, pitch, roll)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
         ranges = np.empty((len(level), lrf.beams))
         walls = np.empty((len(level), lrf.beams), np.int64)
         if level.any():
             scan = self.cast(lrf, (x, y, theta))
-            ranges[level], walls[level] = scan.ranges, scan.walls
+            ranges[level] = scan.ranges
+            walls[level] = scan.walls
         if len(beams):
             if self._solid is None:
                 self._solid = MeshScene.of(self.world, self._triangles)
@@ -112,7 +114,8 @@ class EmbreeCaster(PlanarCaster):
             found, faces = self._solid.cast(origin, beams.reshape(-1, 3), lrf.range_max)
             found = within_limits(found, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
             faces = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
-            ranges[~level], walls[~level] = found, faces
+            ranges[~level] = found
+            walls[~level] = faces
         return ranges, walls
 
     def light_layers(
@@ -139,7 +142,8 @@ class EmbreeCaster(PlanarCaster):
         """
         if self.lighting is None:
             raise InputError("world without materials: its beams have no intensities")
-        (x, y, theta), level = as_pose(pose), _level_layers(lrf, elevations, **tilt)
+        x, y, theta = as_pose(pose)
+        level = _level_layers(lrf, elevations, **tilt)
         beams = layer_directions(lrf, theta, elevations, **tilt)[~level]
         lit = self.lighting.light_layers(lrf, self.tree(-math.inf), (x, y, lrf.height), beams)
         poses = np.array([(x, y, theta)] * int(level.any())).reshape(-1, 3)
@@ -154,12 +158,15 @@ class EmbreeCaster(PlanarCaster):
             super()._fill(height, laser, poses, ranges, walls)
             return
         level = self._level(height)
-        scene, (x, y) = self._scene(level), self._middle(level).tolist()
+        scene = self._scene(level)
+        x, y = self._middle(level).tolist()
 
         def guesses(rays: Records) -> NDArray[np.int32]:
             ends = np.zeros((2, len(rays), 3), np.float32)
-            ends[0, :, 0], ends[0, :, 1] = rays["x"] - x, rays["y"] - y
-            ends[1, :, 0], ends[1, :, 1] = rays["dx"], rays["dy"]
+            ends[0, :, 0] = rays["x"] - x
+            ends[0, :, 1] = rays["y"] - y
+            ends[1, :, 0] = rays["dx"]
+            ends[1, :, 1] = rays["dy"]
             return scene.first(*ends) // 2
 
         cast_one_by_one(tree, laser, poses, ranges, walls, guesses)

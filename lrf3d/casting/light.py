@@ -49,7 +49,8 @@ class Lighting:
 
     def empty(self, lrf: LaserRangeFinder, *count: int, chains: bool = False) -> Lit:
         """Arrays for the light of so many scans, or of layers, and for the walls on the path."""
-        shape, slots = (*count, lrf.beams), lrf.echoes if lrf.echoes > 1 else 0
+        shape = (*count, lrf.beams)
+        slots = lrf.echoes if lrf.echoes > 1 else 0
         return Lit(
             np.empty(shape),
             np.empty(shape, np.int64),
@@ -70,9 +71,13 @@ class Lighting:
         self, lrf: LaserRangeFinder, tree: Tree, origin: tuple[float, float, float], beams: Float
     ) -> Lit:
         """The light of layers of beams (layers, beams, 3) in 3D; the tree is over all walls."""
-        lit, rays = self.empty(lrf, len(beams), chains=True), np.zeros(beams.shape[:2], RAY)
+        lit = self.empty(lrf, len(beams), chains=True)
+        rays = np.zeros(beams.shape[:2], RAY)
         x, y, z = origin
-        rays["x"], rays["y"], rays["dx"], rays["dy"] = x, y, beams[..., 0], beams[..., 1]
+        rays["x"] = x
+        rays["y"] = y
+        rays["dx"] = beams[..., 0]
+        rays["dy"] = beams[..., 1]
         rise = np.column_stack([np.full(rays.size, z), beams[..., 2].ravel()])
         self._light(lrf, tree, rays, rise, lit, (NOBODY, -1))
         return lit

@@ -21,7 +21,8 @@ class MeshScene:
     def __init__(self, triangles: Float, owners: Int) -> None:
         plan = triangles[:, :, :2]
         tree = build_tree(np.hstack([plan.min(axis=1), plan.max(axis=1)]))
-        self.owners, self.tree = np.append(owners, -1), tree
+        self.owners = np.append(owners, -1)
+        self.tree = tree
         self.corners = np.ascontiguousarray(triangles[tree.rows])
 
     @classmethod
@@ -37,7 +38,8 @@ class MeshScene:
 
         Distances (n,) [m] are +inf for a miss; what was hit (n,) is −1 for it.
         """
-        distances, hits = np.empty(len(directions)), np.empty(len(directions), np.int64)
+        distances = np.empty(len(directions))
+        hits = np.empty(len(directions), np.int64)
         starts = np.atleast_2d(origins)
         cast_solid(self.tree[:], self.corners, starts, directions, reach, distances, hits)
         return distances, self.owners[hits]

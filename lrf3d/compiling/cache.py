@@ -44,7 +44,8 @@ def stamp_of(kernel: Callable[..., Any], *compilers: Callable[..., Any]) -> str:
 
     The code of the functions that compile it counts too.
     """
-    functions, rows = [kernel], [code_of(compiler) for compiler in compilers]
+    functions = [kernel]
+    rows = [code_of(compiler) for compiler in compilers]
     for function in functions:  # The list grows by the functions that those in it call.
         rows.append(_function(function, functions))
     return sha256(repr((VERSIONS, rows)).encode()).hexdigest()[:16]
@@ -59,7 +60,8 @@ def kind_of(kind: types.Type) -> Any:
 
 def _function(function: Any, functions: list[Any]) -> Any:
     """What numba compiles of a function; those that it calls are added to the functions."""
-    code, names = function.__code__, _names(function.__code__)
+    code = function.__code__
+    names = _names(function.__code__)
     used = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         used[name] = cell.cell_contents
@@ -77,7 +79,8 @@ def _names(code: CodeType) -> Set[str]:
 @cache
 def code_of(function: Any) -> Any:
     """A description of the code of a function, without its docstring, which is a constant."""
-    code, doc = function.__code__, function.__doc__
+    code = function.__code__
+    doc = function.__doc__
     return _code(code, tuple(None if part == doc else part for part in code.co_consts))
 
 
@@ -198,7 +201,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
                 old.unlink(missing_ok=True)
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
-        kinds, checked = [kind_of(kind) for kind in signature], numba.config.BOUNDSCHECK
+        kinds = [kind_of(kind) for kind in signature]
+        checked = numba.config.BOUNDSCHECK
         return sha256(repr((codegen.magic_tuple(), kinds, checked)).encode()).hexdigest()
 
     def _name_of_kernel(self) -> str:

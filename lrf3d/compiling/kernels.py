@@ -55,7 +55,8 @@ def compiled(function: Kernel) -> Kernel:
     # Kernels that call this one include it like an inner one.
     twin: Any = inner(function)
     if twin is not function:
-        kernel.get_call_template, kernel.get_overload = twin.get_call_template, twin.get_overload
+        kernel.get_call_template = twin.get_call_template
+        kernel.get_overload = twin.get_overload
     made: Kernel = kernel
     return made
 

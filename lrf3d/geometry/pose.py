@@ -45,7 +45,8 @@ class Pose(NamedTuple):
 
     def apply(self, points: Float) -> Float:
         """Transform points (n, 2) from the frame of this pose to the frame that it is given in."""
-        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        cos = np.cos(self.theta)
+        sin = np.sin(self.theta)
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))
 
 
@@ -54,7 +55,9 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
     try:
         # Numbers of an array take thrice as long to read one by one, and this runs for every scan.
         x, y, theta = pose.tolist() if isinstance(pose, np.ndarray) else pose
-        x, y, theta = float(x), float(y), float(theta)
+        x = float(x)
+        y = float(y)
+        theta = float(theta)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
     if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(theta) <= LARGEST):
@@ -75,7 +78,8 @@ def as_poses(poses: object) -> Float:
 
 def compose(first: Float, second: Float) -> Float:
     """Poses (…, 3): ``compose(world_from_robot, robot_from_laser)`` is ``world_from_laser``."""
-    cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
+    cos = np.cos(first[..., 2])
+    sin = np.sin(first[..., 2])
     x = first[..., 0] + cos * second[..., 0] - sin * second[..., 1]
     y = first[..., 1] + sin * second[..., 0] + cos * second[..., 1]
     return _poses(x, y, wrap_angle(first[..., 2] + second[..., 2]))
@@ -83,8 +87,10 @@ def compose(first: Float, second: Float) -> Float:
 
 def between(first: Float, second: Float) -> Float:
     """The second of two poses (…, 3) as seen from the first."""
-    cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
-    dx, dy = second[..., 0] - first[..., 0], second[..., 1] - first[..., 1]
+    cos = np.cos(first[..., 2])
+    sin = np.sin(first[..., 2])
+    dx = second[..., 0] - first[..., 0]
+    dy = second[..., 1] - first[..., 1]
     turn = wrap_angle(second[..., 2] - first[..., 2])
     return _poses(cos * dx + sin * dy, cos * dy - sin * dx, turn)
 
@@ -105,7 +111,8 @@ def heading_of(x: Float, y: Float, z: Float, w: Float) -> Float:
 
 def turned(matrix: Float, angle: float) -> Float:
     """A covariance or information (3, 3) along a robot's axes at an angle [rad], in the map's."""
-    cos, sin = np.cos(angle), np.sin(angle)
+    cos = np.cos(angle)
+    sin = np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(rotation @ matrix @ rotation.T)
 

@@ -24,7 +24,8 @@ DRIVEN = 0.2
 def distinct_poses(poses: Float) -> Int:
     """Rows of the poses (k, 3) that are the first in their cell of place and heading."""
     # Cell [m], [rad] of poses from which only the first scan is used: the others add little.
-    moved, turned = 0.25, np.deg2rad(10.0)
+    moved = 0.25
+    turned = np.deg2rad(10.0)
     cells = np.floor(poses / [moved, moved, turned]).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)
@@ -48,8 +49,10 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     off = np.abs(places - np.median(places, axis=0)).max(axis=1)
     if off.max() > reach:
         near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach
-        places, scans = places[near], [scans[k] for k in np.flatnonzero(near).tolist()]
-    low, high = places.min(axis=0) - SIGHT - least_cell, places.max(axis=0) + SIGHT + least_cell
+        places = places[near]
+        scans = [scans[k] for k in np.flatnonzero(near).tolist()]
+    low = places.min(axis=0) - SIGHT - least_cell
+    high = places.max(axis=0) + SIGHT + least_cell
     size = max(least_cell, float(np.sqrt(np.prod(high - low) / most_cells)))
     # The corner of the first cell is a whole number of cells from the origin.
     low = np.floor(low / size) * size

@@ -63,8 +63,10 @@ class AngleNoise:
         # At the beams themselves the measured ranges are kept, to the last bit.
         inside = np.take_along_axis(on_one_wall(scan), before, axis=-1) & (ahead > 0.0)
         inside &= (ahead < turn) & np.isfinite(near) & np.isfinite(far)
-        near, far = near[inside], far[inside]
-        turn, ahead = turn[inside], ahead[inside]
+        near = near[inside]
+        far = far[inside]
+        turn = turn[inside]
+        ahead = ahead[inside]
         opposite = near * np.sin(ahead) + far * np.sin(turn - ahead)
         ranges[inside] = near * far * np.sin(turn) / opposite
         return replace(scan, ranges=ranges)
@@ -176,11 +178,14 @@ class MixedPixels:
 
     def _lit(self, scan: Scan, light: Float, before: Float, after: Float) -> Scan:
         """The scan with intensities (…, beams), with the light of both surfaces at its edges."""
-        ranges, walls, lights = scan.ranges.copy(), scan.walls.copy(), light.copy()
+        ranges = scan.ranges.copy()
+        walls = scan.walls.copy()
+        lights = light.copy()
         lit = scan.echoes is not None and scan.echo_intensities is not None
         echoes = np.array(scan.echoes if lit else ranges[..., None])
         echo_lights = np.array(scan.echo_intensities if lit else lights[..., None])
-        slots, nothing = echoes.shape[-1], (np.inf, 0.0, -1)
+        slots = echoes.shape[-1]
+        nothing = (np.inf, 0.0, -1)
         for beam in zip(*np.nonzero(before + after), strict=True):
             *row, number = beam
             own = 1.0 - (before[beam] + after[beam])
@@ -215,14 +220,17 @@ class MixedPixels:
                 nearer, back, _ = found.pop()
                 both = back + light
                 share = light / both if both else 0.5
-                away, light, wall = nearer + (away - nearer) * share, both, -1
+                away = nearer + (away - nearer) * share
+                light = both
+                wall = -1
             found.append((away, light, wall))
         return found
 
 
 def on_one_wall(scan: LaserScan | ScanBatch) -> Bool:
     """Which beams (…, beams − 1) hit the same wall as the next one."""
-    wall, following = scan.walls[..., :-1], scan.walls[..., 1:]
+    wall = scan.walls[..., :-1]
+    following = scan.walls[..., 1:]
     return np.asarray((wall >= 0) & (wall == following))
 
 

@@ -279,11 +279,13 @@ class Chain:
         rng = generator(rng)
         noise: Any
         for noise in self.noises:
-            before, scan = scan, noise(scan, rng)
+            before = scan
+            scan = noise(scan, rng)
             # What a user's noise returns is checked by who asked for the scan.
             if not isinstance(scan, type(before)):
                 return scan
-            true, light = before.echoes, before.echo_intensities
+            true = before.echoes
+            light = before.echo_intensities
             if true is not None and light is not None:
                 scan = _with_echoes(before, true, light, scan, noise, rng)
         return scan
@@ -296,7 +298,8 @@ def _with_echoes(
     """What a noise made of a scan with echoes and their light (…, k), with noise on these."""
     if scan.echoes is not None and not np.array_equal(scan.echoes, true_echoes):
         return scan
-    echoes, lit = true_echoes.copy(), light.copy()
+    echoes = true_echoes.copy()
+    lit = light.copy()
     bare = replace(before, echoes=None, echo_intensities=None)
     for column in range(echoes.shape[-1]):
         alone = replace(bare, ranges=true_echoes[..., column], intensities=light[..., column])
@@ -305,7 +308,8 @@ def _with_echoes(
     # Two echoes at one place have one range as well.
     echoes = np.where(chosen, scan.ranges[..., None], echoes)
     lost = ~np.isfinite(echoes)
-    echoes[lost], lit[lost] = np.inf, 0.0
+    echoes[lost] = np.inf
+    lit[lost] = 0.0
     order = np.argsort(echoes, axis=-1, kind="stable")
     echoes, lit = (np.take_along_axis(values, order, axis=-1) for values in (echoes, lit))
     return replace(scan, echoes=echoes, echo_intensities=lit)
@@ -313,7 +317,8 @@ def _with_echoes(
 
 def at_sigma(noise: Noise, sigma: float) -> Noise:
     """The noise with another standard deviation [m] at range_max, of its ProportionalNoise."""
-    other, parts = ProportionalNoise(sigma), Chain([noise]).noises
+    other = ProportionalNoise(sigma)
+    parts = Chain([noise]).noises
     if not any(isinstance(part, ProportionalNoise) for part in parts):
         raise InputError(f"sigma {shown(sigma)}: {noise!r} has no ProportionalNoise to give it to")
     changed = [other if isinstance(part, ProportionalNoise) else part for part in parts]

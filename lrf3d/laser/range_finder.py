@@ -189,7 +189,8 @@ def layer_directions(
     ahead, each right-handed [rad].
     """
     rise = np.asarray(elevations, dtype=np.float64)[:, None]
-    ahead, left = np.cos(rise) * lrf.fan[0], np.cos(rise) * lrf.fan[1]
+    ahead = np.cos(rise) * lrf.fan[0]
+    left = np.cos(rise) * lrf.fan[1]
     up = np.broadcast_to(np.sin(rise), ahead.shape)
     left, up = (
         math.cos(roll) * left - math.sin(roll) * up,

@@ -69,7 +69,8 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     # Drivers that do not set angle_max leave it at 0.
     against = step * wide < 0.0 and low + wide != 0.0
     if 0.0 < abs(wide) <= turn and (against or not possible):
-        possible, step = True, wide / max(count - 1, 1)
+        possible = True
+        step = wide / max(count - 1, 1)
     if not (math.isfinite(low) and possible):
         beams = f"{count} beams {step:g} rad apart from {low:g} rad"
         raise InputError(f"scan of {beams}, expected at most a turn, in radians")

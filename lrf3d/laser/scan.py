@@ -120,7 +120,8 @@ class LaserScan(Value, Pictured):
         reach = min(far, LARGEST_COORDINATE)
         below = math.nextafter(reach, 0.0)
         near = number(range_min, "scan: range_min", "metres below range_max", most=below)
-        turns, distances = read_only(angles, "angles"), read_only(ranges, "ranges")
+        turns = read_only(angles, "angles")
+        distances = read_only(ranges, "ranges")
         met = np.full(distances.shape, -1) if walls is None else walls
         met = read_only(met, "walls", np.int64)
         if turns.ndim != 1 or not turns.shape == distances.shape == met.shape:
@@ -258,7 +259,8 @@ class ScanBatch:
     @classmethod
     def of(cls, scans: Sequence[LaserScan]) -> "ScanBatch":
         """Scans, at least one, as one value; their poses and times are left out."""
-        first, names = scans[0], ("ranges", "walls", *LIGHT)
+        first = scans[0]
+        names = ("ranges", "walls", *LIGHT)
         known = [name for name in names if getattr(first, name) is not None]
         rows = {name: np.array([getattr(scan, name) for scan in scans]) for name in known}
         return cls(first.angles, range_min=first.range_min, range_max=first.range_max, **rows)

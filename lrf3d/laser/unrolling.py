@@ -112,13 +112,15 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
     """
     if not any(scan.time_increment and scan.motion is None for scan in scans):
         return list(scans)
-    found, rate = list(scans), np.zeros(3)
+    found = list(scans)
+    rate = np.zeros(3)
     # Share of the time to the next scan that the beams of one may take: more is a mistaken driver.
     too_long = 1.1
     for laser in dict.fromkeys(scan.laser for scan in scans):
         own = [number for number, scan in enumerate(scans) if scan.laser == laser]
         for number, following in zip(own, [*own[1:], None], strict=True):
-            scan, gap = scans[number], LONGEST_GAP
+            scan = scans[number]
+            gap = LONGEST_GAP
             if following is not None:
                 gap = scans[following].time - scan.time
                 step = between(np.array(scan.robot), np.array(scans[following].robot))

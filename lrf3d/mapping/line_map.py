@@ -65,7 +65,9 @@ class LineMap(Value, Pictured):
     def __post_init__(self) -> None:
         self._hold("segments")
         self._hold("objects", "points", dtype=np.int64)
-        segments, objects, points = self.segments, self.objects, self.points
+        segments = self.segments
+        objects = self.objects
+        points = self.points
         if not (segments.shape[1:] == (4,) and objects.shape == points.shape == segments.shape[:1]):
             raise InputError(
                 f"map of segments {segments.shape}, objects {objects.shape} and points"
@@ -133,10 +135,13 @@ def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
     Far from the world's origin the ends of a tiny segment may round to one place; it is left out,
     like what lies beyond the largest coordinate.
     """
-    solid, inside = lengths(segments) > 0.0, np.abs(segments) <= LARGEST_COORDINATE
+    solid = lengths(segments) > 0.0
+    inside = np.abs(segments) <= LARGEST_COORDINATE
     if not (solid.all() and inside.all()):
         solid &= inside.all(axis=1)
-        segments, labels, points = segments[solid], labels[solid], points[solid]
+        segments = segments[solid]
+        labels = labels[solid]
+        points = points[solid]
     return LineMap(segments, np.unique(labels, return_inverse=True)[1], points)
 
 
@@ -170,7 +175,9 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
             f"{path}: a map is written as .geojson; load_world reads that, and save_world writes"
             " other formats"
         )
-    ends, objects, points = line_map.segments.reshape(-1, 2, 2), line_map.objects, line_map.points
+    ends = line_map.segments.reshape(-1, 2, 2)
+    objects = line_map.objects
+    points = line_map.points
     columns = (*line_map.lines.T, objects, points, line_map.kinds, ends)
     features = []
     for alpha, p, number, count, kind, shape in zip(

@@ -156,7 +156,8 @@ class LineMapper:
         if not scans or not all(isinstance(each, LaserScan) for each in scans):
             raise InputError(f"mapper: expected a LaserScan, found {shown(scan)}")
         whole = together(scans)
-        self._last, before = whole, self._last
+        before = self._last
+        self._last = whole
         self._mapper.update(unrolled(whole, motion_since(before, whole)))
 
     def local_map(self, scan: LaserScan) -> LineMap:

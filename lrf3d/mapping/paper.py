@@ -135,7 +135,8 @@ def clusters(scan: LaserScan, gap: float) -> Iterator[Int]:
     else:
         # Begin after a gap, so that no cluster wraps around the end of the list.
         begin = int(np.argmin(linked)) + 1
-        order, linked = np.roll(order, -begin), np.roll(linked, -begin)
+        order = np.roll(order, -begin)
+        linked = np.roll(linked, -begin)
     first = 0
     for last in np.flatnonzero(~linked).tolist():
         if last > first:
@@ -161,7 +162,8 @@ class SplitMergeExtractor(NamedTuple):
 
     def polylines(self, scan: LaserScan) -> SegmentTable:
         """The polylines of a scan, in the world's directions around the laser."""
-        points, table = _returns(scan), SegmentTable.empty()
+        points = _returns(scan)
+        table = SegmentTable.empty()
         for number, beams in enumerate(clusters(scan, self.gap)):
             polyline = split_and_merge(points[beams], self.split)
             table = table.join(polyline._replace(unions=polyline.unions + number))
@@ -173,15 +175,21 @@ def merges(segment: Float, others: Float, length: float, distance: float) -> Boo
 
     The thresholds are T [m], of the conditions c1 to c4, and R [m], of the distances.
     """
-    a_end, b_end = segment[:2], segment[2:]
-    c_ends, d_ends = others[:, :2], others[:, 2:]
+    a_end = segment[:2]
+    b_end = segment[2:]
+    c_ends = others[:, :2]
+    d_ends = others[:, 2:]
     (a, b), (c, d) = (
         [np.hypot(*(ends - end).T) for end in (a_end, b_end)] for ends in (c_ends, d_ends)
     )
-    own, other = np.hypot(*(b_end - a_end)), lengths(others)
-    c1, c2 = a + b < own + length, c + d < own + length
-    c3, c4 = a + c < other + length, b + d < other + length
-    unit, units = (b_end - a_end) / own, directions(others)
+    own = np.hypot(*(b_end - a_end))
+    other = lengths(others)
+    c1 = a + b < own + length
+    c2 = c + d < own + length
+    c3 = a + c < other + length
+    c4 = b + d < other + length
+    unit = (b_end - a_end) / own
+    units = directions(others)
     offsets = [cross(unit, c_ends - a_end), cross(unit, d_ends - a_end)]
     offsets += [cross(units, a_end - c_ends), cross(units, b_end - c_ends)]
     beside = np.abs(offsets).max(axis=0) < distance
@@ -207,8 +215,11 @@ class PaperMapper:
     def __init__(
         self, extract: SplitMergeExtractor, length: float, distance: float, least: int
     ) -> None:
-        self._extract, self._least, self.local_map = extract, least, extract.local_map
-        self._length, self._distance = length, distance
+        self._extract = extract
+        self._least = least
+        self.local_map = extract.local_map
+        self._length = length
+        self._distance = distance
         self._origin = np.zeros(2)
         self._map: LineMap | None = None
         self.table = SegmentTable.empty()
@@ -240,7 +251,8 @@ class PaperMapper:
             if fits.any():
                 unite(table, row, int(fits.argmax()))
                 waiting.append(row)
-        self.table, self._map = table.take(np.flatnonzero(table.points)), None
+        self.table = table.take(np.flatnonzero(table.points))
+        self._map = None
 
     @property
     def map(self) -> LineMap:

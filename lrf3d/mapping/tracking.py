@@ -35,7 +35,8 @@ class ObjectTracker:
         new = np.flatnonzero(number < 0)
         number[new] = self.count + np.arange(len(new))
         self.count += len(new)
-        self._map, self._numbers = line_map, sealed(number[union])
+        self._map = line_map
+        self._numbers = sealed(number[union])
         return self._numbers
 
 
@@ -59,7 +60,8 @@ def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, In
     place = np.searchsorted(others[order, 0], segments[:, 0]).clip(max=len(others) - 1)
     still = np.flatnonzero((others[order[place]] == segments).all(axis=1))
     moved = np.setdiff1d(np.arange(len(segments)), still)
-    start, way = segments[moved, None, :2], (segments[moved, 2:] - segments[moved, :2])[:, None]
+    start = segments[moved, None, :2]
+    way = (segments[moved, 2:] - segments[moved, :2])[:, None]
     places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
     tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
     near_by, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)

@@ -120,7 +120,8 @@ def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:
     x, y, heading = (np.array([value]) for value in mount)
     # A laser that is mounted upside down turns clockwise.
     order = -1 if scan.angles[0] > scan.angles[-1] else 1
-    angles, ranges = (scan.angles + heading)[::order], scan.ranges[::order]
+    angles = (scan.angles + heading)[::order]
+    ranges = scan.ranges[::order]
     first = np.array([0, len(ranges)])
     return Fans(np.zeros(1, np.int64), x, y, np.array([noise]), first, angles, ranges)
 
@@ -145,10 +146,15 @@ def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
     """
     views = np.zeros((len(poses), len(points)), np.uint8)
     for number, key in enumerate(fans.keys):
-        first, last, at = fans.first[number], fans.first[number + 1] - 1, placement(poses[key])
-        angles, ranges, begin = fans.angles, fans.ranges, fans.angles[first]
+        first = fans.first[number]
+        last = fans.first[number + 1] - 1
+        at = placement(poses[key])
+        angles = fans.angles
+        ranges = fans.ranges
+        begin = fans.angles[first]
         step = (angles[last] - begin) / (last - first)
-        passed, hit = BEHIND + 3.0 * fans.noise[number], AT + 3.0 * fans.noise[number]
+        passed = BEHIND + 3.0 * fans.noise[number]
+        hit = AT + 3.0 * fans.noise[number]
         for i in range(len(points)):
             point = points[i]
             dx = at.x + at.cos * point.x - at.sin * point.y - fans.x[number]
@@ -156,7 +162,8 @@ def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
             away = np.arctan2(dy, dx) - begin
             away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
             # The beam nearest to the point. Those of several lasers together are not spread evenly.
-            beam, bearing = first + max(int(away / step + 0.5), 0), begin + away
+            beam = first + max(int(away / step + 0.5), 0)
+            bearing = begin + away
             beam = min(beam, last)
             while beam > first and bearing - angles[beam - 1] < angles[beam] - bearing:
                 beam -= 1
@@ -168,13 +175,15 @@ def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
             if not (least > 0.0 and np.isfinite(least)):
                 continue
             distance = np.sqrt(dx * dx + dy * dy)
-            nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
+            nx = at.cos * point.nx - at.sin * point.ny
+            ny = at.sin * point.nx + at.cos * point.ny
             # A post has no normal.
             if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
                 continue
             view = PASSED if least > distance + passed else HIDDEN
             for side in range(-1, 2):
-                one, other = ranges[beam], ranges[beam + side]
+                one = ranges[beam]
+                other = ranges[beam + side]
                 surface = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
                 if surface and min(one, other) - hit < distance < max(one, other) + hit:
                     view = HIT
@@ -197,7 +206,8 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
     shares = np.array([float(hit.mean()), explained])
     # Share of points that agree or disagree by chance, and share of new points that count as
     # disagreeing.
-    chance, new = 0.05, 0.1
+    chance = 0.05
+    new = 0.1
     against = passed + new * np.maximum(1.0 - shares - passed, 0.0)
     return float(np.log((shares + chance) / (against + chance)).sum())
 
@@ -205,9 +215,11 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
 def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
     """Whether two poses (3,) are the same place."""
     x, y, turn = first - second
-    apart, turned = np.hypot(x, y), abs(wrap_angle(turn))
+    apart = np.hypot(x, y)
+    turned = abs(wrap_angle(turn))
     # Two poses that differ by more [m], [rad] are different places.
-    farther_apart, turned_apart = 0.3, 0.1
+    farther_apart = 0.3
+    turned_apart = 0.1
     return bool(apart < tolerance * farther_apart and turned < tolerance * turned_apart)
 
 

@@ -72,23 +72,28 @@ def _matched(
 ) -> tuple[Float, Float, float, float]:
     """The fields of a match. A plain tuple: numba makes a NamedTuple by calling Python code."""
     pose = guess.copy()
-    scan_part, gradient = np.zeros((3, 3)), np.zeros(3)
+    scan_part = np.zeros((3, 3))
+    gradient = np.zeros(3)
     explained = deviation = 0.0
     # Weight of a post next to that of a point of a wall: other sides of it are seen from elsewhere.
     post = 0.25
     # Points in a coarse iteration, and number of these: they only lead near to the result.
-    fewer, coarsely = 120, 4
+    fewer = 120
+    coarsely = 4
     for iteration in range(iterations):
         scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, coarsely) / coarsely)
         stride = 1 + len(surface) // fewer if iteration < min(coarsely, iterations - 1) else 1
-        scan_part[:], gradient[:] = 0.0, 0.0
+        scan_part[:] = 0.0
+        gradient[:] = 0.0
         explained = squares = 0.0
         at = placement(pose)
         for i in range(0, len(surface), stride):
             point = surface[i]
             # The point as seen from the robot, in the map's axes: the lever of a turn.
-            u, v = at.cos * point.x - at.sin * point.y, at.sin * point.x + at.cos * point.y
-            nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
+            u = at.cos * point.x - at.sin * point.y
+            v = at.sin * point.x + at.cos * point.y
+            nx = at.cos * point.nx - at.sin * point.ny
+            ny = at.sin * point.nx + at.cos * point.ny
             near, x, y, distance = _near(grid, at.x + u, at.y + v, nx, ny, reach)
             if near == 0.0:
                 continue
@@ -140,7 +145,8 @@ def _near(
     than any one of them, and the nearest is always one whose error points to where we are. A point
     without a normal is compared with posts; of these the distances along x and y are returned.
     """
-    columns, rows = grid.columns, grid.rows
+    columns = grid.columns
+    rows = grid.rows
     column = int(np.floor((x - grid.left) / grid.cell))
     row = int(np.floor((y - grid.low) / grid.cell))
     total = sum_x = sum_y = sum_off = 0.0
@@ -152,7 +158,8 @@ def _near(
         end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
         for k in range(begin, end):
             wall = grid.surface[k]
-            dx, dy = x - wall.x, y - wall.y
+            dx = x - wall.x
+            dy = y - wall.y
             square = dx * dx + dy * dy
             if square > reach * reach + ALONG * ALONG:
                 continue
@@ -177,7 +184,8 @@ def _near(
     if total < 1e-3:
         return 0.0, 0.0, 0.0, 0.0
     # A point that only far-off map points support counts less.
-    near, length = min(1.0, total), np.hypot(sum_x, sum_y)
+    near = min(1.0, total)
+    length = np.hypot(sum_x, sum_y)
     if post:
         return near, sum_x / total, sum_y / total, length / total
     return near, sum_x / length, sum_y / length, sum_off / total

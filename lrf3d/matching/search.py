@@ -52,7 +52,8 @@ def field_of(keys: Sequence[Key], poses: Float, fans: Fans) -> Field:
     reach = max(float(np.abs([key.hits["x"], key.hits["y"]]).max(initial=0.0)) for key in keys)
     farthest = 50.0  # Largest range of the cells around key scans [m].
     around = 1.5 * min(reach, farthest) + WALL * CELL
-    low, high = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
+    low = poses[:, :2].min(axis=0) - around
+    high = poses[:, :2].max(axis=0) + around
     columns, rows = ((high - low) / CELL).astype(np.int64).tolist()
     field = Field(np.zeros((rows, columns), np.int8), *low.tolist())
     _clear(field, poses, fans)
@@ -67,18 +68,22 @@ def _clear(field: Field, poses: Float, fans: Fans) -> None:
     high, wide = field.cells.shape
     ranges = fans.ranges
     for number, key in enumerate(fans.keys):
-        at, heading = placement(poses[key]), poses[key, 2]
+        at = placement(poses[key])
+        heading = poses[key, 2]
         behind = BEHIND + 3.0 * fans.noise[number]
-        x, y = fans.x[number], fans.y[number]
+        x = fans.x[number]
+        y = fans.y[number]
         column = (at.x + at.cos * x - at.sin * y - field.left) / CELL
         row = (at.y + at.sin * x + at.cos * y - field.low) / CELL
         for k in range(fans.first[number] + 1, fans.first[number + 1] - 1):
             least = min(ranges[k - 1], ranges[k], ranges[k + 1])
             if not (least > 0.0 and np.isfinite(least)):
                 continue
-            along, up = np.cos(heading + fans.angles[k]), np.sin(heading + fans.angles[k])
+            along = np.cos(heading + fans.angles[k])
+            up = np.sin(heading + fans.angles[k])
             for step in range(int((least - behind) / CELL)):
-                c, r = int(column + step * along), int(row + step * up)
+                c = int(column + step * along)
+                r = int(row + step * up)
                 if c < 0 or c >= wide or r < 0 or r >= high:
                     break
                 field.cells[r, c] = FREE
@@ -92,7 +97,8 @@ def _mark(field: Field, pose: Float, hits: Records) -> None:
     for i in range(len(hits)):
         x = at.x + at.cos * hits[i].x - at.sin * hits[i].y - field.left
         y = at.y + at.sin * hits[i].x + at.cos * hits[i].y - field.low
-        column, row = int(x / CELL), int(y / CELL)
+        column = int(x / CELL)
+        row = int(y / CELL)
         if not (WALL <= column < wide - WALL and WALL <= row < high - WALL):
             continue
         for r in range(row - WALL + 1, row + WALL):
@@ -106,13 +112,17 @@ def shifts_within(guess: Float, spread: Float, near: float) -> Int:
     """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
     # A step more, so that the least window has neighbours to each side.
     wide = (CELL / DEVIATIONS) ** 2
-    xx, xy, yy = spread[0, 0] + wide, spread[0, 1], spread[1, 1] + wide
+    xx = spread[0, 0] + wide
+    xy = spread[0, 1]
+    yy = spread[1, 1] + wide
     right = int(np.ceil(DEVIATIONS * np.sqrt(xx) / CELL))
     up = int(np.ceil(DEVIATIONS * np.sqrt(yy) / CELL))
-    shifts, count = np.empty(((2 * right + 1) * (2 * up + 1), 2), np.int64), 0
+    shifts = np.empty(((2 * right + 1) * (2 * up + 1), 2), np.int64)
+    count = 0
     for row in range(-up, up + 1):
         for column in range(-right, right + 1):
-            x, y = CELL * column, CELL * row
+            x = CELL * column
+            y = CELL * row
             square = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
             if np.hypot(guess[0] + x, guess[1] + y) < near and square <= DEVIATIONS**2:
                 shifts[count] = column, row
@@ -137,7 +147,8 @@ def window_scores(
             column = int(np.floor((x - field.left) / CELL))
             row = int(np.floor((y - field.low) / CELL))
             for s in range(len(shifts)):
-                c, r = column + shifts[s, 0], row + shifts[s, 1]
+                c = column + shifts[s, 0]
+                r = row + shifts[s, 1]
                 if c >= 0 and c < wide and r >= 0 and r < high:
                     scores[a, s] += field.cells[r, c]
     return scores
@@ -150,14 +161,16 @@ def _peaks(scores: Float, shifts: Int, close: float, most: int) -> Int:
     Their scores are positive, and at least close to the best, as a share of it. Those around a
     peak, which lead to the same place, are set to 0.
     """
-    peaks, least = np.empty((most, 2), np.int64), max(close * scores.max(), 0.0)
+    peaks = np.empty((most, 2), np.int64)
+    least = max(close * scores.max(), 0.0)
     for number in range(most):
         a, s = divmod(scores.argmax(), len(shifts))
         if scores[a, s] <= least:
             return peaks[:number]
         peaks[number] = a, s
         for other in range(len(shifts)):
-            dx, dy = shifts[other, 0] - shifts[s, 0], shifts[other, 1] - shifts[s, 1]
+            dx = shifts[other, 0] - shifts[s, 0]
+            dy = shifts[other, 1] - shifts[s, 1]
             if max(abs(dx), abs(dy)) <= 2:
                 scores[max(a - 2, 0) : a + 3, other] = 0.0
     return peaks
@@ -174,7 +187,8 @@ class Submap:
     """Key scans at poses (k, 3), as the map that another scan is matched with."""
 
     def __init__(self, keys: Sequence[Key], poses: Float) -> None:
-        self.keys, self.poses = keys, poses
+        self.keys = keys
+        self.poses = poses
 
     @cached_property
     def fans(self) -> Fans:
@@ -215,7 +229,9 @@ class Submap:
         The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
         distance [m] from the map's origin are left out.
         """
-        shifts, surface, hits = shifts_within(guess, spread, near), scan.surface, scan.hits
+        shifts = shifts_within(guess, spread, near)
+        surface = scan.surface
+        hits = scan.hits
         if self.grid is None or not len(surface) or not len(shifts):
             return []
         far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))
@@ -229,13 +245,16 @@ class Submap:
         scores = window_scores(thin(hits), self.field, guess, shifts, angles)
         found: list[tuple[Float, Float]] = []
         # Least score of a peak, as a share of the best, and peaks that are refined.
-        close, most_matched = 0.7, 6
+        close = 0.7
+        most_matched = 6
         for a, s in _peaks(scores, shifts, close, most_matched).tolist():
             peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
-            place, prior = match_scan(sample, self.grid, peak, LOOSE).pose, LOOSE
+            place = match_scan(sample, self.grid, peak, LOOSE).pose
+            prior = LOOSE
             if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
                 # It slid away, as along a corridor: that is another place.
-                place, prior = peak, HELD
+                place = peak
+                prior = HELD
             if not any(same_place(place, other) for other, _ in found):
                 found.append((place, prior))
         matches = [match_scan(surface, self.grid, place, prior) for place, prior in found]

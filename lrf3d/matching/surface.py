@@ -59,8 +59,11 @@ def range_noise(scan: LaserScan) -> float:
     On a straight wall the inverse range of a beam follows from those of its neighbours, however far
     apart beams lie; what differs is noise. The median over beams on one surface ignores corners.
     """
-    ranges, angles = np.where(scan.hits, scan.ranges, np.nan), scan.angles
-    before, middle, after = ranges[:-2], ranges[1:-1], ranges[2:]
+    ranges = np.where(scan.hits, scan.ranges, np.nan)
+    angles = scan.angles
+    before = ranges[:-2]
+    middle = ranges[1:-1]
+    after = ranges[2:]
     gaps = np.sin(np.diff(angles))
     # Ranges may be 0, and angles equal.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -68,7 +71,8 @@ def range_noise(scan: LaserScan) -> float:
         rough = 2.0 * np.abs(inverse - 1.0 / middle) * middle * middle
     # Largest difference of adjacent ranges on one surface, also where their noise is 0.3 m [m], and
     # its growth per metre.
-    apart, growth = 0.5, 0.2
+    apart = 0.5
+    growth = 0.2
     differences = np.maximum(np.abs(before - middle), np.abs(after - middle))
     known = rough[(differences < apart + growth * middle) & np.isfinite(rough)]
     return float(1.4826 * np.median(known) / np.sqrt(6.0)) if len(known) else 0.0
@@ -85,7 +89,8 @@ def points_of(scan: LaserScan, mount: Pose) -> Records:
 
 def surface_of_scan(scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE) -> Records:
     """Convert a scan, by the mount of its laser, to the surface in the frame of the robot."""
-    points, (x, y, _) = points_of(scan, mount), mount
+    points = points_of(scan, mount)
+    x, y, _ = mount
     step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
     posts = _posts(points, scan.ranges[scan.hits], scan.angles[scan.hits], step, noise)
     return concatenated([posts, _walls(points, x, y, step, noise)])
@@ -106,29 +111,34 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
     with the robot.
     """
     # Largest extent of a post [m], and least number of its points, as one may be noise.
-    widest_post, least_hits = 0.6, 2
-    posts, found = np.zeros_like(points), 0
+    widest_post = 0.6
+    least_hits = 2
+    posts = np.zeros_like(points)
+    found = 0
     sum_x = sum_y = left_x = left_y = 0.0
     left = -1
     for k in range(len(points) - 1):
-        sum_x, sum_y = sum_x + points[k].x, sum_y + points[k].y
+        sum_x = sum_x + points[k].x
+        sum_y = sum_y + points[k].y
         apart = max(CONNECTED + 0.5 * CONNECTED_GROWTH * ranges[k], CONNECTED_NOISE * noise)
         if np.hypot(points[k + 1].x - points[k].x, points[k + 1].y - points[k].y) <= apart:
             continue
         # Between two gaps lie the points of one thing; beyond them, its neighbours.
-        first, number = left + 1, k - left
+        first = left + 1
+        number = k - left
         wide = np.hypot(points[k].x - points[first].x, points[k].y - points[first].y)
         if left >= 0 and number >= least_hits and wide < widest_post:
-            missed, missing = angles[first] - angles[left], angles[k + 1] - angles[k]
+            missed = angles[first] - angles[left]
+            missing = angles[k + 1] - angles[k]
             before = abs(missed) > 1.5 * step or ranges[left] > ranges[first]
             behind = abs(missing) > 1.5 * step or ranges[k + 1] > ranges[k]
             if before and behind:
-                posts[found].x, posts[found].y = (
-                    (sum_x - left_x) / number,
-                    (sum_y - left_y) / number,
-                )
+                posts[found].x = (sum_x - left_x) / number
+                posts[found].y = (sum_y - left_y) / number
                 found += 1
-        left, left_x, left_y = k, sum_x, sum_y
+        left = k
+        left_x = sum_x
+        left_y = sum_y
     return posts[:found]
 
 
@@ -152,12 +162,14 @@ def _line(points: Records, first: int, last: int) -> Line:
         mean_y += points[k].y / number
     xx = xy = yy = 0.0
     for k in range(first, last + 1):
-        dx, dy = points[k].x - mean_x, points[k].y - mean_y
+        dx = points[k].x - mean_x
+        dy = points[k].y - mean_y
         xx += dx * dx
         xy += dx * dy
         yy += dy * dy
     root = np.hypot(0.5 * (xx - yy), xy)
-    across, along = 0.5 * (xx + yy) - root, 0.5 * (xx + yy) + root
+    across = 0.5 * (xx + yy) - root
+    along = 0.5 * (xx + yy) + root
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
     variance = np.inf if number < 3 or across > 0.1 * along else across / (number - 2)
     return Line(mean_x, mean_y, -np.sin(angle), np.cos(angle), variance)
@@ -166,12 +178,16 @@ def _line(points: Records, first: int, last: int) -> Line:
 @compiled
 def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: float) -> Records:
     """Those of points (n,) that lie on straight walls, with normals, as seen by their laser."""
-    found, kept = points.copy(), 0
+    found = points.copy()
+    kept = 0
     # Largest deviation of points from their line [m], its growth per metre beyond `FAR_OFF`,
     # where hedges serve as walls, and the same in standard deviations of the range noise.
-    rms_limit, rms_growth, rms_noise = 0.03, 0.006, 1.5
+    rms_limit = 0.03
+    rms_growth = 0.006
+    rms_noise = 1.5
     for i in range(len(points)):
-        x, y = points[i].x - laser_x, points[i].y - laser_y
+        x = points[i].x - laser_x
+        y = points[i].y - laser_y
         away = np.hypot(x, y)
         first = _reach(points, i, -1, away, step, noise)
         last = _reach(points, i, 1, away, step, noise)
@@ -180,7 +196,8 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
         line = _line(points, first, last)
         if line.variance > straight * straight:
             # Around a corner only the points on one side lie on the wall.
-            line, after = _line(points, first, i), _line(points, i, last)
+            line = _line(points, first, i)
+            after = _line(points, i, last)
             if after.variance < line.variance:
                 line = after
         facing = -(line.nx * x + line.ny * y)
@@ -190,8 +207,10 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
         # The point moves onto its line but stays where it was along it.
         off = line.nx * (points[i].x - line.x) + line.ny * (points[i].y - line.y)
         wall = found[kept]
-        wall.x, wall.y = points[i].x - off * line.nx, points[i].y - off * line.ny
-        wall.nx, wall.ny = sense * line.nx, sense * line.ny
+        wall.x = points[i].x - off * line.nx
+        wall.y = points[i].y - off * line.ny
+        wall.nx = sense * line.nx
+        wall.ny = sense * line.ny
         kept += 1
     return found[:kept]
 
@@ -202,25 +221,30 @@ def _reach(points: Records, i: int, side: int, away: float, step: float, noise: 
     # Half the baseline of a normal [m], its growth per metre beyond `FAR_OFF`, and its least size
     # in standard deviations of the range noise: adjacent points 2 cm apart would give random
     # normals.
-    half_baseline, baseline_growth, baseline_noise = 0.15, 0.06, 8.0
+    half_baseline = 0.15
+    baseline_growth = 0.06
+    baseline_noise = 8.0
     baseline = half_baseline + baseline_growth * max(away - FAR_OFF, 0.0)
     baseline = max(baseline, baseline_noise * noise)
     gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
     gap = max(gap, CONNECTED_NOISE * noise)
     # Bounds on the points of a baseline on each side: few beams still show a wall, and near walls
     # cost no more than others. The upper one grows with the noise.
-    least_to_side, most_to_side = 2, 8
+    least_to_side = 2
+    most_to_side = 8
     most = int(most_to_side * max(1.0, baseline_noise * noise / half_baseline))
     end = i
     for number in range(most):
         k = end + side
         if k < 0 or k >= len(points):
             break
-        dx, dy = points[k].x - points[end].x, points[k].y - points[end].y
+        dx = points[k].x - points[end].x
+        dy = points[k].y - points[end].y
         if dx * dx + dy * dy > gap * gap:
             break
         end = k
-        dx, dy = points[k].x - points[i].x, points[k].y - points[i].y
+        dx = points[k].x - points[i].x
+        dy = points[k].y - points[i].y
         if number + 1 >= least_to_side and dx * dx + dy * dy > baseline * baseline:
             break
     return end
@@ -229,7 +253,8 @@ def _reach(points: Records, i: int, side: int, away: float, step: float, noise: 
 def moved(surface: Records, pose: Float) -> Records:
     """A surface moved by a pose (3,)."""
     x, y, turn = pose
-    cos, sin = np.cos(turn), np.sin(turn)
+    cos = np.cos(turn)
+    sin = np.sin(turn)
     # Points and normals turn alike.
     pairs = np.ascontiguousarray(surface).view(np.float64).reshape(-1, 2)
     there = np.ascontiguousarray(pairs @ np.array([[cos, sin], [-sin, cos]]))
@@ -247,8 +272,10 @@ def thinned(surface: Records) -> Records:
     # Least distance between map points of a wall [m]; 0.03 takes 10 % longer for the same errors.
     spacing = 0.05
     for i in range(1, len(surface)):
-        point, before = surface[i], surface[last]
-        dx, dy = point.x - before.x, point.y - before.y
+        point = surface[i]
+        before = surface[last]
+        dx = point.x - before.x
+        dy = point.y - before.y
         facing = point.nx * before.nx + point.ny * before.ny
         kept[i] = dx * dx + dy * dy >= spacing * spacing or facing <= 0.98
         last = i if kept[i] else last
@@ -278,21 +305,27 @@ def _sorted(surface: Records) -> tuple[Records, Int, float, float, int, int, flo
     left = right = surface[0].x
     low = high = surface[0].y
     for point in surface:
-        left, right = min(left, point.x), max(right, point.x)
-        low, high = min(low, point.y), max(high, point.y)
-    width, height = right - left, high - low
+        left = min(left, point.x)
+        right = max(right, point.x)
+        low = min(low, point.y)
+        high = max(high, point.y)
+    width = right - left
+    height = high - low
     cell = max(CELL, np.sqrt(width * height / MOST_CELLS))
     # One empty cell all around spares lookups from asking whether a neighbour exists.
-    columns, rows = int(width / cell) + 3, int(height / cell) + 3
+    columns = int(width / cell) + 3
+    rows = int(height / cell) + 3
     first = np.zeros(columns * rows + 1, np.int64)
     places = np.empty(len(surface), np.int64)
     for i in range(len(surface)):
-        column, row = int((surface[i].x - left) / cell), int((surface[i].y - low) / cell)
+        column = int((surface[i].x - left) / cell)
+        row = int((surface[i].y - low) / cell)
         places[i] = (row + 1) * columns + column + 1
         first[places[i] + 1] += 1
     first = np.cumsum(first)
     # Sorted by counting: a third of the time of a merge sort.
-    filled, order = first[:-1].copy(), np.empty(len(surface), np.int64)
+    filled = first[:-1].copy()
+    order = np.empty(len(surface), np.int64)
     for i in range(len(surface)):
         order[filled[places[i]]] = i
         filled[places[i]] += 1

@@ -89,7 +89,8 @@ def beam_truth(run: Run, index: int, laser: int) -> Fields:
 
     The material is its number among those of the world, counted from 0 as the objects have them.
     """
-    scan, world = run.true_scan(index, laser=laser), run.world
+    scan = run.true_scan(index, laser=laser)
+    world = run.world
     objects = np.where(scan.walls >= 0, world.objects[scan.walls], -1)
     kinds = list(dict.fromkeys(world.materials))
     numbers = np.array([kinds.index(each) for each in world.materials] or [-1])
@@ -107,7 +108,8 @@ def occupancy_grid(world: World, finest: float, stamp: Stamp, path: Path) -> Fie
     size = cell_size(world, finest)
     cells, (x, y) = map_cells(world, size, path)
     data = np.full(cells.shape, -1, np.int8)
-    data[cells == FREE], data[cells == OCCUPIED] = 0, 100
+    data[cells == FREE] = 0
+    data[cells == OCCUPIED] = 100
     rows, columns = cells.shape
     corner = {"position": place(x, y), "orientation": turn(0.0)}
     info = {"map_load_time": time_fields(stamp), "resolution": size}

@@ -60,7 +60,9 @@ class Ground:
         if not len(pieces):
             near = " near the start" if len(segments) else ""
             raise InputError(f"{world.name or 'world'}: no walls{near}, so no route can be found")
-        self.world, self.pieces, self.walls = world, pieces, walls
+        self.world = world
+        self.pieces = pieces
+        self.walls = walls
         # Some 250,000 cells; of the least side a doorway is still some cells wide.
         self.size = max(float(np.sqrt(np.prod(high - low) / 250_000)), 0.08)
         self._corner = low + world.origin
@@ -91,7 +93,8 @@ class Ground:
             there, nearest = map(np.asarray, self.tree.query(moved))
             better = there > self.gaps[near]
             cells = tuple(each[better] for each in np.nonzero(near))
-            self.places[cells], self.gaps[cells] = moved[better], there[better]
+            self.places[cells] = moved[better]
+            self.gaps[cells] = there[better]
             self.nearest[cells] = nearest[better]
 
     @cached_property
@@ -124,14 +127,17 @@ class Ground:
     @cached_property
     def doorways(self) -> tuple[Int, Int]:
         """The pairs (k, 2) of rooms side by side, and the widest cell (k,) between each two."""
-        rooms, gaps = self.rooms.ravel(), self.gaps.ravel()
+        rooms = self.rooms.ravel()
+        gaps = self.gaps.ravel()
         one, other = neighbours(self.passable)
         between = rooms[one] != rooms[other]
-        one, other = one[between], other[between]
+        one = one[between]
+        other = other[between]
         pairs = np.sort(np.column_stack([rooms[one], rooms[other]]), axis=1)
         order = np.argsort(-np.minimum(gaps[one], gaps[other]), kind="stable")
         found, first = np.unique(pairs[order], axis=0, return_index=True)
-        one, other = one[order][first], other[order][first]
+        one = one[order][first]
+        other = other[order][first]
         return found, np.where(gaps[one] < gaps[other], one, other)
 
     def _swept(self) -> Bool:
@@ -148,9 +154,11 @@ class Ground:
         or that encloses nothing else and is seen from outside next to others, unlike a plan whose
         outer wall has a line on each side.
         """
-        world, free = self.world, self.passable
+        world = self.world
+        free = self.passable
         parts, count = parts_of(free)
-        number, wall = np.arange(count + 1), self.walls[self.nearest]
+        number = np.arange(count + 1)
+        wall = self.walls[self.nearest]
         objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
         owner = minimum(objects, parts, number).astype(int)
@@ -237,7 +245,8 @@ def neighbours(cells: Bool) -> tuple[Int, Int]:
     """The flat indices (k,), (k,) of pairs of neighbouring cells, also round corners."""
     index = np.where(cells, np.arange(cells.size).reshape(cells.shape), -1)
     index = np.pad(index, 1, constant_values=-1)
-    inner, pairs = index[1:-1, 1:-1], []
+    inner = index[1:-1, 1:-1]
+    pairs = []
     for x, y in ((1, 0), (0, 1), (1, 1), (1, -1)):
         other = np.roll(index, (-x, -y), (0, 1))[1:-1, 1:-1]
         both = (inner >= 0) & (other >= 0)
@@ -258,7 +267,9 @@ def find_free_space(
 
     If a start x, y [m] or a side of the walls is given, the space lies around or on it.
     """
-    name, least, begin = ground.world.name or "world", radius + MARGIN, None
+    name = ground.world.name or "world"
+    least = radius + MARGIN
+    begin = None
     free = ground.gaps >= least
     if start is not None:
         apart = np.hypot(*np.moveaxis(ground.places - (start - ground.world.origin), -1, 0))
@@ -299,7 +310,8 @@ def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
     """Corners (2,) of the box around all ends (n, 2), or where most are if that is too wide."""
     inside = ends if around is None else np.vstack([ends, around])
     # The middle of the world is at (0, 0). A robot may drive up to 6 m around the walls.
-    low, high = inside.min(axis=0, initial=0.0) - 6.0, inside.max(axis=0, initial=0.0) + 6.0
+    low = inside.min(axis=0, initial=0.0) - 6.0
+    high = inside.max(axis=0, initial=0.0) + 6.0
     # Largest side [m] of the part of a world that is planned in, as much as a drive can show.
     widest_window = 500.0
     if (high - low).max() > widest_window:

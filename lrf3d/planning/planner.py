@@ -131,7 +131,8 @@ def find_route(
     touched = np.inf
     # Least look-ahead [m], with which the robot keeps within centimetres of the route; and about
     # the least speed [m/s] to which a robot that would still touch something is slowed down.
-    least_lookahead, least_speed = 0.1, 0.25
+    least_lookahead = 0.1
+    least_speed = 0.25
     while True:
         # A long run drives back along the route, and sets out again from where it arrives.
         laps = drive_laps(
@@ -139,14 +140,16 @@ def find_route(
         )
         drive = np.vstack([lap.poses[:, :2] for lap in laps])
         moves = np.hypot(*np.diff(drive, axis=0).T)
-        before, touched = touched, moves[checker.hit(drive[:-1], drive[1:], radius) >= 0].sum()
+        before = touched
+        touched = moves[checker.hit(drive[:-1], drive[1:], radius) >= 0].sum()
         # Where driving with more care does not help, the route itself is too close to a wall.
         if not 0.0 < touched < 0.8 * before:
             break
         if lookahead > least_lookahead:
             lookahead = max(0.5 * lookahead, least_lookahead)
         elif speed is None and pace > least_speed:
-            pace, lookahead = 0.5 * pace, 0.5 * lookahead
+            pace = 0.5 * pace
+            lookahead = 0.5 * lookahead
         else:
             break
     if space.side == "inside":
@@ -194,19 +197,23 @@ def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
     """
     waypoints = [space.places[legs[0][0]]]
     for leg in legs:
-        places, gaps = space.places[leg], space.gaps[leg]
+        places = space.places[leg]
+        gaps = space.gaps[leg]
         steps = np.hypot(*np.diff(places, axis=0).T)
         prices = space.cost(gaps)
         costs = np.append(0.0, np.cumsum(steps * 0.5 * (prices[1:] + prices[:-1])))
-        here, there = 0, 2
+        here = 0
+        there = 2
         while here < len(leg) - 1:
             if there < len(leg):
-                cost, least = costs[there] - costs[here], gaps[here : there + 1].min()
+                cost = costs[there] - costs[here]
+                least = gaps[here : there + 1].min()
                 if _is_better(space, places[[here, there]], cost, least):
                     there += 1
                     continue
             waypoints.append(places[there - 1])
-            here, there = there - 1, there + 1
+            here = there - 1
+            there = there + 1
     return np.array(waypoints)
 
 

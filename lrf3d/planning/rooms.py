@@ -24,7 +24,8 @@ def true_rooms(ground: Ground, inside: Bool) -> Int:
     A space without a door to most of them may be a shaft, so it must be larger to count.
     """
     rooms = np.where(inside, ground.rooms, 0)
-    number, area = np.arange(rooms.max() + 1), np.bincount(rooms.ravel()) * ground.size**2
+    number = np.arange(rooms.max() + 1)
+    area = np.bincount(rooms.ravel()) * ground.size**2
     pairs = ground.doorways[0]
     one, other = pairs[np.isin(pairs, rooms).all(axis=1)].T
     reach = groups(one, other, len(number))
@@ -84,7 +85,9 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
     )
     own = np.where(ground.on_side("inside", None) & ~outside[ground.rooms], ground.rooms, 0)
     ways = _widest_ways(ground, own, space.allowed)
-    doors, far, shut = list[tuple[float, Float]](), [], []
+    doors = list[tuple[float, Float]]()
+    far = []
+    shut = []
     for room in missed.tolist():
         area, (x, y) = _measured(bare, rooms == room)
         named = area, f"m² at ({x:.1f}, {y:.1f})"
@@ -137,20 +140,24 @@ POSTS = 1.5
 def _widest_ways(ground: Ground, rooms: Int, reached: Bool) -> Int:
     """The narrowest cell of the widest path from the reached cells to each of the rooms."""
     pairs, cell = ground.doorways
-    count, order = int(ground.rooms.max()) + 1, np.argsort(ground.gaps, axis=None, kind="stable")
+    count = int(ground.rooms.max()) + 1
+    order = np.argsort(ground.gaps, axis=None, kind="stable")
     # A room is reached where its widest place is; its nearest places may lie beyond its door.
     widest = np.zeros(count, dtype=np.int64)
     widest[rooms.ravel()[order]] = order
     known = reached.ravel()[widest]
-    width, via = np.where(known, np.inf, 0.0), np.where(known, REACHED, SHUT)
-    gaps, known[0] = ground.gaps.ravel()[cell], False
+    width = np.where(known, np.inf, 0.0)
+    via = np.where(known, REACHED, SHUT)
+    gaps = ground.gaps.ravel()[cell]
+    known[0] = False
     inside = np.isin(pairs, rooms).all(axis=1)
     while (crossing := inside & (known[pairs].sum(axis=1) == 1)).any():
         wide = np.where(crossing, np.minimum(width[pairs].max(axis=1), gaps), -1.0)
         best = int(np.argmax(wide))
         old, new = pairs[best] if known[pairs[best, 0]] else pairs[best, ::-1]
         via[new] = cell[best] if gaps[best] <= width[old] else via[old]
-        width[new], known[new] = wide[best], True
+        width[new] = wide[best]
+        known[new] = True
     return via
 
 
@@ -199,7 +206,8 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
         side = (near | np.isin(rooms, true_rooms(ground, side))) & (rooms > 0)
     along = np.unique(ground.nearest[side])
     ends = np.full((len(world.segments), 2), np.nan)
-    base, unit = world.segments[:, :2] - world.origin, directions(world.segments)
+    base = world.segments[:, :2] - world.origin
+    unit = directions(world.segments)
     for column in (0, 1):
         corner = shown[:, 2 * column : 2 * column + 2] - world.origin - base[walls]
         ends[walls, column] = (corner * unit[walls]).sum(axis=1)

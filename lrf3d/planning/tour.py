@@ -26,7 +26,8 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
     # Factor on the value of a lookout close to walls; the value of entering a room [m of wall].
-    tight, room_value = 0.3, 4.0
+    tight = 0.3
+    room_value = 4.0
     if space.side == "inside":
         # Entering a room is worth as much as seeing some metres of wall.
         room = np.where(space.ground.wide, space.ground.rooms, 0)[space.allowed][patches]
@@ -40,16 +41,20 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     kept = int(space.start is not None)
     if space.start is not None:
         lookouts = np.append(space.number[space.start], lookouts)
-    views, order = around[patch_of[lookouts]], [0]
+    views = around[patch_of[lookouts]]
+    order = [0]
     # Paths are found from those alone that the tour passes.
-    paths, metres, best = dict[int, list[Int]](), np.zeros((len(lookouts),) * 2), 0
+    paths = dict[int, list[Int]]()
+    metres = np.zeros((len(lookouts),) * 2)
+    best = 0
     while True:
         paths[best] = _paths(space, lookouts[best], lookouts)
         # The return path is as long.
         metres[best] = metres[:, best] = [_length(space, path) for path in paths[best]]
         if len(order) > 1:
             order = _two_opt(order, metres[np.ix_(order, order)], kept)
-        steps, away = metres[order[:-1], order[1:]], metres[order]
+        steps = metres[order[:-1], order[1:]]
+        away = metres[order]
         shown = _shown(space, _legs(space, paths, order), seen, patch_of)
         detours = np.vstack([away[:1], away[:-1] + away[1:] - steps[:, None], away[-1:]])[kept:]
         detour = detours.min(axis=0)
@@ -117,8 +122,10 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
     What is seen (k, pieces) counts by the appeal (k,) of a position.
     """
     # As numbers they are summed ten times as fast as truth values are.
-    shows, unseen = seen.astype(np.float32), weights.astype(np.float32)
-    least, chosen = 0.0005 * float(unseen[seen.any(axis=0)].sum()), list[int]()
+    shows = seen.astype(np.float32)
+    unseen = weights.astype(np.float32)
+    least = 0.0005 * float(unseen[seen.any(axis=0)].sum())
+    chosen = list[int]()
     # With a short range_max no wall may be visible. Between each two the cheapest path is found.
     while ((gains := appeal * (shows @ unseen)).max() > least and len(chosen) < 60) or not chosen:
         chosen.append(int(np.argmax(gains)))
@@ -146,21 +153,24 @@ def _length(space: FreeSpace, path: Int) -> float:
 def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float]:
     """Which pieces are seen (headings, k, pieces) from positions (k, 2), and their weights [m]."""
     # Farther away beams of 1° leave gaps.
-    reach, last = min(range_max, 40.0), np.pi - 2.0 * np.pi / BEAMS
+    reach = min(range_max, 40.0)
+    last = np.pi - 2.0 * np.pi / BEAMS
     lrf = LaserRangeFinder(-np.pi, last, beams=BEAMS, range_max=reach, height=0.0)
     # Mirrors and glass are left out: what they show is not seen where it stands.
     caster = PlanarCaster(World(world.segments, heights=world.heights))
     poses = np.column_stack([positions, np.zeros(len(positions))])
     ranges, walls = caster.scan_batch(lrf, poses)
     position, beam = np.nonzero(walls >= 0)
-    wall, long = walls[position, beam], lengths(world.segments)
+    wall = walls[position, beam]
+    long = lengths(world.segments)
     # Of a wall as long as a country only what is seen counts. There are some 8,000 pieces.
     visible = np.minimum(long[np.unique(wall)], 4.0 * reach).sum()
     size = max(0.4, float(visible) / 8000)
     points = positions[position] + ranges[position, beam, None] * lrf.directions((0, 0, 0))[beam]
     station = np.minimum(lengths(np.hstack([world.segments[wall, :2], points])), 0.999 * long[wall])
     numbers, piece = np.unique(wall << 32 | (station / size).astype(np.int64), return_inverse=True)
-    wall, station = numbers >> 32, size * (numbers & 0xFFFFFFFF)
+    wall = numbers >> 32
+    station = size * (numbers & 0xFFFFFFFF)
     # Niches and steps are not worth a detour.
     weights = np.minimum(size, long[wall] - station) * np.minimum(long[wall] / 2.0, 1.0)
     seen = np.zeros((HEADINGS, len(positions), len(numbers)), dtype=np.bool_)
@@ -173,7 +183,8 @@ def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float
 def _two_opt(order: list[int], metres: Float, kept: int) -> list[int]:
     """Reverse pieces of an open tour, after the kept places, as long as that is shorter."""
     # The first and the last place stand for nowhere.
-    metres, tour = np.pad(metres, 1), np.arange(len(order) + 2)
+    metres = np.pad(metres, 1)
+    tour = np.arange(len(order) + 2)
     while True:
         away = metres[np.ix_(tour, tour)]
         steps = np.diagonal(away, 1)

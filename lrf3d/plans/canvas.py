@@ -56,7 +56,8 @@ class Canvas:
     """Takes what a reader paints, and bounds the work for it."""
 
     def __init__(self, tolerance: float, pen: float = 0.0) -> None:
-        self.tolerance, self.pen = tolerance, pen
+        self.tolerance = tolerance
+        self.pen = pen
         self.left_out = Counter[str]()
         self.marks = list[Mark]()
         self.said = ""
@@ -150,7 +151,8 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
-    parts, turns = parts[kept], turns[kept]
+    parts = parts[kept]
+    turns = turns[kept]
     tree = shapely.STRtree(parts)
     # Pairs whose boxes meet take next to no time to count; curved ones have most of these.
     _check_overlaps(len(tree.query(parts)[0]) // 20)

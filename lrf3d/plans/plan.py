@@ -69,7 +69,8 @@ class Plan(NamedTuple):
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
         doors = [Door(door.corners * factor, door.width * factor) for door in self.doors]
-        segments, rest = self.segments * factor, self.rest * factor
+        segments = self.segments * factor
+        rest = self.rest * factor
         return self._replace(segments=segments, rest=rest, doors=doors, gap=self.gap * factor)
 
     def world(self, path: Path) -> World:
@@ -87,7 +88,8 @@ class Plan(NamedTuple):
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
         # On a drawing of the size of its paper all touches, and more are the houses of a town.
-        large, town = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET, 10
+        large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
+        town = 10
         plans = plans_apart(world.segments) if large else ()
         if 1 < len(plans) < town:
             each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
@@ -122,7 +124,8 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     drawn = np.isin(role, [*STANDS, "door", "dashed"])
     doors, opened = find_doors(segments, line, drawn)
     more, leaves = find_leaves(segments, line, drawn & ~opened)
-    doors, opened = doors + more, opened | leaves
+    doors = doors + more
+    opened = opened | leaves
     # Partitions are found on layers of doors, too; they are longer than leaves.
     stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
     stands &= ~opened
@@ -139,7 +142,8 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     walls, own, left["doorway line"] = cleared(segments[stands], doors)
     role = role[stands][own]
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
-    hidden, named = {name for name, role in layered if role == "left out"}, ("annotation", "door")
+    hidden = {name for name, role in layered if role == "left out"}
+    named = ("annotation", "door")
     hidden |= {name for name, _ in layered} - {name for name, role in layered if role not in named}
     # In a layer of which more stands, groups and blocks may be left out by their names.
     for what in named:
@@ -187,9 +191,12 @@ def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
 def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
     """The roles, where areas that are floors are said to be that: thick, and pale or drawn on."""
     shapes = [mark.shape for mark in marks]
-    tree, roles, thin = shapely.STRtree(shapes), list(roles), list[int]()
+    tree = shapely.STRtree(shapes)
+    roles = list(roles)
+    thin = list[int]()
     for number, (mark, role) in enumerate(zip(marks, roles, strict=True)):
-        area, edge = mark.shape.area, mark.shape.length
+        area = mark.shape.area
+        edge = mark.shape.length
         stands = role in STANDS and role != "furniture" and is_area(mark.shape)
         if stands and 2.0 * area > THICKEST * edge:
             # What is darker is a solid house.
@@ -262,7 +269,8 @@ def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Int, Int, Any]:
 
 def _listed(marks: list[Mark], layered: list[tuple[str, str]]) -> list[Layer]:
     """The layers, the longest first, with the roles in them."""
-    long, held = Counter[str](), dict[str, dict[str, None]]()
+    long = Counter[str]()
+    held = dict[str, dict[str, None]]()
     for mark, (name, role) in zip(marks, layered, strict=True):
         long[name] += mark.shape.length
         held.setdefault(name, {})[role] = None

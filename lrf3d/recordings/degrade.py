@@ -31,8 +31,10 @@ def degrade_log(
     Raises:
         InputError: A share is over 1, a deviation negative, or a number below 1.
     """
-    keep, beams = whole_number(every, "every"), whole_number(beams_every, "beams_every")
-    worse, draws = Chain([DropOuts(drop), ConstantNoise(noise)]), generator(rng)
+    keep = whole_number(every, "every")
+    beams = whole_number(beams_every, "beams_every")
+    worse = Chain([DropOuts(drop), ConstantNoise(noise)])
+    draws = generator(rng)
     rows = [k for name in log.lasers for k in np.flatnonzero(log.is_of(name))[::keep].tolist()]
     scans = [worse(_thinned(log.scans[k], beams), draws) for k in sorted(rows)]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[sorted(rows)])

@@ -138,7 +138,8 @@ class LaserLog(Value):
         It is that of the first laser where most scans have no others at their moment, or would have
         to be unrolled first. What is left out is counted in a note.
         """
-        names, moments = self.lasers, dict[int, dict[str, int]]()
+        names = self.lasers
+        moments = dict[int, dict[str, int]]()
         at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
         for row, scan in enumerate(self.scans):
             moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
@@ -154,7 +155,8 @@ class LaserLog(Value):
             places = wheels.places[[first for first, *_ in rows]]
             wheels = replace(wheels, places=places, laser_offset=0.0)
         parts = tuple(tuple(self.scans[row] for row in moment) for moment in rows)
-        scans, notes = [together(moment) for moment in parts], (*self.notes, note)
+        scans = [together(moment) for moment in parts]
+        notes = (*self.notes, note)
         return replace(self, scans=scans, wheels=wheels, notes=notes, parts=parts)
 
     @property
@@ -198,10 +200,12 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     angles = sorted_rows[0][0]
     if all(own is angles or np.array_equal(own, angles) for own, _ in sorted_rows):
         return angles, np.array([ranges for _, ranges in sorted_rows])
-    first, last = min(own[0] for own, _ in sorted_rows), max(own[-1] for own, _ in sorted_rows)
+    first = min(own[0] for own, _ in sorted_rows)
+    last = max(own[-1] for own, _ in sorted_rows)
     step = min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in sorted_rows)
     # Least step [rad] and most beams of a fan on which scans are resampled.
-    finest, most_beams = 1e-4, 100_000
+    finest = 1e-4
+    most_beams = 100_000
     count = min(round((last - first) / max(step, finest)) + 1, most_beams)
     angles = np.linspace(first, last, count)
     resampled = np.full((len(scans), count), -np.inf)
@@ -323,7 +327,8 @@ def without_no_returns(
     met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
     the robot. So are those of the smallest reading, which others write; these are −inf.
     """
-    far, said = limit or _usual_no_return([scan.ranges for scan in scans]), list[str]()
+    far = limit or _usual_no_return([scan.ranges for scan in scans])
+    said = list[str]()
     if limit is None and far < np.inf:
         said = [f"readings from {far:.4g} m on mean no return; --largest-range sets another limit"]
     if (near := -_usual_no_return([-scan.ranges for scan in scans])) > -np.inf:
@@ -343,13 +348,15 @@ def _usual_no_return(scans: Sequence[Float]) -> float:
     # The largest range stands out if it is read this many times as often (the second number) as all
     # ranges within a distance [m] below it (the first). A wall at the end of a corridor does not:
     # it is read at many ranges.
-    below, crowded = 0.5, 5.0
+    below = 0.5
+    crowded = 5.0
     near = np.concatenate([np.empty(0), *(r[r > largest - below] for r in finite)])
     equal = 0.011  # Readings that differ by less are the same [m]: logs are written in centimetres.
     most = int((near > largest - equal).sum())
     # Readings of the largest range, and their share of all readings, from which on it means no
     # return.
-    least_readings, least_share = 50, 0.001
+    least_readings = 50
+    least_share = 0.001
     least = max(least_readings, least_share * sum(map(len, finite)))
     if most < least or most < crowded * (len(near) - most):
         return np.inf

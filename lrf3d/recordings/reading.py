@@ -94,7 +94,8 @@ def load_log(
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
     in_columns = format and not path.name.lower().endswith(ARRAYS)
-    intake, kind = Intake(path, largest_range), "text" if in_columns else _kind(path)
+    intake = Intake(path, largest_range)
+    kind = "text" if in_columns else _kind(path)
     if kind != "bag" and (scan_topic or part):
         name = "scan topic" if scan_topic else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")

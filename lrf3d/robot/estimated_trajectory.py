@@ -54,7 +54,8 @@ class EstimatedTrajectory(Value):
     def __post_init__(self) -> None:
         self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
-        count, known = len(self.poses), len(self.known_scans)
+        count = len(self.poses)
+        known = len(self.known_scans)
         as_poses(self.poses)
         if len(as_poses(self.odometry)) not in (0, count):
             found = f"odometry of {len(self.odometry)} scans, poses of {count}"
@@ -106,7 +107,8 @@ class EstimatedTrajectory(Value):
         new_index = np.full(len(self), -1)
         new_index[scans] = np.arange(len(scans))
         known = new_index[self.known_scans] >= 0
-        closures, dropped = new_index[self.closures], new_index[self.dropped_closures]
+        closures = new_index[self.closures]
+        dropped = new_index[self.dropped_closures]
         return EstimatedTrajectory(
             self.poses[scans],
             new_index[self.known_scans[known]],

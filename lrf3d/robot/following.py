@@ -76,8 +76,11 @@ def follow_route(
     robot = Unicycle()
     per_sample = max(1, round(dt / CONTROL_STEP))
     step = dt / per_sample
-    reach, poses, times = 0.0, [pose], [0.0]
-    stops, starting = path.stops(), True
+    reach = 0.0
+    poses = [pose]
+    times = [0.0]
+    stops = path.stops()
+    starting = True
     stop = path.at(stops[0])
     # After ten times the duration at full speed and a minute for turns, it will never arrive.
     limit = int((10.0 * path.length / speed + 60.0) / step)
@@ -99,7 +102,8 @@ def follow_route(
         starting = starting and v == 0.0
         pose = robot.move(pose, v, omega, step)
         if len(stops) > 1 and math.dist(stop, pose[:2]) < arrival:
-            reach, stop = stops.pop(0), path.at(stops[0])
+            reach = stops.pop(0)
+            stop = path.at(stops[0])
         arrived = len(stops) == 1 and math.dist(path.end, pose[:2]) < arrival
         if count % per_sample == 0 or arrived:
             poses.append(pose)
@@ -137,7 +141,8 @@ class _Path:
         if begin >= len(self._rows) - 1:
             return self.end
         (x, y), (x2, y2) = self._rows[begin : begin + 2]
-        long, off = self._known[begin + 1] - self._known[begin], station - self._known[begin]
+        long = self._known[begin + 1] - self._known[begin]
+        off = station - self._known[begin]
         return (x2 - x) / long * off + x, (y2 - y) / long * off + y
 
     def stops(self) -> list[float]:
@@ -163,7 +168,8 @@ def _command(
     pose: Pose, goal: tuple[float, float], speed: float, step: float, starting: bool
 ) -> tuple[float, float]:
     """Speed and turn rate of the arc to a goal [m], for a robot that may not have moved yet."""
-    dx, dy = goal[0] - pose.x, goal[1] - pose.y
+    dx = goal[0] - pose.x
+    dy = goal[1] - pose.y
     distance = float(np.hypot(dx, dy))
     if distance == 0.0:
         return 0.0, 0.0
@@ -171,7 +177,8 @@ def _command(
     # Bearings [rad] of the point to steer at beyond which a robot turns in place, en route and at
     # the start, where walls may be near: from 15° the arc to a point 1 m ahead keeps within 0.07 m
     # of the straight line.
-    facing_away, facing = math.radians(75.0), math.radians(15.0)
+    facing_away = math.radians(75.0)
+    facing = math.radians(15.0)
     # It turns in place instead of circling the goal; at the start until it faces it.
     if abs(bearing) > (facing if starting else facing_away):
         return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))
@@ -203,7 +210,8 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
     """The first of two laps and then the second again and again, cut after a number of scans."""
     if len(laps[0]) >= scans:
         return Trajectory(laps[0].times[:scans], laps[0].poses[:scans])
-    first, lap = _evenly_spaced(laps[0]), _evenly_spaced(laps[-1])
+    first = _evenly_spaced(laps[0])
+    lap = _evenly_spaced(laps[-1])
     if len(lap) < 2:
         raise InputError("laps: a lap takes no time; give a route of some length")
     number, row = np.divmod(np.arange(scans - len(first)), len(lap) - 1)

@@ -191,10 +191,12 @@ def sinc(x: float) -> float:
 
 def hold(pose: Sequence[float], twist: Twist, seconds: float) -> Pose:
     """The pose after a twist was held for some seconds: an exact arc."""
-    (x, y, theta), (ahead, left, turn) = pose, twist
+    x, y, theta = pose
+    ahead, left, turn = twist
     half = 0.5 * turn * seconds
     chord = seconds * sinc(half / np.pi)
-    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    cos = chord * math.cos(theta + half)
+    sin = chord * math.sin(theta + half)
     return Pose(x + cos * ahead - sin * left, y + cos * left + sin * ahead, theta + 2.0 * half)
 
 
@@ -249,7 +251,9 @@ def drive(
     from scipy.integrate import solve_ivp
 
     seconds = number(duration, "duration", "seconds", positive=True)
-    robot, speed, rate = Unicycle(), _function(v), _function(omega)
+    robot = Unicycle()
+    speed = _function(v)
+    rate = _function(omega)
     # Steps no longer than dt keep RK45 from skipping short pulses of the input.
     solution = solve_ivp(
         lambda t, state: robot.derivative(state, speed(t), rate(t)),

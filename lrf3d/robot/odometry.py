@@ -113,9 +113,11 @@ class Odometer:
     """Wheels that count on: the pose by odometry, current after every `drive`."""
 
     def __init__(self, wheels: WheelOdometry, rng: np.random.Generator) -> None:
-        self._wheels, self._rng = wheels, rng
+        self._wheels = wheels
+        self._rng = rng
         self._true: Float | None = None
-        self.pose, self.increment = np.zeros(3), np.zeros(3)
+        self.pose = np.zeros(3)
+        self.increment = np.zeros(3)
 
     def drive(self, pose: Float) -> Float:
         """The pose (3,) by odometry where the robot is now at a pose (3,); the first is known."""
@@ -132,16 +134,21 @@ class InertialUnit:
     """An IMU that is carried along: measurements up to now, at its own rate."""
 
     def __init__(self, imu: Imu, rng: np.random.Generator) -> None:
-        self._imu, self._rng, self._count = imu, rng, 0
+        self._imu = imu
+        self._rng = rng
+        self._count = 0
         self._last: tuple[float, Float] | None = None
-        self._speed, self._bias = np.zeros(2), np.zeros(3)
+        self._speed = np.zeros(2)
+        self._bias = np.zeros(3)
 
     def drive(self, time: float, pose: Float) -> Float:
         """Rows (m, 4) since the last call, now that the robot is at a pose (3,) at a time [s].
 
         Each has a time [s], a turn rate [rad/s], and accelerations ahead and to the left [m/s²].
         """
-        imu, last, self._last = self._imu, self._last, (time, np.array(pose))
+        imu = self._imu
+        last = self._last
+        self._last = (time, np.array(pose))
         if last is None:
             self._begin = time
             return np.empty((0, 4))
@@ -191,7 +198,8 @@ def twist_of(increments: Float) -> Float:
     """Distances ahead and to the left [m] and turns [rad] (…, 3) along the arcs of increments."""
     x, y, turn = np.moveaxis(increments, -1, 0)
     half = 0.5 * turn
-    cos, sin = np.cos(half), np.sin(half)
+    cos = np.cos(half)
+    sin = np.sin(half)
     share = np.sinc(half / np.pi)
     return np.stack([(x * cos + y * sin) / share, (y * cos - x * sin) / share, turn], axis=-1)
 
@@ -200,5 +208,7 @@ def increment_of(twist: Float) -> Float:
     """The increment (3,) of an arc: `twist_of` the other way round."""
     ahead, left, turn = twist.tolist()
     half = 0.5 * turn
-    cos, sin, chord = np.cos(half), np.sin(half), np.sinc(half / np.pi)
+    cos = np.cos(half)
+    sin = np.sin(half)
+    chord = np.sinc(half / np.pi)
     return np.array([chord * (ahead * cos - left * sin), chord * (ahead * sin + left * cos), turn])

@@ -86,7 +86,8 @@ class Trajectory(Value):
             return np.tile(self.poses, (len(times), 1))
         # Only the neighbouring poses are used, so that long drives take no longer.
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self) - 1)
-        start, stop = self.times[after - 1], self.times[after]
+        start = self.times[after - 1]
+        stop = self.times[after]
         share = np.clip((times - start) / (stop - start), 0.0, 1.0)
         before = self.poses[after - 1]
         steps = self.poses[after] - before

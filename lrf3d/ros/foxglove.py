@@ -29,7 +29,8 @@ class Channels:
         self._stream = stream
         # Channels end with their context.
         self._context = context = foxglove.Context()
-        self._latched, self._channels = set[str](), dict[str, Any]()
+        self._latched = set[str]()
+        self._channels = dict[str, Any]()
         for topic in stream.topics:
             text, _ = stream.types.generate_msgdef(topic.type, ros_version=2)
             schema = foxglove.Schema(name=topic.type, encoding="ros2msg", data=text.encode())
@@ -87,7 +88,8 @@ class Channels:
 
     def on_message_data(self, client: Any, channel: int, data: bytes) -> None:
         """Take a command of a client: a Twist or a TwistStamped in CDR."""
-        known, stream = self._clients.get((client.id, channel)), self._stream
+        known = self._clients.get((client.id, channel))
+        stream = self._stream
         if known is None or known.topic.strip("/") != "cmd_vel":
             return
         kind = "TwistStamped" if known.schema_name.endswith("Stamped") else "Twist"

@@ -38,17 +38,22 @@ class Node:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
-        self._contexts, self._nodes, self._executors = list[Any](), list[Any](), list[Any]()
+        self._contexts = list[Any]()
+        self._nodes = list[Any]()
+        self._executors = list[Any]()
         # Fast DDS knows one type a topic in each participant, so TwistStamped has its own.
         for name in ("lrf3d", "lrf3d_stamped"):
-            context, options = rclpy.Context(), SignalHandlerOptions.NO
+            context = rclpy.Context()
+            options = SignalHandlerOptions.NO
             rclpy.init(args=list(arguments), context=context, signal_handler_options=options)
             self._contexts.append(context)
             self._nodes.append(rclpy.create_node(name, namespace=namespace, context=context))
             self._executors.append(SingleThreadedExecutor(context=context))
             self._executors[-1].add_node(self._nodes[-1])
-        self._publishers, self._said = dict[str, Any](), dict[str, float]()
-        self._commands, self._checked = list[str](), monotonic()
+        self._publishers = dict[str, Any]()
+        self._said = dict[str, float]()
+        self._commands = list[str]()
+        self._checked = monotonic()
         # How long another publisher of the clock is looked for [s]. One on this machine is found in
         # a tenth, but what a busy machine loses is repeated after 3 s.
         discovery = 4.0
@@ -62,7 +67,8 @@ class Node:
 
     def say(self, level: str, text: str) -> None:
         """Log a message; the same warning not again for a while."""
-        now, log = monotonic(), self._nodes[0].get_logger()
+        now = monotonic()
+        log = self._nodes[0].get_logger()
         if level == "info":
             log.info(text)
         elif now > self._said.get(text, -inf) + SAID_EVERY:
@@ -108,7 +114,8 @@ class Node:
 
     def _hear(self, robot: DrivenRobot) -> None:
         def place(message: Any) -> None:
-            where, turn = message.pose.position, message.pose.orientation
+            where = message.pose.position
+            turn = message.pose.orientation
             pose = where.x, where.y, 2.0 * atan2(turn.z, turn.w)
             robot.set_pose(message.header.frame_id, pose)
 

@@ -100,11 +100,16 @@ class DrivenRobot:
     def __init__(
         self, robot: LiveRobot, scenario: Scenario, settings: Settings, prefix: str, say: Say
     ) -> None:
-        self.robot, self.prefix, self._say = robot, prefix, say
-        self._settings, lasers = settings, scenario.lasers
+        self.robot = robot
+        self.prefix = prefix
+        self._say = say
+        self._settings = settings
+        lasers = scenario.lasers
         self._mapper = line_mapper(scenario.noise, **scenario.mapper) if settings.lines else None
-        self._tracker, self._lines_due = ObjectTracker(), LINES_EVERY
-        self._command, self._until = REST, inf
+        self._tracker = ObjectTracker()
+        self._lines_due = LINES_EVERY
+        self._command = REST
+        self._until = inf
         self._scans = [
             Topic(prefix + ("scan" if len(lasers) == 1 else f"scan_{lrf.name}"), SCAN)
             for lrf in lasers
@@ -138,7 +143,9 @@ class DrivenRobot:
 
     def messages(self, stamp: Stamp, *, scan_time: float | None) -> Messages:
         """Where the robot is, and, if the time from scan to scan [s] is given, its scans."""
-        robot, prefix, odometry = self.robot, self.prefix, self.odometry
+        robot = self.robot
+        prefix = self.prefix
+        odometry = self.odometry
         moved = [ros.transform(stamp, prefix + ros.WORLD, prefix + ros.BASE, odometry)]
         if self._settings.give == "pose":
             drift = robot.pose @ odometry.inverse()
@@ -157,7 +164,8 @@ class DrivenRobot:
             return
         update_mapper(self._mapper, scans)
         if robot.time >= self._lines_due:
-            lines, self._lines_due = self._mapper.map, robot.time + LINES_EVERY
+            lines = self._mapper.map
+            self._lines_due = robot.time + LINES_EVERY
             marker = ros.line_marker(lines.segments, self._tracker.follow(lines), stamp)
             yield self._lines, {"markers": [marker]}
 
@@ -181,7 +189,8 @@ class DrivenRobot:
     def _stop(self, why: str) -> None:
         if any(self._command):
             self._say("warning", self.prefix + why)
-        self._command, self._until = REST, inf
+        self._command = REST
+        self._until = inf
 
     def set_pose(self, frame: str, pose: tuple[float, float, float]) -> None:
         """Put the robot at a pose in ``map`` or ``odom``; report an invalid one."""
@@ -218,8 +227,11 @@ class Stream:
             raise missing_extra("live topics need rosbags", "ros") from None
         # The messages that are used have been the same ever since.
         self.types = get_typestore(Stores.ROS2_HUMBLE)
-        self.scenario, self.settings, self.say = scenario, settings, say
-        self.paused, self._count = False, 0
+        self.scenario = scenario
+        self.settings = settings
+        self.say = say
+        self.paused = False
+        self._count = 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
         # Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or
         # more.
@@ -256,23 +268,29 @@ class Stream:
         After a standstill of the program, such as a suspended machine, time does not hurry.
         """
         publish(self.encoded(self.first()))
-        speed_up, lost = self.settings.speed_up, 0.0
+        speed_up = self.settings.speed_up
+        lost = 0.0
         tick = self.interval / self.ticks / speed_up if speed_up else 0.0
         due = checked = monotonic()
         # How far ticks may be behind before they count as late, how long clients are served at a
         # time while time is paused, and from one check of the pace to the next [s].
-        late, idle, checked_every = 0.25, 0.01, 2.0
+        late = 0.25
+        idle = 0.01
+        checked_every = 2.0
         while not asked():
             if not self.paused:
                 publish(self.encoded(self.tick()))
-            due, now = due + (idle if self.paused else tick), monotonic()
+            due = due + (idle if self.paused else tick)
+            now = monotonic()
             if now > due + late:
-                lost, due = lost + now - due, now
+                lost = lost + now - due
+                due = now
             serve(due - now)
             if (passed := now - checked) > checked_every:
                 if speed_up and (share := 1.0 - lost / passed) < 0.97:
                     self.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
-                checked, lost = now, 0.0
+                checked = now
+                lost = 0.0
 
     def first(self) -> Messages:
         """What is published once: where lasers are mounted, and the map where it is given."""

@@ -46,10 +46,12 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
     tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
     caster = PlanarCaster(World(solid))
-    explained, beyond = [0], [np.empty(0)]
+    explained = [0]
+    beyond = [np.empty(0)]
     # Range limits [m] of the returns that count: nearer ones hit the robot, farther ones are
     # sparse.
-    nearest_return, farthest_return = 0.1, 20.0
+    nearest_return = 0.1
+    farthest_return = 20.0
     explained_within = 0.1  # Distance [m] within which a map segment explains a return.
     for scan in map(unrolled, each_of(scans, LaserScan, "scan")):
         judged = (scan.ranges > nearest_return) & (scan.ranges < farthest_return)
@@ -58,7 +60,8 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
         explained.append(len(np.unique(near)))
         beyond.append(scan.ranges[judged] - _map_ranges(caster, scan)[judged])
     errors = np.concatenate(beyond)
-    returns, met = len(errors), np.isfinite(errors)
+    returns = len(errors)
+    met = np.isfinite(errors)
     # Distance [m] between map and return above which a beam violates the map.
     violated_beyond = 0.2
     return LogScore(

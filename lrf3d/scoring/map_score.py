@@ -42,8 +42,10 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
     """
     expect(run, Run, "run")
     segments = run.world.segments
-    along, size = directions(segments), lengths(segments)
-    low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
+    along = directions(segments)
+    size = lengths(segments)
+    low = np.full(len(segments), np.inf)
+    high = np.full(len(segments), -np.inf)
     farthest_off = 1e-3  # Farthest off its wall [m] that the place of a direct return may be.
     for scan in run.true_scans:
         returned = (scan.walls >= 0) & scan.hits
@@ -55,11 +57,13 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
         station = (offset * along[wall]).sum(axis=1)
         direct = np.abs(cross(along[wall], offset)) < farthest_off
         direct &= (station > -farthest_off) & (station < size[wall] + farthest_off)
-        wall, station = wall[direct], station[direct]
+        wall = wall[direct]
+        station = station[direct]
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
     visible = np.flatnonzero(high - low > least)
-    start, unit = segments[visible, :2], along[visible]
+    start = segments[visible, :2]
+    unit = along[visible]
     first = start + low[visible, None] * unit
     return np.hstack([first, start + high[visible, None] * unit]), visible
 
@@ -152,7 +156,8 @@ def score_map(
         (1.0, 0.57)
     """
     expect(line_map, LineMap, "map")
-    found, visible = line_map.segments, as_rows(visible_segments, "visible segments", 4)
+    found = line_map.segments
+    visible = as_rows(visible_segments, "visible segments", 4)
     walls = visible if walls is None else as_rows(walls, "walls", 4)
     if (visible_objects := numbers(visible_objects, "visible objects")).shape != visible.shape[:1]:
         raise InputError(
@@ -163,10 +168,13 @@ def score_map(
     sample_angle = np.deg2rad(5.0)
     near = {"reach": sample_tolerance, "angle": sample_angle}
     offsets = sample_offsets(found, walls, **near)
-    right, recalled = np.isfinite(offsets), np.isfinite(sample_offsets(visible, found, **near))
-    precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
+    right = np.isfinite(offsets)
+    recalled = np.isfinite(sample_offsets(visible, found, **near))
+    precision = _share(right.sum(), len(right))
+    recall = _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
-    matched, there = _share(len(pairs), len(found)), _share(len(pairs), len(visible))
+    matched = _share(len(pairs), len(found))
+    there = _share(len(pairs), len(visible))
     return MapScore(
         precision,
         recall,

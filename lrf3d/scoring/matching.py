@@ -21,18 +21,23 @@ def match_segments(segments: Float, walls: Float) -> Int:
     """
     import shapely
 
-    segments, walls = as_rows(segments, "segments", 4), as_rows(walls, "walls", 4)
+    segments = as_rows(segments, "segments", 4)
+    walls = as_rows(walls, "walls", 4)
     # Segments without length have no direction to compare.
     mine, theirs = (np.flatnonzero(lengths(each) > 0.0) for each in (segments, walls))
     tree = shapely.STRtree(shapely.linestrings(walls[theirs].reshape(-1, 2, 2)))
     lines = shapely.linestrings(segments[mine].reshape(-1, 2, 2))
     end_tolerance = 0.15  # Largest distance of the end points of a match from the true line [m].
     near = tree.query(lines, predicate="dwithin", distance=end_tolerance)
-    own, wall = mine[near[0]], theirs[near[1]]
+    own = mine[near[0]]
+    wall = theirs[near[1]]
     along = directions(walls[wall])[:, None]
     ends = segments[own].reshape(-1, 2, 2) - walls[wall, None, :2]
-    forward, offset = (ends * along).sum(axis=2), np.abs(cross(along, ends))
-    low, high, length = forward.min(axis=1), forward.max(axis=1), lengths(walls[wall])
+    forward = (ends * along).sum(axis=2)
+    offset = np.abs(cross(along, ends))
+    low = forward.min(axis=1)
+    high = forward.max(axis=1)
+    length = lengths(walls[wall])
     shared = np.minimum(high, length) - np.maximum(low, 0.0)
     overlap = shared / (np.maximum(high, length) - np.minimum(low, 0.0))
     least_overlap = 0.5  # Intersection over union along the true line that a match must exceed.
@@ -80,17 +85,21 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     """
     import shapely
 
-    counts, walls = sample_counts(segments), walls[lengths(walls) > 0.0]
+    counts = sample_counts(segments)
+    walls = walls[lengths(walls) > 0.0]
     row = np.repeat(np.arange(len(segments)), counts)
     share = (np.arange(len(row)) - (np.cumsum(counts) - counts)[row] + 0.5) / counts[row]
     places = segments[row, :2] + share[:, None] * (segments[row, 2:] - segments[row, :2])
-    points, lines = shapely.points(places), shapely.linestrings(walls.reshape(-1, 2, 2))
+    points = shapely.points(places)
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
     sample, wall = shapely.STRtree(lines).query(points, predicate="dwithin", distance=reach)
     alike = np.abs(cross(directions(segments[row[sample]]), directions(walls[wall])))
-    sample, wall = sample[alike <= np.sin(angle)], wall[alike <= np.sin(angle)]
+    sample = sample[alike <= np.sin(angle)]
+    wall = wall[alike <= np.sin(angle)]
     # The nearest is written last.
     order = np.argsort(-shapely.distance(points[sample], lines[wall]), kind="stable")
-    sample, wall = sample[order], wall[order]
+    sample = sample[order]
+    wall = wall[order]
     offsets = np.full(len(row), np.inf)
     offsets[sample] = np.abs(cross(directions(walls[wall]), places[sample] - walls[wall, :2]))
     return offsets

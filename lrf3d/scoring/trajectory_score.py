@@ -75,9 +75,11 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
             f"relations: one is of pose {last}, the trajectory has {len(poses)}; they belong to"
             " another log"
         )
-    before, after = poses[relations.first], poses[relations.second]
+    before = poses[relations.first]
+    after = poses[relations.second]
     off = between(before, after) - relations.relative
-    apart, turned = np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrap_angle(off[:, 2])))
+    apart = np.hypot(off[:, 0], off[:, 1])
+    turned = np.degrees(np.abs(wrap_angle(off[:, 2])))
     certain = relations.certain
     return TrajectoryScore(
         relations=len(relations),
@@ -139,8 +141,10 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
         >>> pose_errors(truth, turned).absolute.round(3).tolist()
         [0.05, 0.0, 0.05]
     """
-    first, last = estimate.times[0], estimate.times[-1]
-    begin, end = truth.times[0], truth.times[-1]
+    first = estimate.times[0]
+    last = estimate.times[-1]
+    begin = truth.times[0]
+    end = truth.times[-1]
     spans = f"stamps from {first:.6g} to {last:.6g} s, the run's from {begin:.6g} to {end:.6g} s"
     if last < begin - MATCHED or first > end + MATCHED:
         raise InputError(f"trajectory: {spans}: they do not overlap{_other_clock(truth, estimate)}")
@@ -175,7 +179,8 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
 
 def _other_clock(truth: Trajectory, estimate: Trajectory) -> str:
     """How the stamps of an estimate may be brought to the clock of the true trajectory."""
-    theirs, ours = float(np.ptp(estimate.times)), float(np.ptp(truth.times))
+    theirs = float(np.ptp(estimate.times))
+    ours = float(np.ptp(truth.times))
     for unit, factor in (("nano", 1e9), ("micro", 1e6), ("milli", 1e3)):
         if 0.3 * factor < theirs / ours < 3.0 * factor:
             return f"; expected seconds, they look like {unit}seconds"
@@ -185,8 +190,10 @@ def _other_clock(truth: Trajectory, estimate: Trajectory) -> str:
 
 def rigid_alignment(points: Float, onto: Float) -> Pose:
     """The motion that brings points (n, 2) nearest to others (n, 2) (Umeyama 1991, no scale)."""
-    middle, target = points.mean(axis=0), onto.mean(axis=0)
-    a, b = points - middle, onto - target
+    middle = points.mean(axis=0)
+    target = onto.mean(axis=0)
+    a = points - middle
+    b = onto - target
     theta = float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum()))
     x, y = target - Pose(0.0, 0.0, theta).apply(middle[None])[0]
     return Pose(float(x), float(y), theta)

@@ -99,14 +99,16 @@ def simulate_fleet(
         raise InputError(f"mapper {shown(mapper)}: expected a function that makes that of a robot")
     check_names("on_collision", [on_collision], ("raise", "stop"))
     obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
-    body, stops = Body(radius, outline), on_collision == "stop"
+    body = Body(radius, outline)
+    stops = on_collision == "stop"
     places: list[Pose | None] = [None] * len(drives)
     lasers = () if lrf is None else lasers_of(lrf)
     if starts is not None:
         places = [as_pose(start) for start in as_poses(starts)]
     if len(places) != len(drives):
         raise InputError(f"{len(places)} starts of {len(drives)} robots: expected as many")
-    paths, kept = list[Trajectory](), list[Any]()
+    paths = list[Trajectory]()
+    kept = list[Any]()
     for robot, (drive, start) in enumerate(zip(drives, places, strict=True)):
         controlled = callable(getattr(drive, "command", None))
         if controlled and any(each.scan_duration for each in lasers):
@@ -206,7 +208,9 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
     # Number of scans for which giving way is planned at a time: memory grows with its square.
     window = 1000
     for drive in drives:
-        path, rows, last = drive.poses, [np.zeros(1, np.int64)], 0
+        path = drive.poses
+        rows = [np.zeros(1, np.int64)]
+        last = 0
         step = np.hypot(*np.diff(path[:, :2], axis=0).T).max(initial=0.0)
         room = float(np.hypot(2.0 * body.reach, step))
         for begin in range(0, len(path) - 1, window):
@@ -225,7 +229,8 @@ def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int
     may = np.zeros((count, len(path)), np.bool_)
     may[0, 0] = True
     for time in range(1, count):
-        before, now = may[time - 1], may[time]
+        before = may[time - 1]
+        now = may[time]
         now |= before
         now[1:] |= before[:-1]
         now[:-1] |= before[1:]
@@ -244,11 +249,14 @@ def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int
 def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Trajectory], str]:
     """Drives up to where two robots first touch each other, and a sentence that says so, if any."""
     robots, _ = robots_among(body, drives, ())
-    nothing, time, text = World(np.empty((0, 4))), math.inf, ""
+    nothing = World(np.empty((0, 4)))
+    time = math.inf
+    text = ""
     for robot, drive in enumerate(drives):
         hit = find_collision(drive, nothing, body, robots[robot + 1 :])
         if hit is not None and hit.time < time:
-            other, time = robot + 1 + hit.obstacle, hit.time
+            other = robot + 1 + hit.obstacle
+            time = hit.time
             text = f"robot{robot + 1} and robot{other + 1} would touch after {time:.1f} s, at"
             text += f" ({hit.x:.2f}, {hit.y:.2f})"
     most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
@@ -261,7 +269,8 @@ def _drive_all(
     """Run simulations to their ends, always that with the earliest scan; in their order."""
     steps = [iter(simulation) for simulation in simulations]
     kept = [Collection(simulation) for simulation in simulations]
-    total, done = sum(each.total for each in simulations), 0
+    total = sum(each.total for each in simulations)
+    done = 0
     waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
     heapify(waiting)
     while waiting:
@@ -282,7 +291,10 @@ class _Touches:
     """What the robots of controllers touch, found when all know how they drive."""
 
     def __init__(self, checker: CollisionChecker, crowd: Crowd, body: Body, stops: bool) -> None:
-        self._checker, self._crowd, self._body, self._stops = checker, crowd, body, stops
+        self._checker = checker
+        self._crowd = crowd
+        self._body = body
+        self._stops = stops
         self._drives = dict[int, tuple[ControlledDrive, CollisionChecker]]()
         self._held = dict[int, tuple[float, Pose, Twist]]()
         self._now = 0.0
@@ -311,7 +323,8 @@ class _Touches:
                 if not self._stops:
                     raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")
                 drive, _ = self._drives[robot]
-                drive.collision, drive.pose = hit, self._at(robot, hit.time)
+                drive.collision = hit
+                drive.pose = self._at(robot, hit.time)
                 self._hold(robot, hit.time, drive.pose, STILL)
 
     def _hit(self, robot: int, time: float) -> Collision | None:

@@ -38,7 +38,9 @@ class LiveRobot:
         crowd: Crowd | None = None,
     ) -> None:
         self._crowd = Crowd(scenario.obstacles) if crowd is None else crowd
-        self.wheels, self._imu, self._rng = wheels, scenario.imu, generator(rng)
+        self.wheels = wheels
+        self._imu = scenario.imu
+        self._rng = generator(rng)
         self._body = Body(scenario.radius, scenario.outline)
         self._checker = CollisionChecker(scenario.world, self._crowd)
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
@@ -55,12 +57,17 @@ class LiveRobot:
             for lrf, noise in lasers
         ]
         self.start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
-        self.time, self.speed, self.turning, self.bumped = 0.0, 0.0, 0.0, False
+        self.time = 0.0
+        self.speed = 0.0
+        self.turning = 0.0
+        self.bumped = False
         self.restart()
 
     def restart(self) -> None:
         """Put the robot and its odometry back to the start; time goes on."""
-        self.pose, self.speed, self.turning = self.start, 0.0, 0.0
+        self.pose = self.start
+        self.speed = 0.0
+        self.turning = 0.0
         self.odometry = np.array(self.start)
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
 
@@ -72,7 +79,9 @@ class LiveRobot:
         """
         if self._touched(pose, (0.0, 0.0, 0.0), 0.0) is not None:
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
-        self.pose, self.speed, self.turning = pose, 0.0, 0.0
+        self.pose = pose
+        self.speed = 0.0
+        self.turning = 0.0
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
         if self.wheels is None:
             self.odometry = np.array(pose)
@@ -82,7 +91,8 @@ class LiveRobot:
 
         There a round robot still turns.
         """
-        last, twist = self.pose, (speed, 0.0, turning)
+        last = self.pose
+        twist = (speed, 0.0, turning)
         hit = self._touched(last, twist, seconds)
         self.bumped = hit is not None
         gap = 1e-6  # How long before a touch the robot stops [s], so that it can drive away again.
@@ -96,7 +106,8 @@ class LiveRobot:
                 self.pose = hold(self.pose, (0.0, 0.0, turning), seconds - free)
             else:
                 turning = 0.0
-        self.speed, self.turning = speed, turning
+        self.speed = speed
+        self.turning = turning
         self.time += seconds
         increment = between(np.array(last), np.array(self.pose))
         if self.wheels is None:

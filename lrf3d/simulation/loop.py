@@ -169,20 +169,24 @@ class Simulation:
         if not callable(getattr(self.mapper, "update", None)):
             raise InputError(f"mapper {shown(self.mapper)}: expected an object with update(scan)")
         self.rng = generator(rng)
-        path, controlled = None, callable(getattr(drive, "command", None))
+        path = None
+        controlled = callable(getattr(drive, "command", None))
         if controlled:
             end = None if scans is None else scans * scan_interval
         else:
             path = trajectory_of(drive)
-            scans, end = min(scans or len(path), len(path)), float(path.times[-1])
-        self.obstacles, crowd = tuple[DynamicObstacle, ...](), obstacles
+            scans = min(scans or len(path), len(path))
+            end = float(path.times[-1])
+        self.obstacles = tuple[DynamicObstacle, ...]()
+        crowd = obstacles
         if not isinstance(crowd, Crowd):
             crowd = tuple(each_of(crowd, DynamicObstacle, "obstacle"))
             # A run stores the paths of its obstacles as poses, up to its end; an endless drive is
             # not stored.
             self.obstacles = tuple(each if end is None else each.until(end) for each in crowd)
             crowd = Crowd(self.obstacles)
-        solid, stops = radius is not None or outline is not None, on_collision == "stop"
+        solid = radius is not None or outline is not None
+        stops = on_collision == "stop"
         body = Body(RADIUS if radius is None else radius, outline) if solid else None
         checker = CollisionChecker(world, crowd) if body else None
         if path is not None and body is not None and checker is not None:
@@ -205,13 +209,16 @@ class Simulation:
         self._imu = None if imu is None else InertialUnit(imu, inertial)
         self.motion_sensors = odometry, imu
         """The errors of the wheels and of the IMU."""
-        self.odometry, self.inertial = np.zeros(3), np.empty((0, 4))
+        self.odometry = np.zeros(3)
+        self.inertial = np.empty((0, 4))
         """The pose by odometry at the last scan, and what the IMU measured before it."""
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
         self.radius = RADIUS if radius is None else radius
         """Radius of the robot [m]."""
-        self.scans, self.done, self._seconds = scans, 0, 0.0
+        self.scans = scans
+        self.done = 0
+        self._seconds = 0.0
         self._returned: Any = None
 
     @property
@@ -241,10 +248,13 @@ class Simulation:
         while self.scans is None or self.done < self.scans:
             index = self.done
             if isinstance(drive, Trajectory):
-                time, pose = float(drive.times[index]), drive.poses[index]
+                time = float(drive.times[index])
+                pose = drive.poses[index]
                 place = Pose(*pose.tolist())
             elif drive.goes_on:
-                time, pose, place = drive.time, np.array(drive.pose), drive.pose
+                time = drive.time
+                pose = np.array(drive.pose)
+                place = drive.pose
             else:
                 return
             truth = tuple(sensor.cast(pose, time) for sensor in self.sensors)

@@ -101,7 +101,8 @@ def collect(
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
     expect(progress, Callable, "progress")
-    collection, total = Collection(simulation, snapshots), simulation.total
+    collection = Collection(simulation, snapshots)
+    total = simulation.total
     for step in simulation:
         collection.add(step)
         progress(simulation.done, total)
@@ -112,7 +113,8 @@ class Snapshots:
     """The map snapshots of a simulation while it runs, and what its IMU measured."""
 
     def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
-        self._simulation, self._total = simulation, simulation.total
+        self._simulation = simulation
+        self._total = simulation.total
         self.maps: dict[int, LineMap] = {}
         self._most = None if snapshots is None else whole_number(snapshots, "snapshots")
         self._inertial = list[Float]()
@@ -131,7 +133,8 @@ class Snapshots:
         return ImuRecord.of(self._inertial) if exists else None
 
     def _keep_map(self) -> None:
-        last, line_map = self._simulation.done - 1, self._simulation.map
+        last = self._simulation.done - 1
+        line_map = self._simulation.map
         if last not in self.maps and isinstance(line_map, LineMap):
             self.maps[last] = line_map
 
@@ -151,7 +154,8 @@ class Collection(Snapshots):
 
     def run(self) -> Run:
         """The run, which has ended."""
-        simulation, imu = self._simulation, self.end()
+        simulation = self._simulation
+        imu = self.end()
         rows = {name: sealed(values)[: simulation.done] for name, values in self._rows.items()}
         return Run(
             simulation.world,
@@ -183,7 +187,8 @@ def row_type(
     world: World, lasers: Sequence[LaserRangeFinder], wheels: bool = False
 ) -> np.dtype[Any]:
     """What a run keeps of each scan: a field for each of the Run's attributes."""
-    beams, echoes = (sum(each.beams for each in lasers),), lasers[0].echoes
+    beams = (sum(each.beams for each in lasers),)
+    echoes = lasers[0].echoes
     fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
     fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
     fields.append(("walls", np.int64, beams))
@@ -206,13 +211,15 @@ def rows_of(row: np.dtype[Any], count: int) -> dict[str, Any]:
 
 def fill_row(rows: Mapping[str, Any], index: int, step: Step | _Taken) -> None:
     """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
-    rows["times"][index], rows["poses"][index] = step.time, step.pose
+    rows["times"][index] = step.time
+    rows["poses"][index] = step.pose
     if "wheels" in rows:
         rows["wheels"][index] = step.odometry
     begin = 0
     for laser, (scan, truth) in enumerate(zip(step.scans, step.true_scans, strict=True)):
         beams = slice(begin, begin := begin + len(scan.ranges))
-        rows["ranges"][index, beams], rows["truth"][index, beams] = scan.ranges, truth.ranges
+        rows["ranges"][index, beams] = scan.ranges
+        rows["truth"][index, beams] = truth.ranges
         rows["walls"][index, beams] = truth.walls
         if "motions" in rows:
             rows["motions"][index, laser] = 0.0 if truth.motion is None else truth.motion
@@ -252,9 +259,11 @@ class Recorder:
         obstacles: Sequence[DynamicObstacle] = (),
     ) -> None:
         expect(world, World, "recorder: world")
-        self._world, self._lasers = world, lasers_of(lrf)
+        self._world = world
+        self._lasers = lasers_of(lrf)
         self._obstacles = tuple(each_of(obstacles, DynamicObstacle, "recorder: obstacle"))
-        self._taken, self._estimates = list[_Taken](), list[Pose]()
+        self._taken = list[_Taken]()
+        self._estimates = list[Pose]()
         self._maps: dict[int, LineMap] = {}
 
     def __len__(self) -> int:
@@ -283,7 +292,8 @@ class Recorder:
             InputError: It is no scan of these lasers, the map is no LineMap, or the time is not
                 later than that of the last scan.
         """
-        scans, true = self._scans(scan), self._scans(scan if truth is None else truth)
+        scans = self._scans(scan)
+        true = self._scans(scan if truth is None else truth)
         if map is not None:
             expect(map, LineMap, "recorder: map")
         last = self._taken[-1].time if self._taken else -np.inf
@@ -315,7 +325,8 @@ class Recorder:
         rows = rows_of(row_type(self._world, self._lasers), len(self))
         for index, taken in enumerate(self._taken):
             fill_row(rows, index, taken)
-        times, poses = rows.pop("times"), rows.pop("poses")
+        times = rows.pop("times")
+        poses = rows.pop("poses")
         poses[:, 2] = np.unwrap(poses[:, 2])
         return Run(
             self._world,

@@ -215,8 +215,10 @@ class Run(Value, Pictured):
 
     def scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The measured scan with an index from 0, of one of the lasers by its number."""
-        lrf, begin = self.lasers[laser], sum(each.beams for each in self.lasers[:laser])
-        beams, motions = slice(begin, begin + lrf.beams), self.motions
+        lrf = self.lasers[laser]
+        begin = sum(each.beams for each in self.lasers[:laser])
+        beams = slice(begin, begin + lrf.beams)
+        motions = self.motions
         return LaserScan(
             lrf.placed(self.trajectory.poses[index]),
             lrf.angles,

@@ -260,9 +260,11 @@ class Scenario(Value):
         from lrf3d.simulation.loop import Simulation
 
         if isinstance(mapper, Mapping):
-            mapper, changes = None, {**changes, "mapper": mapper}
+            changes = {**changes, "mapper": mapper}
+            mapper = None
         measured = [changes.pop(name, None) for name in ("sigma", "noise", "mode")]
-        scenario, controlled = self.changed(**changes), dict[str, Any]()
+        scenario = self.changed(**changes)
+        controlled = dict[str, Any]()
         checks = isinstance(on_collision, str)
         controlled_scans = 1000  # Default number of scans of a controller's drive.
         if drive is None:
@@ -288,7 +290,8 @@ class Scenario(Value):
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
             **controlled,
         )  # fmt: skip
-        made.film, made.radius = scenario.film, scenario.radius
+        made.film = scenario.film
+        made.radius = scenario.radius
         return made
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
@@ -354,7 +357,9 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     tables: dict[str, Any] = {name: {**file.tables.get(name, {})} for name in TABLES}
     for name, table in read_settings(settings).items():
         tables[name].update(table)
-    robot, noise, film = tables["robot"], tables["noise"], FilmPlan(**tables["film"])
+    robot = tables["robot"]
+    noise = tables["noise"]
+    film = FilmPlan(**tables["film"])
     if {"route", "poses"} <= set(robot):
         raise WorldError(f"{file.path}: robot.poses: stand next to a route; give one of them")
     if "start" in robot:
@@ -374,7 +379,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             path = Patrol(given["route"], given.get("speed", 1.0))
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
-    sigmas, sensors = noise.get("sigma", SIGMA), motion_sensors(file, tables)
+    sigmas = noise.get("sigma", SIGMA)
+    sensors = motion_sensors(file, tables)
     with file.at("mapper"):
         LineMapper(**tables["mapper"])
     with file.at("robot"):

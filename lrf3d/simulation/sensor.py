@@ -67,8 +67,12 @@ class Sensor:
         path: "Trajectory | Moving | None" = None,
     ) -> None:
         expect(lrf, LaserRangeFinder, "range finder")
-        self.world, self.lrf, self.noise = world, lrf, noise
-        self.caster, self._noisy, self._legs = caster_of(caster, world), Chain([noise]), None
+        self.world = world
+        self.lrf = lrf
+        self.noise = noise
+        self.caster = caster_of(caster, world)
+        self._noisy = Chain([noise])
+        self._legs = None
         self._moving = None if isinstance(path, Trajectory) or not lrf.time_increment else path
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
         # What casts single rays; other casters know no light of obstacles.
@@ -78,7 +82,8 @@ class Sensor:
             self._rays = PlanarCaster(world)
         if path is None:
             return
-        interval, rounding = getattr(path, "interval", np.inf), 0.0
+        interval = getattr(path, "interval", np.inf)
+        rounding = 0.0
         if isinstance(path, Trajectory):
             if lrf.time_increment:
                 self._legs = moves_of(path.times, path.poses)
@@ -130,18 +135,22 @@ class Sensor:
         the scan of the caster, bit for bit. Obstacles have the index −1; in a world with materials
         they are of dark cloth.
         """
-        lrf, moving = self.lrf, self._legs is not None or self._moving is not None
+        lrf = self.lrf
+        moving = self._legs is not None or self._moving is not None
         if not moving and not self._lit:
             return self._among(lrf.placed(pose), time)
-        place, motion = as_pose(lrf.placed(pose)), None
-        poses, times = np.array([place]), np.array([time])
+        place = as_pose(lrf.placed(pose))
+        motion = None
+        poses = np.array([place])
+        times = np.array([time])
         if moving:
             times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
             if self._legs is not None:
                 poses = poses_along(self._legs, times, np.array(as_pose(pose)))
             elif self._moving is not None:
                 poses = self._moving.at(times)
-            motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
+            motion = between(poses[0], poses[-1])
+            poses = lrf.placed(poses)
         if self._rays is not None:
             return self._one_by_one(self._rays, place, poses, times).at_time(time, motion)
         # Beam i of the scan of moment i, as casters with only `cast` know no single rays.
@@ -157,7 +166,9 @@ class Sensor:
         self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
     ) -> LaserScan:
         """The scan of beams at times (beams,) [s], or at one, from as many poses."""
-        lrf, rays, lighting = self.lrf, np.empty(self.lrf.beams, RAY), caster.lighting
+        lrf = self.lrf
+        rays = np.empty(self.lrf.beams, RAY)
+        lighting = caster.lighting
         rays_from(laser_of(lrf), poses, times, rays[None])
         # Mirrors may be nearer than range_min, and what they show beyond it.
         near = lrf if lighting is None else replace(lrf, range_min=0.0)
@@ -169,7 +180,8 @@ class Sensor:
         if lighting is None:
             return LaserScan.unchecked(lrf, place, ranges, walls)
         lit = lighting.empty(lrf)
-        lit.ranges[:], lit.walls[:] = ranges, walls
+        lit.ranges[:] = ranges
+        lit.walls[:] = walls
         crowd = self._crowd.plain, self._crowd.own
         lighting.light(lrf, caster.tree(lrf.height), rays, lit, *crowd)
         lit.walls[lit.walls >= count] = -1
@@ -180,7 +192,8 @@ class Sensor:
         scan = self.caster.cast(self.lrf, pose).at_time(time)
         if not len(self._crowd):
             return scan
-        ranges, walls = scan.ranges.copy(), scan.walls.copy()
+        ranges = scan.ranges.copy()
+        walls = scan.walls.copy()
         self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
         return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
 

@@ -64,10 +64,14 @@ class ControlledDrive:
     ) -> None:
         self._sweep = sweep
         self.robot: Any = Unicycle() if robot is None else robot
-        self.controller, self.body, self._checker, self._stops = controller, body, checker, stops
+        self.controller = controller
+        self.body = body
+        self._checker = checker
+        self._stops = stops
         self.interval = number(interval, "scan_interval", "seconds", positive=True)
         self.start = self.pose = as_pose(start)
-        self.time, self.goes_on = 0.0, True
+        self.time = 0.0
+        self.goes_on = True
         self.collision: Collision | None = None
         self.twist: Twist = (0.0, 0.0, 0.0)
         self.since = 0.0, self.pose
@@ -76,7 +80,8 @@ class ControlledDrive:
 
     def after(self, scan: LaserScan | Sequence[LaserScan]) -> None:
         """Get the next command of the controller, and drive."""
-        time, start = self.time, self.pose
+        time = self.time
+        start = self.pose
         if self._sweep:
             time += self._sweep
             start = Pose(*self.at(np.array([time]))[0].tolist())
@@ -84,7 +89,8 @@ class ControlledDrive:
         self.collision = None
         command = self.controller.command(time, start, scan)
         if command is None:
-            self.goes_on, self.twist = False, (0.0, 0.0, 0.0)
+            self.goes_on = False
+            self.twist = (0.0, 0.0, 0.0)
             return
         try:
             values = [float(value) for value in command]

@@ -89,7 +89,8 @@ def self_check(
 
     Driven (k,) is the distance travelled up to each of them [m].
     """
-    scans, counts = [], []
+    scans = []
+    counts = []
     compared = 4  # Most earlier key scans that each one is compared with, the nearest.
     for number, key in enumerate(keys):
         apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
@@ -130,12 +131,14 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
         return min(found, key=found.__getitem__)
 
     # Angles between the mounts that are tried [°]: all around, and near the best of these.
-    coarse, fine = 45, 15
+    coarse = 45
+    fine = 15
     turn, sense = best_of(range(-180 + coarse, 181, coarse), *(1, -1)[: 1 + mirrored])
     best = turn, sense = best_of(range(turn - coarse + fine, turn + coarse, fine), sense)
     declared = found[0, 1]
     # Factor and distance [m] by which pairs must fit better with another mount to name it.
-    clearly, close = 1.5, 0.02
+    clearly = 1.5
+    close = 0.02
     if best == (0, 1) or declared < clearly * found[best] + close:
         return None
     turn = (turn + 179) % 360 - 179
@@ -149,8 +152,11 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
 def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
     """A sentence on why the poses cannot be those of the robot of the scans; None if they can."""
     own, robots, pairs = _paired(scans)
-    steps, several = np.hypot(*np.diff(robots[:, :2], axis=0).T), len(own) > LEAST_PAIRS
-    jump, usual = 3.0, 10.0  # Least step of a jump [m], also as a multiple of nearly all steps.
+    steps = np.hypot(*np.diff(robots[:, :2], axis=0).T)
+    several = len(own) > LEAST_PAIRS
+    # Least step of a jump [m], also as a multiple of nearly all steps.
+    jump = 3.0
+    usual = 10.0
     if several and steps.max() > max(jump, usual * float(np.quantile(steps, 0.95))):
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
@@ -171,8 +177,11 @@ def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tu
     """Scans of the first laser, its robot's poses (k, 3), and pairs that it moved between."""
     own = [scan for scan in scans if scan.laser == scans[0].laser and scan.hits.any()]
     robots = np.array([scan.robot for scan in own]).reshape(-1, 3)
-    pairs, first = list[tuple[int, int]](), 0
-    apart, turned = 0.4, 0.2  # Least distance [m] or turn [rad] between the scans of a pair.
+    pairs = list[tuple[int, int]]()
+    first = 0
+    # Least distance [m] or turn [rad] between the scans of a pair.
+    apart = 0.4
+    turned = 0.2
     for number in range(1, len(robots)):
         distance, turn = size_of(between(robots[first], robots[number]))
         if distance > apart or turn > turned:

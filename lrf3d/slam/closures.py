@@ -166,7 +166,8 @@ class LoopCloser:
         agrees = self._votes(newest, [*self.unconfirmed, *self.accepted])
         votes = list(agrees.values())
         # Of sets that contradict each other the larger one is accepted.
-        together, against = float(votes.count(True)), votes.count(False)
+        together = float(votes.count(True))
+        against = votes.count(False)
         if strict:
             doubtful = self._votes(newest, self.doubtful)
             agreeing_scans = {other.new for other, agree in doubtful.items() if agree}
@@ -214,7 +215,9 @@ class LoopCloser:
         """The places of a new key scan that may be right."""
         # Log odds that a place must have, log odds by which it may fall short of the best one, and
         # share of the scan that it must explain: a third of what a closure must.
-        least, short, share = 0.3, 1.0, 0.1
+        least = 0.3
+        short = 1.0
+        share = 0.1
         enough = max(least, max(place.evidence for _, place in places) - short)
         return [
             _closure(old, new, place.match)
@@ -227,21 +230,24 @@ class LoopCloser:
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
             return []
-        poses, places = self._poses, list[tuple[int, Place]]()
+        poses = self._poses
+        places = list[tuple[int, Place]]()
         lengths, spreads = self.paths.spreads(new, poses)
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
         away = (poses - poses[new])[:, :2]
         apart = np.hypot(*away.T)
         along = away / np.maximum(apart, 1e-9)[:, None]
         deviation = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
-        (least, *_), (most, *_) = LEAST_SPREAD, MOST_SPREAD
+        least, *_ = LEAST_SPREAD
+        most, *_ = MOST_SPREAD
         fits &= apart < NEAR + DEVIATIONS * np.clip(deviation, least, most)
         most_places = 20  # Most old places that are tried for a key scan, the nearest first.
         for _ in range(most_places):
             if not fits.any():
                 break
             old = int(np.where(fits, apart, np.inf).argmin())
-            spread, guess = _bounded(spreads[old]), between(poses[old], poses[new])
+            spread = _bounded(spreads[old])
+            guess = between(poses[old], poses[new])
             places += [(old, place) for place in self._places(old, new, spread, guess)]
             # Next, an old key scan elsewhere is tried. In a small window one good match is enough;
             # in a wide one all are tried, so that a place that only looks right is not accepted.
@@ -322,8 +328,10 @@ class LoopCloser:
         relative = np.array([each.relative for each in others])
         error = between(compose(relative, new), compose(old, newest.relative))
         # Errors of a submap [m], [rad], to which the drift over the length is added.
-        bent_place, bent_turn = 0.05, 0.015
-        place, turn = bent_place + DRIFT * lengths, bent_turn + DRIFT_TURN * lengths
+        bent_place = 0.05
+        bent_turn = 0.015
+        place = bent_place + DRIFT * lengths
+        turn = bent_turn + DRIFT_TURN * lengths
         lever = bent_turn * np.hypot(*old[:, :2].T)
         covariance = np.array([each.covariance for each in others]) + newest.covariance
         covariance = turned(covariance, -float(newest.relative[2]))

@@ -84,7 +84,8 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
 
     The heading is marginalised.
     """
-    coupling, turn = information[:2, 2], max(float(information[2, 2]), 1e-9)
+    coupling = information[:2, 2]
+    turn = max(float(information[2, 2]), 1e-9)
     place = information[:2, :2] - np.outer(coupling, coupling) / turn
     (weakest, _), directions = np.linalg.eigh(place)
     return directions[:, 0], float(max(weakest, 0.0))
@@ -117,7 +118,8 @@ class FrontEnd:
         # The last key scans since a scan that was lost: their relative poses are certain.
         self._certain: deque[Key] = deque(maxlen=adjacent)
         # Running mean of a scan's hits, and whether the last scan has far fewer.
-        self._hits, self._broken = 0.0, False
+        self._hits = 0.0
+        self._broken = False
         # The surface of the last scan without dynamic obstacles, in the frame of the robot.
         self.surface = np.empty(0, SURFACE)
         # And the last few scans since the key scan, with their poses.
@@ -131,7 +133,8 @@ class FrontEnd:
         self._contradicted = False
         # The motion since the last key scan, a sum of increments by the wheels and by matching, and
         # whether the walls in view fixed its turn and its distance ahead.
-        self._raw, self._found = np.zeros(3), np.zeros(3)
+        self._raw = np.zeros(3)
+        self._found = np.zeros(3)
         self._turn_known = self._ahead_known = True
 
     def track(self, scan: Key, increment: Float | None, since: float = 1.0) -> Tracked:
@@ -149,7 +152,8 @@ class FrontEnd:
                 # Wheels that slip go on, and few beams show it by several scans alone.
                 expected = expected._replace(doubtful=np.inf, other=coasting)
         placed = self._placed(scan, expected)
-        far, jumped = self._is_far(expected.step, since), False
+        far = self._is_far(expected.step, since)
+        jumped = False
         unsure = not placed.accepted or self._half_seen(placed, expected)
         if increment is not None and (far or unsure):
             # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
@@ -159,7 +163,9 @@ class FrontEnd:
             better = self._worth(other, coasting) + CLEARLY >= self._worth(placed, expected)
             jumped = better and (far or other.match.explained > CERTAIN_SHARE)
             if jumped:
-                expected, placed, increment = coasting, other, None
+                expected = coasting
+                placed = other
+                increment = None
         match, accepted, still, self._contradicted = placed
         guess = compose(self.pose, expected.step)
         self.surface = still.surface
@@ -169,7 +175,8 @@ class FrontEnd:
         self._lost = not accepted
         x, y, heading = match.pose if accepted else guess
         pose = np.array([x, y, wrap_angle(heading)])
-        found, information = between(self.pose, pose), np.zeros((3, 3))
+        found = between(self.pose, pose)
+        information = np.zeros((3, 3))
         covariance = expected.covariance
         if accepted:
             information = turned(match.information, -float(wrap_angle(heading)))
@@ -198,7 +205,8 @@ class FrontEnd:
     def _is_far(self, step: Float, since: float) -> bool:
         """Whether a step (3,) of the wheels is far larger than those of the robot in a time [s]."""
         # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
-        faster, beyond = 2.0, 0.25
+        faster = 2.0
+        beyond = 0.25
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
 
     def _half_seen(self, placed: Placed, expected: Prediction) -> bool:
@@ -232,7 +240,8 @@ class FrontEnd:
 
     def _match(self, scan: Key, expected: Prediction) -> Placed:
         """A scan as matched with the local map, and searched where the match is doubtful."""
-        guess, (*_, heading) = compose(self.pose, expected.step), self.pose.tolist()
+        guess = compose(self.pose, expected.step)
+        *_, heading = self.pose.tolist()
         prior = turned(np.asarray(np.linalg.inv(expected.uncertain)), heading)
         match = self._map.match(scan, guess, prior)
         if match is None:
@@ -255,21 +264,25 @@ class FrontEnd:
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
         that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        guess, judged = compose(self.pose, expected.step), self._judged(scan, expected)
+        guess = compose(self.pose, expected.step)
+        judged = self._judged(scan, expected)
         places = self._map.places(judged, guess, np.diag(expected.window**2))
         places.append(self._map.place(judged, match))
         worth = np.array([place.evidence for place in places])
         odds = worth.copy()
         if expected.trusted:
             # Log odds against a slip: one step in twenty is off by more than the wheels' noise.
-            rare, likely = 3.0, [expected]
+            rare = 3.0
+            likely = [expected]
             if expected.other is not None:
-                rare, likely = 0.0, [expected, expected.other]
+                rare = 0.0
+                likely = [expected, expected.other]
             slips = between(guess, np.array([place.match.pose for place in places]))
             noise = [[self._slip(place.match, step) for place in places] for step in likely]
             far = np.log1p(np.square(slips / expected.window).sum(axis=1))
             odds -= np.minimum(np.log1p(np.min(noise, axis=0)), rare + far)
-        best, fits = places[int(odds.argmax())], places[int(worth.argmax())]
+        best = places[int(odds.argmax())]
+        fits = places[int(worth.argmax())]
         clearly = 1.0  # A difference of log odds.
         # In a corridor of glass little is explained, and most where the robot has been.
         slipped = self._slip(fits.match, expected) > SLIP_LIMIT**2
@@ -282,7 +295,8 @@ class FrontEnd:
         if not self._map.keys or self._broken or len(scan.surface) < LEAST_POINTS:
             return None
         turn = np.pi / 3.0  # Standard deviation of a window of all headings [rad].
-        guess, window = compose(self.pose, expected.step), np.array([*expected.window[:2], turn])
+        guess = compose(self.pose, expected.step)
+        window = np.array([*expected.window[:2], turn])
         places = self._map.places(scan, guess, np.diag(window**2))
         best = clearest([place.match.pose for place in places], [each.evidence for each in places])
         if best is None:
@@ -328,7 +342,8 @@ class FrontEnd:
         key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
-        self._raw, self._found = np.zeros(3), np.zeros(3)
+        self._raw = np.zeros(3)
+        self._found = np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._recent.clear()
         self.mixed_pixels.learn(self._certain, key)
@@ -354,7 +369,9 @@ def refined(
     """
     surrounding = 12  # Key scans with which a scan is matched, the nearest.
     prior = np.diag([2500.0, 2500.0, 10000.0])  # Information of its pose: 0.02 m and 0.01 rad.
-    refined_poses, grid, anchors = poses.copy(), None, set(anchored.tolist())
+    refined_poses = poses.copy()
+    grid = None
+    anchors = set(anchored.tolist())
     for scan, (surface, pose) in enumerate(zip(surfaces, poses, strict=True)):
         if scan in anchors:
             apart = np.hypot(*(key_poses[:, :2] - pose[:2]).T)

@@ -111,12 +111,14 @@ class Coasting:
         length, turn = size_of(self._step)
         # Standard deviation [m], [rad] of a step from the last one, and the share of the step that
         # is added. With 0.1 m a robot that starts to move in a corridor is taken to stand still.
-        coast, coast_share = 0.03, 0.2
+        coast = 0.03
+        coast_share = 0.2
         deviations = coast + coast_share * np.array([length, length, turn])
         variances = deviations**2 * self._excess.scale
         window = np.maximum(slip_window(self._step), np.sqrt(variances))
         largest_window = [0.5, 0.5, 0.6]  # Standard deviations [m], [rad].
-        spread, window = np.diag(variances), np.minimum(window, largest_window)
+        spread = np.diag(variances)
+        window = np.minimum(window, largest_window)
         return Prediction(self._step, spread, spread, window, np.inf, trusted=False)
 
     def found(self, prediction: Prediction, step: Float) -> None:
@@ -137,7 +139,8 @@ class Wheels:
     def __init__(self) -> None:
         # The regression of the wheels' errors: those of turns as shares of the true turn and
         # distance, those of distances as a share of the true distance.
-        self._information, self._sums = np.zeros((3, 3)), np.zeros(3)
+        self._information = np.zeros((3, 3))
+        self._sums = np.zeros(3)
         # Squares of the turns' errors, and their number.
         self._squares = self._stretches = 0.0
         self.excess = Excess(ROUGH)
@@ -168,7 +171,8 @@ class Wheels:
         row = np.array([measured_turn, measured_ahead, 0.0])
         unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(self._known, row)])
         # Encoders that stand still may have failed, and carry no information.
-        moved, window = bool(step.any()), slip_window(step)
+        moved = bool(step.any())
+        window = slip_window(step)
         return Prediction(step, covariance, covariance + unlearned, window, trusted=moved)
 
     def _covariance(self, step: Float) -> Float:
@@ -194,7 +198,8 @@ class Wheels:
         # The larger distance counts, so that wheels that measure twice as much are corrected, too.
         farthest, _, widest = np.maximum(np.abs(matched), np.abs(measured))
         _, spread = NOISE @ [1.0, farthest, widest]
-        error, row = excess_turn / spread, np.array([turn, ahead, 0.0]) / spread
+        error = excess_turn / spread
+        row = np.array([turn, ahead, 0.0]) / spread
         weight = self._regress(row, error, self.excess.heading)
         self._squares, self._stretches = self._squares + weight * error**2, self._stretches + weight
         # Weight of the prior in the residuals of the regression: with the whole prior, wheels far

@@ -101,10 +101,12 @@ def punctual(log: LaserLog) -> LaserLog:
             else ""
         )
         raise InputError(f"{log.name}: no poses in it ({log.source}{bad}); lrf3d slam finds them")
-    scans, notes = list(log.scans), list(log.notes)
+    scans = list(log.scans)
+    notes = list(log.notes)
     for laser in log.lasers:
         numbers = [number for number, scan in enumerate(scans) if scan.laser == laser]
-        own, places = [scans[number] for number in numbers], np.arange(len(numbers))
+        own = [scans[number] for number in numbers]
+        places = np.arange(len(numbers))
         interval = usual_step(np.array([scan.time for scan in own]))
         path = WheelPath(np.array([scan.robot for scan in own]), interval)
         own, turns, mirrored, fan = agreeing(log, own, ScanConverter(), path, places)
@@ -122,8 +124,10 @@ def map_scans(
     log: LaserLog, *, mode: str, sigma: float | None, all_scans: bool, progress: Progress
 ) -> Run:
     """Build a map from a log whose poses are known; arguments are those of `map_log`."""
-    chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
-    scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
+    chosen = np.flatnonzero(~log.is_odd | all_scans)
+    mapper = LineMapper(mode, sigma=sigma)
+    scans = [log.scans[k] for k in chosen]
+    poses = log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
     # Scans of several lasers at one moment stay those of their lasers.
     joint = replace(log, scans=scans, wheels=None).of_moments()
@@ -196,7 +200,8 @@ def solve_log(
     expect(progress, Callable, "progress")
     known = on if on is None or isinstance(on, Run) else load_run(on)
     log, recording = followed(log)
-    offset, path = log.odometry.laser_offset, recording.path
+    offset = log.odometry.laser_offset
+    path = recording.path
     if path.stands:
         # Odometry that never moves counts as missing.
         log = replace(log, placed=False)
@@ -217,7 +222,8 @@ def solve_log(
     if log.placed:
         lags = fitted_lag(turns, path, places)
         if not log.parts and (rolled := swept(converter, scans, path, places - lags)):
-            scans, sweep = rolled, max(scan.duration for scan in rolled)
+            scans = rolled
+            sweep = max(scan.duration for scan in rolled)
             lags = fitted_lag(turns_between(converter, scans, path, places), path, places)
         increments = list(path.increments(places - lags))
     start = path.at(places[:1].astype(np.float64))[0]
@@ -226,13 +232,15 @@ def solve_log(
     first = scans[: CALIBRATED * log.placed]
     for scan, increment in zip(first, increments, strict=False):
         slam.update(scan, increment)
-    passes, learned = 0, True
+    passes = 0
+    learned = True
     most_passes = 3  # Times that a drive is solved, at most.
     # Where the scale of distances or of turns moves by more than this share from its first
     # estimate, the beginning is misplaced: the drive is solved again. Around blocks of 400 to 640 m
     # of corridor that takes half to three quarters of the error away. Scans show turns, but hardly
     # the distance along a corridor, so that only large errors of turns matter.
-    scale_change, turn_change = 0.012, 0.15
+    scale_change = 0.012
+    turn_change = 0.15
     while learned and passes < most_passes:
         passes += 1
         wheels = slam.wheels
@@ -307,7 +315,9 @@ def followed(log: LaserLog | str | Path) -> tuple[LaserLog, Recording]:
 
 def _checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
-    scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
+    scans = log.scans
+    wheels = log.odometry.poses
+    times = log.odometry.times
     if len(scans) < 2 or not len(wheels):
         count = f"{counted(len(scans), 'scan')} and {counted(len(wheels), 'odometry line')}"
         raise InputError(f"{count}; expected at least two scans and one line")

@@ -39,8 +39,12 @@ def edges_of(
 ) -> Records:  # fmt: skip
     """Edges (e,) between key scans (e,), of relative poses (e, 3) with information (e, 3, 3)."""
     edges = np.zeros(len(measured), EDGE)
-    edges["first"], edges["second"], edges["measured"] = first, second, measured
-    edges["information"], edges["prior"], edges["robust"] = information, prior, robust
+    edges["first"] = first
+    edges["second"] = second
+    edges["measured"] = measured
+    edges["information"] = information
+    edges["prior"] = prior
+    edges["robust"] = robust
     return edges
 
 
@@ -66,13 +70,17 @@ def _matrices(rows: Sequence[Sequence[ArrayLike]], count: int) -> Float:
 
 def normal_equations(poses: Float, edges: Records) -> tuple[csc_array, Float]:
     """Half the Hessian (3k, 3k) and half the gradient (3k,) of the cost at poses (k, 3)."""
-    i, j, count = edges["first"], edges["second"], len(edges)
+    i = edges["first"]
+    j = edges["second"]
+    count = len(edges)
     x, y, _ = between(poses[i], poses[j]).T
-    cos, sin = np.cos(poses[i, 2]), np.sin(poses[i, 2])
+    cos = np.cos(poses[i, 2])
+    sin = np.sin(poses[i, 2])
     by_first = _matrices([[-cos, -sin, y], [sin, -cos, -x], [0, 0, -1.0]], count)
     by_second = _matrices([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1.0]], count)
     blocks = np.stack([by_first, by_second], axis=1).reshape(-1, 3, 3)
-    each, ends = np.arange(count + 1), np.column_stack([i, j]).ravel()
+    each = np.arange(count + 1)
+    ends = np.column_stack([i, j]).ravel()
     derivative = bsr_array((blocks, ends, 2 * each), shape=(3 * count, poses.size))
     _, weights = edge_squares(poses, edges)
     weighted = edges["information"] * weights[:, None, None]
@@ -152,7 +160,8 @@ class GraphPaths:
     """
 
     def __init__(self) -> None:
-        self._links, self._covariances = np.empty(0, LINK), np.empty((0, 3, 3))
+        self._links = np.empty(0, LINK)
+        self._covariances = np.empty((0, 3, 3))
 
     def link(self, first: int, second: int, length: float, covariance: Float) -> None:
         """Join two key scans, the older one first, by a link of a length [m].
@@ -173,11 +182,15 @@ class GraphPaths:
         The poses (k, 3) are those of all key scans; covariances are along the axes of the map.
         """
         lengths, last = _shortest(self._links, source, np.inf)
-        reached, before = np.flatnonzero(last >= 0), np.full(len(last), source)
-        links, covariances = self._links[last[reached]], self._covariances[last[reached]]
-        first, second = links["first"], links["second"]
+        reached = np.flatnonzero(last >= 0)
+        before = np.full(len(last), source)
+        links = self._links[last[reached]]
+        covariances = self._covariances[last[reached]]
+        first = links["first"]
+        second = links["second"]
         before[reached] = first + second - reached
-        cos, sin = np.cos(poses[first, 2]), np.sin(poses[first, 2])
+        cos = np.cos(poses[first, 2])
+        sin = np.sin(poses[first, 2])
         x, y, _ = poses[second].T
         # Errors as twists about the origin: those of the links of a path add up.
         twist = _matrices([[cos, -sin, y], [sin, cos, -x], [0, 0, 1.0]], len(reached))
@@ -185,7 +198,8 @@ class GraphPaths:
         sums[reached] = twist @ covariances @ twist.transpose(0, 2, 1)
         # Each sum takes in that of the vertex where it ends, and so doubles the path it covers.
         while (before != source).any():
-            sums, before = sums + sums[before], before[before]
+            sums = sums + sums[before]
+            before = before[before]
         x, y, _ = poses[source]
         lever = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
         return lengths, np.asarray(lever @ sums @ lever.T)
@@ -201,7 +215,8 @@ def _shortest(links: Records, source: int, limit: float) -> tuple[Float, Int]:
     count = source + 1
     for link in links:
         count = max(count, link.second + 1)
-    lengths, last = np.full(count, np.inf), np.full(count, -1)
+    lengths = np.full(count, np.inf)
+    last = np.full(count, -1)
     lengths[source] = 0.0
     changed = True
     while changed:
@@ -212,6 +227,7 @@ def _shortest(links: Records, source: int, limit: float) -> tuple[Float, Int]:
             for here, there in ((link.first, link.second), (link.second, link.first)):
                 length = lengths[here] + link.length
                 if length < lengths[there] and length <= limit:
-                    lengths[there], last[there] = length, number
+                    lengths[there] = length
+                    last[there] = number
                     changed = True
     return lengths, last

@@ -69,7 +69,8 @@ class SlamMapper:
         rng: np.random.Generator | int = 0,
     ) -> None:
         self.slam = Slam()
-        self._wheels, self._rng = wheels, generator(rng)
+        self._wheels = wheels
+        self._rng = generator(rng)
         self._measured: Float | None = None
         # Poses at all scans: true ones, by the wheels, and as estimated online.
         self._true: list[Float] = []
@@ -85,7 +86,9 @@ class SlamMapper:
             for each in ((scan,) if isinstance(scan, LaserScan) else scan)
         )
         first, *_ = scans
-        number, true, increment = len(self._true), np.array(first.robot), np.zeros(3)
+        number = len(self._true)
+        true = np.array(first.robot)
+        increment = np.zeros(3)
         if not number:
             # Where the world's origin is no scan can tell, so that the first pose is given.
             self.slam = Slam(start=true)

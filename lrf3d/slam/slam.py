@@ -174,9 +174,12 @@ class Slam:
 
     def _add_to_graph(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or make it a vertex of the graph and close loops."""
-        closer, pose, apart = self.closer, self._robot, False
+        closer = self.closer
+        pose = self._robot
+        apart = False
         if self._anchors:
-            last, lost = self._anchors[-1], self._lost()
+            last = self._anchors[-1]
+            lost = self._lost()
             closer.drive(between(last.front, key.pose), lost)
             if place := in_known_place(closer, key, last, self.key_poses):
                 self._anchors.append(place)
@@ -204,7 +207,8 @@ class Slam:
 
     def _close_known(self) -> None:
         """Close the loops that are known to be closed by the newest key scan."""
-        closer, new = self.closer, len(self.closer.keys) - 1
+        closer = self.closer
+        new = len(self.closer.keys) - 1
         for pair in [pair for pair in self._known if max(pair) <= closer.keys[new].scan]:
             self._known.remove(pair)
             closure = closer.known(closer.number_at(min(pair)), new, self.key_poses)
@@ -219,7 +223,8 @@ class Slam:
 
     def _edge_to_last(self) -> Records:
         """The edge from the key scan of the last anchor to the last scan."""
-        last, tracked = self._anchors[-1], self.tracked[-1]
+        last = self._anchors[-1]
+        tracked = self.tracked[-1]
         relative = self._since_key()
         *_, turn = relative.tolist()
         since = (scan.covariance for scan in self.tracked[last.scan + 1 :])
@@ -252,7 +257,8 @@ class Slam:
 
     def covariance(self) -> Float:
         """Covariance (3, 3) of the last scan's pose, relative to the first; solves the graph."""
-        poses, edges = self.key_poses, self.edges
+        poses = self.key_poses
+        edges = self.edges
         if self.tracked and self.closer.keys[-1].scan < len(self.tracked) - 1:
             poses = np.vstack([poses, self._robot])
             edges = np.concatenate([edges, self._edge_to_last()])
@@ -376,7 +382,8 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self.tracked)}"
             )
-        surfaces, keys = map(self.converter.surface, scans), self.closer.keys
+        surfaces = map(self.converter.surface, scans)
+        keys = self.closer.keys
         poses = refined(surfaces, self.trajectory(), keys, self.key_poses, self._anchored)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses

@@ -90,7 +90,8 @@ class SolvedLog:
         if self.joined is not None or (estimate := self.run.estimate) is None:
             return []
         axes = np.linalg.norm(estimate.ellipses, 2, axis=(1, 2))
-        extent, placed = float(np.hypot(*np.ptp(self.poses[:, :2], axis=0))), self.log.placed
+        extent = float(np.hypot(*np.ptp(self.poses[:, :2], axis=0)))
+        placed = self.log.placed
         # Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach
         # 0.03, and one that was bent by 20° without a contradiction reached 0.14.
         bent_share = 0.1
@@ -105,7 +106,8 @@ class SolvedLog:
     @property
     def refused(self) -> list[Refusal]:
         """The loop closures that were refused in the worst stretch of the self-check."""
-        (first, last), scans = self.check.worst_scans, [key.scan for key in self.key_scans[0]]
+        first, last = self.check.worst_scans
+        scans = [key.scan for key in self.key_scans[0]]
         before = len(scans) - len(self.slam.closer.keys)
         shifted = [
             each._replace(old=before + each.old, new=before + each.new)
@@ -157,7 +159,8 @@ class SolvedLog:
     @cached_property
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
-        slam, keys = self.slam, self.slam.key_scans
+        slam = self.slam
+        keys = self.slam.key_scans
         mount = self.scans[0].mount
         if mount == CENTRE:
             mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
@@ -175,7 +178,10 @@ class SolvedLog:
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
-        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
+        log = self.log
+        slam = self.slam
+        line_map = self.run.map
+        tracked = self.slam.tracked[1:]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
         return {
@@ -278,7 +284,8 @@ def _laser_of(scans: Sequence[LaserScan], *, mounted: bool) -> tuple[LaserRangeF
     """The range finder that took scans (k,), and their ranges (k, beams)."""
     angles, ranges = on_one_fan(scans)
     begin, end = angles[[0, -1]].tolist()
-    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
+    nearest = min(s.range_min for s in scans)
+    farthest = max(s.range_max for s in scans)
     if farthest == np.inf:
         # Some drivers give no limit: it is the usual one, or what was measured beyond it.
         usual = LaserRangeFinder().range_max
@@ -296,7 +303,9 @@ def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float,
     Its poses (k, 3) are those that joining has found. Several lasers stay together where those of
     the other drive are mounted otherwise.
     """
-    first, count, before = both.run, len(both.run), both.first_poses
+    first = both.run
+    count = len(both.run)
+    before = both.first_poses
     one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
     if len(first.lasers) == 1:
         before = compose(before, np.array(first.lrf.mount))

@@ -55,7 +55,8 @@ class FixedCamera:
 
     def scaled(self, factor: float) -> "FixedCamera":
         """The camera with x and y scaled; heights stay the same."""
-        (x, y, z), (x2, y2, z2) = self.position, self.target
+        x, y, z = self.position
+        x2, y2, z2 = self.target
         return replace(
             self, position=(factor * x, factor * y, z), target=(factor * x2, factor * y2, z2)
         )

@@ -42,7 +42,8 @@ class FreeCells:
     def contain(self, points: Float) -> Bool:
         """Which of the points (k, 2) [m] lie in a free cell; points outside the grid do not."""
         x, y, yaw = self.origin
-        cos, sin = np.cos(yaw), np.sin(yaw)
+        cos = np.cos(yaw)
+        sin = np.sin(yaw)
         local = (points - [x, y]) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution
         rows, columns = self.cells.shape
         within = ((local >= 0.0) & (local < [columns, rows])).all(axis=1)

@@ -27,7 +27,8 @@ STEP = 0.05
 def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
     """A map as a world: its walls meet at corners, and walls that touch are one object."""
     segments, walls = close_gaps(mapped.segments, free)
-    heights, place = mapped.heights[walls], mapped.place
+    heights = mapped.heights[walls]
+    place = mapped.place
     return World(segments, connected(segments), heights, mapped.name, place=place, free=free)
 
 
@@ -39,7 +40,9 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
     """
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments - np.tile(origin, 2)).reshape(-1, 2)
-    moved, bridges, rows = ends.copy(), [], []
+    moved = ends.copy()
+    bridges = []
+    rows = []
     taken = np.zeros(len(ends), dtype=np.bool_)
     for closing, corner in _closings(ends):
         is_straight = np.isnan(corner).any()
@@ -71,7 +74,8 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     outward = along * np.tile([[-1.0], [1.0]], (len(ends) // 2, 1))
     one, other = cKDTree(ends).query_pairs(WIDEST + OVERSHOOT, output_type="ndarray").T
     apart = one // 2 != other // 2
-    one, other = one[apart], other[apart]
+    one = one[apart]
+    other = other[apart]
     first, second, corner = _crossing(ends[one], outward[one], ends[other], outward[other])
     meets = _may_grow(first) & _may_grow(second)
     between = ends[other] - ends[one]
@@ -81,10 +85,12 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     straight &= np.abs(cross(outward[one], between)) <= 0.1
     tree = shapely.STRtree(shapely.linestrings(ends.reshape(-1, 2, 2)))
     end, wall = tree.query(shapely.points(ends), predicate="dwithin", distance=WIDEST)
-    begin, length = ends[2 * wall], np.hypot(*(ends[2 * wall + 1] - ends[2 * wall]).T)
+    begin = ends[2 * wall]
+    length = np.hypot(*(ends[2 * wall + 1] - ends[2 * wall]).T)
     growth, station, joint = _crossing(ends[end], outward[end], begin, along[2 * wall])
     within = (end // 2 != wall) & _may_grow(growth) & (station > 0.0) & (station < length)
-    closes, twice = np.column_stack([one, other]), np.column_stack([end, end])
+    closes = np.column_stack([one, other])
+    twice = np.column_stack([end, end])
     pairs = np.vstack([closes[meets | straight], twice[within]])
     corners = np.vstack([corner[meets | straight], joint[within]])
     cost = np.where(straight, distance, np.maximum(np.abs(first), np.abs(second)))

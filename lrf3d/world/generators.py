@@ -35,12 +35,15 @@ class FloorPlan:
     """Centre lines of walls, and boxes between them, of which a world is made."""
 
     def __init__(self) -> None:
-        self.lines, self.boxes = list[Float](), list[Part]()
+        self.lines = list[Float]()
+        self.boxes = list[Part]()
 
     def wall(self, x1: float, y1: float, x2: float, y2: float, *doors: float) -> None:
         """Add a wall along an axis, with doors at these distances from its first end [m]."""
-        begin, span = np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
-        length, gap = float(np.abs(span).sum()), 0.5 * (DOOR + THICKNESS)
+        begin = np.array([x1, y1])
+        span = np.array([x2 - x1, y2 - y1])
+        length = float(np.abs(span).sum())
+        gap = 0.5 * (DOOR + THICKNESS)
         posts = [post for door in sorted(doors) for post in (door - gap, door + gap)]
         for start, end in np.reshape([0.0, *posts, length], (-1, 2)):
             if end > start:
@@ -63,7 +66,8 @@ class FloorPlan:
     def world(self, name: str) -> World:
         """The world: walls that touch are one object, and so is each box."""
         ends = np.array(self.lines).reshape(-1, 2, 2)
-        low, high = ends.min(axis=1) - 0.5 * THICKNESS, ends.max(axis=1) + 0.5 * THICKNESS
+        low = ends.min(axis=1) - 0.5 * THICKNESS
+        high = ends.max(axis=1) + 0.5 * THICKNESS
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
         union = shapely.union_all(shapely.box(*low.T, *high.T), grid_size=0.001)
         parts = list[Part]()
@@ -109,8 +113,10 @@ def city(size: float, seed: int) -> World:
 
 def office(size: float, seed: int) -> World:
     """An office floor: corridors with rooms on both sides, joined across, desks and shelves."""
-    plan, rng = FloorPlan(), np.random.default_rng(seed)
-    pitch, across = 2.0 * ROOM_DEPTH + CORRIDOR, 0.5 * size - 0.5 * CORRIDOR
+    plan = FloorPlan()
+    rng = np.random.default_rng(seed)
+    pitch = 2.0 * ROOM_DEPTH + CORRIDOR
+    across = 0.5 * size - 0.5 * CORRIDOR
     storeys = max(1, round(0.6 * size / pitch))
     top = storeys * pitch
     plan.outer_walls(size, top)
@@ -134,7 +140,8 @@ def _row_of_rooms(plan: FloorPlan, rng: np.random.Generator, box: Box, faces: fl
     count = max(1, round((right - left) / float(np.mean(ROOM_WIDTHS))))
     shares = rng.uniform(*ROOM_WIDTHS, count)
     edges = left + (right - left) * np.concatenate([[0.0], np.cumsum(shares) / shares.sum()])
-    doors, room = [], 0.5 * DOOR + THICKNESS
+    doors = []
+    room = 0.5 * DOOR + THICKNESS
     for start, end in pairwise(np.round(edges, 2).tolist()):
         doors.append(float(rng.uniform(start + room, end - room)) - left)
         if end < right:
@@ -162,7 +169,8 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
 
 def rooms(size: float, seed: int) -> World:
     """A house: a floor, divided into rooms recursively, each wall with a door; pillars."""
-    plan, corner = FloorPlan(), np.array([size, round(0.75 * size, 2)])
+    plan = FloorPlan()
+    corner = np.array([size, round(0.75 * size, 2)])
     plan.outer_walls(*corner.tolist())
     _divide(plan, np.random.default_rng(seed), np.zeros(2), corner, [])
     return plan.world(f"rooms {seed}")
@@ -180,7 +188,8 @@ def _divide(
     No wall ends in front of one of the doors so far: the axes of their walls, the positions of
     these, and those of the doors along them.
     """
-    clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
+    clear = 0.5 * DOOR + 2.0 * THICKNESS
+    sides = high - low
     axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
     smallest_room = 4.0  # Smallest side of a room of a house [m].
     if sides[axis] < 2.0 * smallest_room:
@@ -200,11 +209,13 @@ def _divide(
             plan.box("pillar", corner, np.array([0.6, 0.6]), DEFAULT_HEIGHT, stone)
         return
     cut = float(np.round(rng.choice(free), 2))
-    start, end = float(low[1 - axis]), float(high[1 - axis])
+    start = float(low[1 - axis])
+    end = float(high[1 - axis])
     door = float(np.round(rng.uniform(start + clear, end - clear), 2))
     doors.append((1 - axis, cut, door))
     across = np.arange(2) == axis
-    first, last = np.where(across, cut, low), np.where(across, cut, high)
+    first = np.where(across, cut, low)
+    last = np.where(across, cut, high)
     plan.wall(*first.tolist(), *last.tolist(), door - start)
     _divide(plan, rng, first, high, doors)
     _divide(plan, rng, low, last, doors)
@@ -222,7 +233,8 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
     middles = BLOCK_SIDE * np.column_stack([column, row]) + rng.uniform(-2.0, 2.0, (count, 2))
     halves = rng.uniform(4.0, 7.0, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
     turn = rng.uniform(-0.3, 0.3, count)
-    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    cos = np.cos(turn)[:, None]
+    sin = np.sin(turn)[:, None]
     x, y = np.moveaxis(halves, -1, 0)
     corners = middles[:, None] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=2)
     segments = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
@@ -251,7 +263,8 @@ def maze(size: float, seed: int) -> World:
     plan.outer_walls(count * PASSAGE, count * PASSAGE)
     for one, other in sorted(zip(start.tolist(), end.tolist(), strict=True)):
         if (one, other) not in passages:
-            x, y = PASSAGE * (one % count + 1), PASSAGE * (one // count + 1)
+            x = PASSAGE * (one % count + 1)
+            y = PASSAGE * (one // count + 1)
             beside = other == one + 1
             plan.wall(*((x, y - PASSAGE) if beside else (x - PASSAGE, y)), x, y)
     return plan.world(f"maze {seed}")

@@ -65,7 +65,8 @@ def extent_of(cells: Bool) -> float:
 
 def grown(cells: Bool, radius: float) -> Bool:
     """Which cells are within a radius [cells] of some cells."""
-    near, box = np.zeros_like(cells), box_of(cells, int(radius) + 2)
+    near = np.zeros_like(cells)
+    box = box_of(cells, int(radius) + 2)
     if near[box].size:
         # Distances take much time and memory.
         row, column = np.indices((5, 5)) - 2
@@ -169,7 +170,8 @@ def _thin_links(grid: Bool, thick: Bool, thin: Int, cells: Complex) -> Iterator[
 
     The thin cells (k, 2) are rows and columns; their middles (k,) are the cells.
     """
-    linked, solid = _around(grid, thin), _around(thick, thin)
+    linked = _around(grid, thin)
+    solid = _around(thick, thin)
     # Cells that touch at a corner are linked past their common neighbours, if there is one.
     linked[1::2] &= ~(linked[::2] | np.roll(linked[::2], -1, axis=0))
     for place, (up, right) in enumerate(AROUND):
@@ -219,12 +221,14 @@ def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     if not chains:
         return np.empty((0, 4))
     count = np.array([len(chain) for chain in chains])
-    number, first = np.repeat(np.arange(len(chains)), count), np.cumsum(count) - count
+    number = np.repeat(np.arange(len(chains)), count)
+    first = np.cumsum(count) - count
     points = np.concatenate(chains)
     inside = (points.real % 1.0 == 0.5) & (points.imag % 1.0 == 0.5)
     cells = np.column_stack([points.imag, points.real])[inside].astype(np.int64)
     # The middle of a wall two cells thick is the mean of its cells here.
-    near, steps = _around(occupied, cells), np.array(AROUND) @ [1.0j, 1.0]
+    near = _around(occupied, cells)
+    steps = np.array(AROUND) @ [1.0j, 1.0]
     moved = points.copy()
     moved[inside] += double[tuple(cells.T)] * (steps @ near) / (near.sum(axis=0) + 1)
     # Both points of a post of two by two cells would become one.
@@ -247,7 +251,8 @@ def _fitted(points: Float, first: Int, last: Int) -> Float:
     """Segments (n, 4) along points (k, 2) from each first to each last one, which still meet."""
     # Next to a corner a point may be of the other side.
     inner = (last - first >= 3).astype(np.int64)
-    begin, end = first + inner, last + 1 - inner
+    begin = first + inner
+    end = last + 1 - inner
     x, y = points.T
     terms = np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
     sums = np.pad(np.cumsum(terms, axis=1), ((0, 0), (1, 0)))
@@ -260,7 +265,8 @@ def _fitted(points: Float, first: Int, last: Int) -> Float:
     joints, joint = np.unique(ends, axis=0, return_inverse=True)
     weight = np.minimum(count, 10.0)[:, None, None]
     outer = np.tile(weight * normal[:, :, None] * normal[:, None, :], (2, 1, 1))
-    matrix, right = np.zeros((len(joints), 2, 2)), np.zeros((len(joints), 2))
+    matrix = np.zeros((len(joints), 2, 2))
+    right = np.zeros((len(joints), 2))
     np.add.at(matrix, joint, outer)
     np.add.at(right, joint, np.einsum("kij,kj->ki", outer, np.tile(mean, (2, 1)) - ends))
     # Lines that meet may be parallel: the place of the joint itself has a little weight.

@@ -132,9 +132,11 @@ def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
     corners = triangles[faces]
     side = np.sign(corners[:, :, 2] - height)
     # The lower end of an edge is the same for both of its triangles.
-    one, other = corners, np.roll(corners, -1, axis=1)
+    one = corners
+    other = np.roll(corners, -1, axis=1)
     swap = (one[:, :, 2] > other[:, :, 2])[:, :, None]
-    low, high = np.where(swap, other, one), np.where(swap, one, other)
+    low = np.where(swap, other, one)
+    high = np.where(swap, one, other)
     crosses = side * np.roll(side, -1, axis=1) < 0.0
     rise = np.where(crosses, high[:, :, 2] - low[:, :, 2], 1.0)
     share = ((height - low[:, :, 2]) / rise)[:, :, None]
@@ -152,7 +154,8 @@ def upright(world: World) -> Float:
     """The corners (n, 4, 3) [m] of the walls: along the ground, and back along the top."""
     ends = world.segments.reshape(-1, 2, 2)
     corners = np.zeros((len(ends), 4, 3))
-    corners[:, :2, :2], corners[:, 2:, :2] = ends, ends[:, ::-1]
+    corners[:, :2, :2] = ends
+    corners[:, 2:, :2] = ends[:, ::-1]
     corners[:, 2:, 2] = world.heights[:, None]
     return corners
 

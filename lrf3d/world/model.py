@@ -95,8 +95,10 @@ class World(Value, Pictured):
         materials: Sequence[str | Material | None] | None = None,
     ) -> None:
         rows = _array(segments, "segments", (-1, 4))
-        walls, far = len(rows), LARGEST_COORDINATE
-        near, long = (np.abs(rows) <= far).all(axis=1), (rows[:, :2] != rows[:, 2:]).any(axis=1)
+        walls = len(rows)
+        far = LARGEST_COORDINATE
+        near = (np.abs(rows) <= far).all(axis=1)
+        long = (rows[:, :2] != rows[:, 2:]).any(axis=1)
         _check(near, "wall", "ends", rows, f"finite numbers of at most {far:g} m")
         _check(long, "wall", "ends", rows, "two different points; remove one")
         numbers = _array(np.zeros(walls) if objects is None else objects, "objects", (walls,))
@@ -125,7 +127,8 @@ class World(Value, Pictured):
                 raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
             point = float(place[0]), float(place[1])
         made_of = _items(() if materials is None else materials, str | Material | None, "materials")
-        [called], [cells] = _items([name], str, "name"), _items([free], FreeCells | None, "free")
+        [called] = _items([name], str, "name")
+        [cells] = _items([free], FreeCells | None, "free")
         looks = (called, names, shades, filmed, point, cells, checked(made_of, count))
         values = (rows, owned, tops, *looks)
         for each, value in zip(fields(self), values, strict=True):

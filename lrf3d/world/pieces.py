@@ -38,7 +38,8 @@ def world_of_parts(parts: Sequence[Part], name: str, **others: Any) -> World:
     """The world of walls; the first part of an object that has a name, a colour, … gives it."""
     objects = np.repeat([part.number for part in parts], [len(part.segments) for part in parts])
     count = int(objects.max()) + 1
-    names, colours = [""] * count, np.full((count, 3), np.nan)
+    names = [""] * count
+    colours = np.full((count, 3), np.nan)
     materials: list[Material | None] = [None] * count
     for part in reversed([part for part in parts if part.number < count]):
         names[part.number] = part.name or names[part.number]
@@ -81,7 +82,8 @@ def lines_of(segments: Float) -> list[Float]:
     A ring, of three walls or more, is a line that ends at its first point.
     """
     bits = np.ascontiguousarray(segments).view(np.int64)
-    lines, first = [], 0
+    lines = []
+    first = 0
     for last in range(len(segments)):
         ring = last - first >= 2 and (bits[last, 2:] == bits[first, :2]).all()
         joined = last + 1 < len(segments) and (bits[last, 2:] == bits[last + 1, :2]).all()
@@ -113,7 +115,8 @@ def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
         if end > first:
-            number, heights = int(world.objects[first]), world.heights[first:end].tolist()
+            number = int(world.objects[first])
+            heights = world.heights[first:end].tolist()
             lines = [line.tolist() for line in lines_of(world.segments[first:end])]
             yield number, looks(number), lines, heights[0] if len(set(heights)) == 1 else heights
 
@@ -122,7 +125,8 @@ def world_of_walls(segments: Float, heights: Float, path: Path, gap: float = TOU
     """The world of segments (n, 4), with heights (n,), of which repeated ones count once."""
     kept = np.flatnonzero(lengths(segments) > 1e-9)
     kept = kept[without_repeats(segments[kept])]
-    segments, heights = segments[kept], heights[kept]
+    segments = segments[kept]
+    heights = heights[kept]
     extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
     # Drawings may have the size of their paper.
     gap = min(gap, 1e-4 * extent) if gap == TOUCHING else gap
@@ -158,8 +162,11 @@ def pairs_within(shapes: Any, distance: float, what: str) -> tuple[Int, Int]:
     """
     import shapely
 
-    tree, count = shapely.STRtree(shapes), len(shapes)
-    pairs, boxes, known = [np.empty((2, 0), np.int64)], 0, 0
+    tree = shapely.STRtree(shapes)
+    count = len(shapes)
+    pairs = [np.empty((2, 0), np.int64)]
+    boxes = 0
+    known = 0
     for first in range(0, count, step := 1 + MOST_PAIRS // (count + 1)):
         check()
         part = shapes[first : first + step]
@@ -187,7 +194,8 @@ def check_crossings(outlines: Any, most: int, what: str) -> None:
     points, owner = shapely.get_coordinates(shapely.boundary(outlines), return_index=True)
     ring = np.flatnonzero((owner[1:] == owner[:-1]) & (points[1:] != points[:-1]).any(axis=1))
     lines = shapely.linestrings(np.stack([points[ring], points[ring + 1]], axis=1))
-    tree, found = shapely.STRtree(lines), 0
+    tree = shapely.STRtree(lines)
+    found = 0
     for first in range(0, len(lines), step := 1 + MOST_PAIRS // (len(lines) + 1)):
         check()
         found += tree.query(lines[first : first + step], predicate="intersects").shape[1]

@@ -66,7 +66,8 @@ def read_ros_map(path: Path) -> World:
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
     lines: dict[str, int] = {}
     for key, _ in node.value:
-        name, line = str(key.value), key.start_mark.line + 1
+        name = str(key.value)
+        line = key.start_mark.line + 1
         if (first := lines.setdefault(name, line)) != line:
             twice = f"the key {shown(name)} stands in line {first}, too; remove one"
             raise WorldError(f"line {line}: {twice}")
@@ -102,7 +103,8 @@ def _plain(value: Any) -> Any:
 def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
     """The world of a picture and of the description at another path."""
     occupied, free = _cells(picture, values)
-    resolution, origin = values["resolution"], Pose(*values["origin"].tolist())
+    resolution = values["resolution"]
+    origin = Pose(*values["origin"].tolist())
     local = walls_of_grid(occupied).reshape(-1, 2) * resolution
     if not len(local):
         raise WorldError("no wall: all cells are alike, or no occupied one is next to another")
@@ -115,13 +117,15 @@ def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     """Which cells (rows, columns) are occupied and which free, the first row at the bottom."""
     light, opaque = _light(picture)
-    share, value = light if values["negate"] else 1.0 - light, np.round(255.0 * light)
+    share = light if values["negate"] else 1.0 - light
+    value = np.round(255.0 * light)
     # map_saver writes one grey for unknown cells, even if free_thresh is just above it; read by the
     # rule alone, they would be free.
     known = opaque if values["mode"] == "scale" else (value != UNKNOWN) | bool(values["negate"])
     if values["mode"] == "raw":
         # The value of a pixel is the occupancy in percent, not negated; above 100 it is unknown.
-        known, share = value <= 100.0, value / 100.0
+        known = value <= 100.0
+        share = value / 100.0
     occupied = known & (share >= values["occupied_thresh"])
     return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]
 
@@ -168,7 +172,8 @@ def map_cells(
     They reach a metre, or two cells, beyond the walls. Errors name the path that they are for.
     """
     margin = max(FREE_MARGIN, 2.0 * resolution)
-    low, high = world.bounds[0] - margin, world.bounds[1] + margin
+    low = world.bounds[0] - margin
+    high = world.bounds[1] + margin
     # A whole number of cells from the origin, so that straight walls stay straight.
     first = np.floor(low / resolution)
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()

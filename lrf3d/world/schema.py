@@ -102,7 +102,8 @@ def poses(convert: Converter) -> Converter:
     """The rows x, y [m], heading [°] of a converter, with the heading in radians."""
 
     def turned(found: Any, key: str) -> Any:
-        converted, eighth = convert(found, key), 0.25 * np.pi
+        converted = convert(found, key)
+        eighth = 0.25 * np.pi
         headings = converted[..., 2].ravel()
         eighths = np.round(headings / eighth)
         # Nobody turns a laser by 0.785 degrees: the digits of an eighth of a turn are radians.

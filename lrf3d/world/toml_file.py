@@ -102,14 +102,17 @@ def read_world_file(path: Path) -> WorldFile:
 def _world(values: Mapping[str, Any], path: Path) -> World:
     own = values.get("material", [])
     schema.check_unique("material", [material.name for material in own])
-    parts, known = list[Part](), set[int]()
+    parts = list[Part]()
+    known = set[int]()
     for place, each in enumerate(values.get("object", [])):
-        key, number = f"object[{place}]", each.get("number", parts[-1].number + 1 if parts else 0)
+        key = f"object[{place}]"
+        number = each.get("number", parts[-1].number + 1 if parts else 0)
         looks = {name: each[name] for name in ("name", "colour", "material") if name in each}
         if looks and number in known:
             word = next(iter(looks))
             raise InputError(f"{key}.{word}: stands with another object of the same number")
-        segments, height = _segments(each, key), each.get("height", DEFAULT_HEIGHT)
+        segments = _segments(each, key)
+        height = each.get("height", DEFAULT_HEIGHT)
         if isinstance(height, tuple) and len(height) != len(segments):
             found = f"{len(height)} heights for {len(segments)} walls"
             raise InputError(f"{key}.height: {found}, expected one for each")

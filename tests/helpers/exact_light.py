@@ -16,7 +16,7 @@ import math
 from collections.abc import Mapping
 from fractions import Fraction
 from types import MappingProxyType, SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rational import integers, meet
 
@@ -28,10 +28,9 @@ from lrf3d.world.materials import PLAIN, Material
 
 Vector = tuple[int, int]
 
-shares, brightness, intensity = (
-    getattr(kernel, "py_func", kernel)  # They are Python functions where nothing is compiled.
-    for kernel in (echoes.shares, echoes.brightness, echoes.intensity)
-)
+KERNELS: tuple[Any, ...] = (echoes.shares, echoes.brightness, echoes.intensity)
+# They are Python functions where nothing is compiled.
+shares, brightness, intensity = (getattr(kernel, "py_func", kernel) for kernel in KERNELS)
 
 
 def surface_of(material: Material) -> SimpleNamespace:

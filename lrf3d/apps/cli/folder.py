@@ -84,7 +84,8 @@ class ResultsFolder:
         if not isinstance(files, dict) or before["made_by"].get("command") != self.report.command:
             return
         for name in sorted(set(map(str, files.values())) - set(written)):
-            file, parts = self.path / name, Path(name).parts
+            file = self.path / name
+            parts = Path(name).parts
             # Only plain files of the folder, and of one for each robot, are its results.
             if not 1 <= len(parts) <= 2 or {"..", os.sep} & set(parts) or file.parent.is_symlink():
                 continue

@@ -170,7 +170,8 @@ def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
     """Plan a route through a world that has none and needs one."""
     where = side_of(args)
     scenario = scenario.with_route(where=where, say=warn)
-    side, name = scenario.planned, scenario.name
+    side = scenario.planned
+    name = scenario.name
     if side is None and where is not None:
         raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
     if side is not None and scenario.world.free is not None:
@@ -194,7 +195,8 @@ def load_plugin(kind: str, name: str) -> Any:
 
     The name is ``module:object``; the path of a ``.py`` file may replace the module.
     """
-    (module_name, _, path), place = name.rpartition(":"), f"--{kind} {name}"
+    module_name, _, path = name.rpartition(":")
+    place = f"--{kind} {name}"
     if not (module_name and path):
         raise InputError(f"{place}: expected module:object, such as mymodule:MyClass")
     file = Path(f"{module_name}.py" if module_name.isidentifier() else module_name)

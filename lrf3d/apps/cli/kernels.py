@@ -22,10 +22,13 @@ FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
 
 def start_compiling(slam: bool = False) -> "Popen[bytes] | None":
     """Start to compile, also for SLAM, if nothing has been compiled for this installation."""
-    package, home = Path(__file__).parents[2], Path(os.path.expanduser("~"))
-    writable, cache = [package, home], home / ".cache/numba"
+    package = Path(__file__).parents[2]
+    home = Path(os.path.expanduser("~"))
+    writable = [package, home]
+    cache = home / ".cache/numba"
     if given := os.environ.get("NUMBA_CACHE_DIR"):
-        writable, cache = [Path(given).parent], Path(given)
+        writable = [Path(given).parent]
+        cache = Path(given)
     caches = package / "mapping/robust/__pycache__", cache
     if any(next(cache.rglob(FILES), None) for cache in caches):
         return None
@@ -46,7 +49,8 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
     from multiprocessing.connection import wait
 
     assert process.stdout is not None
-    number, rest = process.stdout.fileno(), b""
+    number = process.stdout.fileno()
+    rest = b""
     while True:
         check()
         if wait([number], 0.1):

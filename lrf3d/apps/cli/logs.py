@@ -86,7 +86,8 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     for sentence in solved.warnings:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
-    run, keys = solved.run, solved.slam.key_scans
+    run = solved.run
+    keys = solved.slam.key_scans
     if (both := solved.joined) is not None:
         keys = np.concatenate([both.keys, len(both.run) + keys])
 
@@ -159,10 +160,12 @@ def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, repor
     line_map = known.map if isinstance(known, Run) else LineMap.empty()
     true = None if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
-    poses, times = found.poses[chosen], found.log.times[chosen]
+    poses = found.poses[chosen]
+    times = found.log.times[chosen]
     # The path is broken where the place is not known.
     ends = [np.searchsorted(chosen, each.last) + 1 for each in found.stretches[:-1]]
-    drawn, points = np.insert(poses, ends, np.nan, axis=0), [np.empty((0, 2))]
+    drawn = np.insert(poses, ends, np.nan, axis=0)
+    points = [np.empty((0, 2))]
     for number, pose in zip(chosen.tolist(), poses, strict=True):
         scan = found.log.scans[number]
         laser = compose(pose, np.array(scan.mount))
@@ -255,7 +258,8 @@ def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str
 def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
     """What a log held, and what was left out of it."""
     sizes = [len(scan.ranges) for scan in log.scans]
-    least, most = min(sizes), max(sizes)
+    least = min(sizes)
+    most = max(sizes)
     beams = (f"{least:,} to " if least < most else "") + counted(most, "beam")
     rows = [("log", f"{counted(len(log), 'scan')} of {beams}{poses}")]
     if log.bad_count:
@@ -271,7 +275,8 @@ def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
 
 
 def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
-    found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
+    found = summary["slam"]
+    poses = counted(summary["log"]["odometry_lines"], "pose")
     rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
     if not solved.log.placed:
         rows.append(("odometry", f"{solved.odometry}; if that is mirrored, so is the map"))

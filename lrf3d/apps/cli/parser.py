@@ -51,7 +51,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser, options = _parser(name)
     # What follows is for ROS.
     end = list(words).index("--ros-args") if name == "ros" and "--ros-args" in words else len(words)
-    words, ros_words = words[:end], words[end:]
+    ros_words = words[end:]
+    words = words[:end]
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
     joined: list[str] = []
     # A word that is a number, or meant to be one, but not `--`, after which the arguments stand.
@@ -137,10 +138,7 @@ def _add(group: Any, option: Option) -> None:
 def read_value(kind: str, word: str) -> Any:
     """What a word says, by what a help page calls it; a list of one or more where several may."""
     unit, several, _ = kind.partition(",")
-    read, expected = KINDS.get(unit, (str, unit))
-    if unit == unit.lower():
-        choices = unit.split("|")
-        read, expected = lambda part: choices[choices.index(part)], " or ".join(choices)
+    read, expected = _choice(unit) if unit == unit.lower() else KINDS.get(unit, (str, unit))
     try:
         if "=" in kind:
             return [word]
@@ -150,6 +148,12 @@ def read_value(kind: str, word: str) -> Any:
         return read(word)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{shown(word)}: expected {expected}") from None
+
+
+def _choice(unit: str) -> tuple[Callable[[str], str], str]:
+    """What reads one of some words, and what it expects."""
+    choices = unit.split("|")
+    return lambda word: choices[choices.index(word)], " or ".join(choices)
 
 
 def _number(

@@ -43,7 +43,8 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
     scenario, own = source
     named = {kind: vars(args)[kind] for kind in own if kind != "noise"}
     if args.slam:
-        own["mapper"], named["mapper"] = partial(SlamMapper, rng=args.seed), "SLAM"
+        own["mapper"] = partial(SlamMapper, rng=args.seed)
+        named["mapper"] = "SLAM"
     if args.robots > 1:
         _run_fleet(scenario, own, named, args, report)
         return
@@ -63,12 +64,15 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         )
         for level in args.sigma or [None, *scenario.compared]
     ]  # fmt: skip
-    main, begin = simulations[0], perf_counter()
+    main = simulations[0]
+    begin = perf_counter()
     with report.progress("scans") as progress:
         runs = [record(main, output.path / "run.npz", resume=args.resume, progress=progress)]
         with noting(lambda: KEPT):
             runs += [collect(each, progress) for each in simulations[1:]]
-    run, sigmas, seconds = runs[0], args.sigma or scenario.sigmas, perf_counter() - begin
+    run = runs[0]
+    sigmas = args.sigma or scenario.sigmas
+    seconds = perf_counter() - begin
     updates = sum(each.done for each in simulations)
     summary = {
         "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
@@ -105,14 +109,17 @@ def _map_files(
     """Write the map of a robot's run; its file, and its picture, which is drawn later."""
     if not run.maps:  # A user's mapper may make no LineMap.
         return {}, {}
-    place, name = f"{robot}/" if robot else "", f"{robot} map".strip()
+    place = f"{robot}/" if robot else ""
+    name = f"{robot} map".strip()
     save_map(run.map, folder / f"{place}map.geojson", free=run.free_cells())
     draw = partial(draw_map, drawn_part(run))
     return {name: f"{place}map.geojson"}, {f"{name} picture": (f"{place}map.png", draw)}
 
 
 def _pictures(run: Run, scenario: Scenario, args: Namespace, report: Report) -> dict[str, Drawing]:
-    shown, route, poses = drawn_part(run), scenario.route, scenario.poses
+    shown = drawn_part(run)
+    route = scenario.route
+    poses = scenario.poses
     pictures: dict[str, Drawing] = {
         "world picture": (
             "world.png",
@@ -152,7 +159,9 @@ def _sigma(scenario: Scenario, args: Namespace) -> float | None:
 
 
 def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]:
-    run, drive, score = runs[0], summary["drive"], summary["score"]
+    run = runs[0]
+    drive = summary["drive"]
+    score = summary["score"]
     scans = f"{counted(drive['scans'], 'scan')} of {counted(run.ranges.shape[1], 'beam')}"
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
     if not drive["length_m"]:
@@ -194,7 +203,8 @@ def _run_fleet(
     scenario = routed(scenario, args, report)
     drives = _drives(scenario, args)
     output = results_folder(report, [args.world], scenario.name, args.out)
-    sigma, noise = (args.sigma or [None])[0], made(own.get("noise"))
+    sigma = (args.sigma or [None])[0]
+    noise = made(own.get("noise"))
 
     def mapper() -> Any:
         return made(own["mapper"]) if "mapper" in own else measuring()[1]
@@ -214,7 +224,10 @@ def _run_fleet(
         "sigma_m": _sigma(scenario, args), "planned": scenario.planned,
         "seconds": perf_counter() - begin,
     }  # fmt: skip
-    files, pictures, rows, robots = dict[str, str](), dict[str, Drawing](), [], []
+    files = dict[str, str]()
+    pictures = dict[str, Drawing]()
+    rows = []
+    robots = []
     for number, run in enumerate(runs, 1):
         name = f"robot{number}"
         folder = make_folder(output.path / name)

@@ -74,18 +74,23 @@ def write_film(
     """Write the film of a run, and return its figures."""
     from lrf3d.studio.render.video import render_video
 
-    ending, look = path.suffix.lower(), _look(args)
+    ending = path.suffix.lower()
+    look = _look(args)
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
-    film_rate, gif_rate = 25.0, 10.0  # Frames a second. A GIF of 15 s then has less than 10 MB.
+    # Frames a second. A GIF of 15 s then has less than 10 MB.
+    film_rate = 25.0
+    gif_rate = 10.0
     rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
-    began, stamps = perf_counter(), list[float]()
+    began = perf_counter()
+    stamps = list[float]()
     with report.progress("film") as progress:
 
         def note(number: int, total: int) -> None:
             stamps.append(perf_counter())
             progress(number, total)
-            before, passed = stamps[-2:][0] - stamps[0], stamps[-1] - stamps[0]
+            before = stamps[-2:][0] - stamps[0]
+            passed = stamps[-1] - stamps[0]
             time = passed * total / max(len(stamps) - 1, 1)
             # After 3 s it is known whether the film takes over 20 s; a terminal has a bar for it.
             if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
@@ -175,7 +180,8 @@ def export(run: Run, args: Namespace, report: Report) -> None:
     path = _output(args, EXPORTERS[args.to])
     export_run(run, args.to, path, every=args.every)
     files = [path] if path.is_file() else sorted(path.iterdir())
-    scans, size = len(range(0, len(run), args.every)), sum(file.stat().st_size for file in files)
+    scans = len(range(0, len(run), args.every))
+    size = sum(file.stat().st_size for file in files)
     shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     # A page has moments, not scans.
     kept = {} if args.to == "html" else {"scans": scans}

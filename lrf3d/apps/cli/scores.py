@@ -82,9 +82,11 @@ def _moved_map(path: Path, pose: Pose) -> LineMap:
 
 
 def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, str]]:
-    trajectory, (matched, count) = figures["trajectory"], errors.matched
+    trajectory = figures["trajectory"]
+    matched, count = errors.matched
     how = "between whose stamps the truth is interpolated" if errors.interpolated else "by stamps"
-    absolute, relative = trajectory["ape_m"], trajectory["rpe_m"]
+    absolute = trajectory["ape_m"]
+    relative = trajectory["rpe_m"]
     rows = [
         ("poses", f"{matched:,} of {count:,} matched, {how}"),
         ("absolute", f"{absolute['rmse']:.4f} m RMSE, {absolute['max']:.4f} m at most"),

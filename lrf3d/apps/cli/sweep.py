@@ -35,7 +35,8 @@ def sweep(source: tuple[list[WorldFile], dict[str, Any]], args: Namespace, repor
         routed=lambda scenario: routed(scenario, args, report),
         collision=on_collision(args),
     )
-    job, name = args.shard, f"{plan.worlds[0]}_sweep"
+    job = args.shard
+    name = f"{plan.worlds[0]}_sweep"
     output = results_folder(report, args.world, name, args.out, alone=job is None)
     if args.merge:
         result = table_of(plan, kept_rows(plan, output.path))

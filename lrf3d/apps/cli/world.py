@@ -21,7 +21,8 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, report: Report) ->
         names = world_names()
         print_json(names) if report.json else print_text("\n".join([*names, ""]))
         return
-    route, poses = scenario.route, scenario.poses
+    route = scenario.route
+    poses = scenario.poses
     figures: dict[str, Any] = {
         "route_points": None if route is None else len(route),
         "scan_poses": None if poses is None else len(poses),
@@ -97,7 +98,8 @@ def _describe(
 ) -> None:
     """Print the name and the properties of a world, and more."""
     long = float(lengths(world.segments).sum())
-    low, high = float(world.heights.min()), float(world.heights.max())
+    low = float(world.heights.min())
+    high = float(world.heights.max())
     (x1, y1), (x2, y2) = world.bounds
     figures = {
         **name,
@@ -127,13 +129,15 @@ def crosscheck(scenario: Scenario, args: Namespace, report: Report) -> int:
     from lrf3d.casting.comparison import CAUSES, UNEXPLAINED
 
     scenario = routed(scenario, args, report)
-    world, lrf = scenario.world, scenario.lrf
+    world = scenario.world
+    lrf = scenario.lrf
     poses = scenario.trajectory(on_collision=on_collision(args)).poses
     with report.progress("crosscheck") as progress:
         result = compare(world, lrf, poses, progress)
     figures = {"world": scenario.name, "scans": len(poses), **result.as_dict()}
     unexplained = result.counts.get(UNEXPLAINED, 0)
-    agree, largest = result.beams - len(result.causes), result.largest_difference
+    agree = result.beams - len(result.causes)
+    largest = result.largest_difference
     furthest = result.largest_error
     rows = [
         ("beams", f"{result.beams:,} in {len(poses)} scans"),

@@ -152,7 +152,8 @@ def table_of(plan: Plan, kept: Mapping[str, Row], made: int = 0) -> SweepTable:
 
 def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
     """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
-    found, planned = dict[str, Row](), {run.key: run.columns for run in plan.runs}
+    found = dict[str, Row]()
+    planned = {run.key: run.columns for run in plan.runs}
     largest_rows = 1 << 31  # Largest file of rows [bytes]: a row has some 600.
     for path in sorted(folder.glob(ROWS.format("*"))):
         text = read_text(path, what="the rows of a sweep", largest=largest_rows)
@@ -244,7 +245,8 @@ def rows_of(runs: Sequence[PlannedRun]) -> list[Row]:
 
 
 def _row(planned: PlannedRun) -> Row:
-    mapper, scenario = planned.mapper, planned.scenario
+    mapper = planned.mapper
+    scenario = planned.scenario
     if not isinstance(mapper, dict):
         # A user's class or function makes a mapper for each run; a mapper is copied.
         mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()

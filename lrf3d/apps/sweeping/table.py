@@ -41,12 +41,16 @@ def mean_of(values: Sequence[float | None]) -> dict[str, float | int | None]:
     from scipy.stats import t
 
     known = np.array([value for value in values if value is not None])
-    count, mean, low, high = len(known), None, None, None
+    count = len(known)
+    mean = None
+    low = None
+    high = None
     if count:
         mean = float(known.mean())
     if mean is not None and count > 1:
         half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * known.std(ddof=1) / np.sqrt(count))
-        low, high = mean - half, mean + half
+        low = mean - half
+        high = mean + half
     return {"mean": mean, "low": low, "high": high, "runs": count}
 
 
@@ -140,7 +144,8 @@ class SweepTable:
             values = [row[name] for name in shown]
             line = [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
             for name, (_, factor, digits) in MEASURES.items():
-                mean, high = row[name]["mean"], row[name]["high"]
+                mean = row[name]["mean"]
+                high = row[name]["high"]
                 known = [] if mean is None else [mean] if high is None else [mean, high - mean]
                 line.append(sign.join(f"{factor * each:.{digits}f}" for each in known) or "–")
             lines.append(line)

@@ -99,22 +99,30 @@ def cast_rays(
     Guesses (n,), unless empty, are the rows of the walls that rays probably meet, or −1. A wall
     that is guessed counts if the ray meets it, and then only nearer ones are looked for.
     """
-    tree, (range_min, range_max), stack = Tree(*plain_tree), limits, new_stack()
+    tree = Tree(*plain_tree)
+    range_min, range_max = limits
+    stack = new_stack()
     # Walls a little beyond the range may be met.
-    reach, names = range_max * ROOM * ROOM, tree.rows
-    rows, lengths = np.empty(BLOCK, np.int64), np.empty(BLOCK)
-    beams, walls = np.zeros((4, BLOCK)), np.zeros((4, BLOCK))
+    reach = range_max * ROOM * ROOM
+    names = tree.rows
+    rows = np.empty(BLOCK, np.int64)
+    lengths = np.empty(BLOCK)
+    beams = np.zeros((4, BLOCK))
+    walls = np.zeros((4, BLOCK))
     block = Block(rows, beams, walls, lengths, np.empty(SIFTED))
     for start in range(0, len(rays), BLOCK):
         count = min(BLOCK, len(rays) - start)
         part = slice(start, start + count)
         _follow(tree, rays[part], guesses[part], reach, block, stack)
         for k in range(count):
-            i, row, t = start + k, rows[k], lengths[k]
+            i = start + k
+            row = rows[k]
+            t = lengths[k]
             if row == UNDECIDED:
                 row = first_wall(tree, beam_of(rays, i), Nearest(-1, np.inf, reach), stack)
             if row >= 0 and not (rows[k] >= 0 and range_min * ROOM < t < range_max / ROOM):
-                beam, wall = beam_of(rays, i), wall_at(tree.walls, row)
+                beam = beam_of(rays, i)
+                wall = wall_at(tree.walls, row)
                 t = within(length_of(beam, wall), range_min, range_max, beam, wall)
             ranges[i] = t if row >= 0 else np.inf
             if len(hits) > 0:
@@ -126,12 +134,17 @@ def _follow(
     tree: Tree, rays: Records, guesses: NDArray[np.int32], reach: float, block: Block, stack: Stack
 ) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
-    rows, beams, walls, before, row = block.rows, block.beams, block.walls, -1, -1
+    rows = block.rows
+    beams = block.beams
+    walls = block.walls
+    before = -1
+    row = -1
     for i in range(len(rays)):
         ray = rays[i]
         beam = Beam(ray.x, ray.y, ray.dx, ray.dy)
         # Without guesses the wall of the two beams before is often the one.
-        guess, before = (guesses[i] if len(guesses) > 0 else row if row == before else -1), row
+        guess = guesses[i] if len(guesses) > 0 else row if row == before else -1
+        before = row
         row = rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
         if row >= 0:
             beams[0, i], beams[1, i], beams[2, i], beams[3, i] = beam
@@ -154,7 +167,8 @@ def clear_wall(
     tree: Tree, beam: Beam, guess: int, reach: float, sifted: Float, stack: Stack
 ) -> int:
     """The row of the wall that a beam meets first up to a reach, or −1; or UNDECIDED."""
-    way, nearest = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy), Nearest(-1, np.inf, reach)
+    way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+    nearest = Nearest(-1, np.inf, reach)
     if guess >= 0:
         verdict, low, high = judged(wall_at(tree.walls, guess), beam, nearest)
         if verdict == OPEN:
@@ -185,15 +199,29 @@ def sift(columns: Float, first: int, stop: int, beam: Beam, limit: float, sifted
     limit = min(limit, FARTHEST)
     for k in range(whole(stop - first)):
         px, py, qx, qy = column_at(columns, index_of(first) + k)
-        ax, ay, bx, by, ex, ey = px - ox, py - oy, qx - ox, qy - oy, qx - px, qy - py
-        left, right, other_left, other_right = dx * ay, dy * ax, dx * by, dy * bx
-        p, q = left - right, other_left - other_right
+        ax = px - ox
+        ay = py - oy
+        bx = qx - ox
+        by = qy - oy
+        ex = qx - px
+        ey = qy - py
+        left = dx * ay
+        right = dy * ax
+        other_left = dx * by
+        other_right = dy * bx
+        p = left - right
+        q = other_left - other_right
         doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
         low, high = (p, q) if p < q else (q, p)
         aside = (low if low > -high else -high) - doubt
-        left, right, other_left, other_right = ax * ey, ay * ex, dx * ey, dy * ex
-        area, slope = left - right, other_left - other_right
-        size, steep = abs(left) + abs(right), abs(other_left) + abs(other_right)
+        left = ax * ey
+        right = ay * ex
+        other_left = dx * ey
+        other_right = dy * ex
+        area = left - right
+        slope = other_left - other_right
+        size = abs(left) + abs(right)
+        steep = abs(other_left) + abs(other_right)
         ahead = area if slope > 0.0 else -area
         beyond = ahead - limit * abs(slope)
         away = (beyond if beyond > -ahead else -ahead) - 2.0 * FILTER * (size + limit * steep)
@@ -203,11 +231,13 @@ def sift(columns: Float, first: int, stop: int, beam: Beam, limit: float, sifted
 @inner
 def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
     """The row of the wall that a beam meets first, or −1, decided exactly."""
-    way, top = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy), enter(tree, stack)
+    way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+    top = enter(tree, stack)
     while top > 0:
         start, stop, top = next_leaf(tree, way, nearest.high, stack, top)
         for row in range(start, stop):
-            wall, other = wall_at(tree.walls, row), wall_at(tree.walls, max(nearest.row, 0))
+            wall = wall_at(tree.walls, row)
+            other = wall_at(tree.walls, max(nearest.row, 0))
             verdict, low, high = judged(wall, beam, nearest)
             if verdict == TAKEN:
                 nearest = Nearest(row, low, high)
@@ -221,25 +251,36 @@ def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
 @borrower
 def judged(wall: Wall, beam: Beam, nearest: Nearest) -> tuple[int, float, float]:
     """Whether a wall is met before the nearest so far, as float64 tells, and at which distances."""
-    ax, ay = wall.px - beam.ox, wall.py - beam.oy
-    bx, by = wall.qx - beam.ox, wall.qy - beam.oy
-    left, right = beam.dx * ay, beam.dy * ax
-    other_left, other_right = beam.dx * by, beam.dy * bx
-    p, q = left - right, other_left - other_right
+    ax = wall.px - beam.ox
+    ay = wall.py - beam.oy
+    bx = wall.qx - beam.ox
+    by = wall.qy - beam.oy
+    left = beam.dx * ay
+    right = beam.dy * ax
+    other_left = beam.dx * by
+    other_right = beam.dy * bx
+    p = left - right
+    q = other_left - other_right
     doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
     if min(p, q) > doubt or max(p, q) < -doubt:
         return MISSED, 0.0, 0.0
-    ex, ey = wall.qx - wall.px, wall.qy - wall.py
-    left, right = ax * ey, ay * ex
-    other_left, other_right = beam.dx * ey, beam.dy * ex
-    area, slope = left - right, other_left - other_right
-    size, steep = abs(left) + abs(right), abs(other_left) + abs(other_right)
+    ex = wall.qx - wall.px
+    ey = wall.qy - wall.py
+    left = ax * ey
+    right = ay * ex
+    other_left = beam.dx * ey
+    other_right = beam.dy * ex
+    area = left - right
+    slope = other_left - other_right
+    size = abs(left) + abs(right)
+    steep = abs(other_left) + abs(other_right)
     t = area / slope
     slack = LENGTH_SLACK + 2.0 * FILTER * (size / abs(area) + steep / abs(slope))
     # Not a number where the area or the slope is zero.
     if not slack < CLEAR_LENGTH:
         return OPEN, 0.0, 0.0
-    low, high = t * (1.0 - slack), t * (1.0 + slack)
+    low = t * (1.0 - slack)
+    high = t * (1.0 + slack)
     if t < 0.0 or low > nearest.high:
         return MISSED, low, high
     sure = min(abs(p), abs(q)) > doubt and high < nearest.low

@@ -88,12 +88,14 @@ def shares(cos: float, surface: Any) -> tuple[float, float]:
         return surface.specular, surface.transmission
     sin = math.sqrt(max(0.0, 1.0 - cos * cos)) / index
     inside = math.sqrt(max(0.0, 1.0 - sin * sin))
-    across, along = 1.0, 1.0
+    across = 1.0
+    along = 1.0
     if cos + inside > 0.0:
         across = ((cos - index * inside) / (cos + index * inside)) ** 2
         along = ((inside - index * cos) / (inside + index * cos)) ** 2
     # With the share R at each face, 2 R / (1 + R) of each polarisation is mirrored.
-    mirrored, rest = across / (1.0 + across) + along / (1.0 + along), 1.0 - surface.diffuse
+    mirrored = across / (1.0 + across) + along / (1.0 + along)
+    rest = 1.0 - surface.diffuse
     return rest * mirrored, rest * (1.0 - mirrored)
 
 
@@ -104,7 +106,8 @@ def brightness(cos: float, sin: float, surface: Any, mirrored: float) -> float:
     The lobe [rad] about the mirrored direction is Gaussian, with the mirrored share of the light.
     Seen from the laser its middle lies twice the angle of incidence away.
     """
-    lobe, bright = surface.lobe, float((surface.diffuse + surface.retro) * cos)
+    lobe = surface.lobe
+    bright = float((surface.diffuse + surface.retro) * cos)
     # Beyond forty standard deviations float64 has no light left, and exp takes its longest.
     if mirrored > 0.0 and lobe > 0.0 and sin < 20.0 * lobe:
         angle = 2.0 * math.atan2(sin, cos) / lobe
@@ -131,9 +134,12 @@ def intensity(bright: float, distance: float, near_field: float) -> float:
 @borrower
 def clear(i: int, lit: Lit) -> None:
     """Let beam i have no echo."""
-    lit.ranges[i], lit.walls[i], lit.intensities[i] = np.inf, -1, 0.0
+    lit.ranges[i] = np.inf
+    lit.walls[i] = -1
+    lit.intensities[i] = 0.0
     for slot in range(lit.echoes.shape[1]):
-        lit.echoes[i, slot], lit.echo_intensities[i, slot] = np.inf, 0.0
+        lit.echoes[i, slot] = np.inf
+        lit.echo_intensities[i, slot] = 0.0
     for k in range(lit.chains.shape[1]):
         lit.chains[i, k] = -1
 
@@ -143,18 +149,22 @@ def receive(
     way: float, light: float, chain: Int, walls: int, receiver: Receiver, i: int, lit: Lit
 ) -> None:
     """Take an echo of beam i from behind the first of a chain's walls."""
-    nearest, strongest = lit.ranges[i], lit.intensities[i]
+    nearest = lit.ranges[i]
+    strongest = lit.intensities[i]
     if way < receiver.range_min:
         # Too near to be measured, which is reported where nothing else returns.
         lit.ranges[i] = -np.inf if nearest == np.inf else nearest
         return
-    farther, brighter = way > nearest, light > strongest
+    farther = way > nearest
+    brighter = light > strongest
     chosen = brighter or (light == strongest and not farther)
     if receiver.choice != STRONGEST:
         chosen = farther if receiver.choice == LAST else way < nearest
         chosen = chosen or (way == nearest and brighter)
     if chosen or lit.walls[i] < 0:
-        lit.ranges[i], lit.walls[i], lit.intensities[i] = way, chain[walls - 1], light
+        lit.ranges[i] = way
+        lit.walls[i] = chain[walls - 1]
+        lit.intensities[i] = light
         for k in range(lit.chains.shape[1]):
             lit.chains[i, k] = chain[k] if k < walls else -1
     _keep(way, light, lit.echoes[i], lit.echo_intensities[i])
@@ -163,18 +173,22 @@ def receive(
 @borrower
 def _keep(way: float, light: float, ways: Float, lights: Float) -> None:
     """Keep an echo among the strongest (k,), which lie in order; free places are dark."""
-    slot, slots = 0, len(ways)
+    slot = 0
+    slots = len(ways)
     for k in range(1, slots):
         slot = k if lights[k] <= lights[slot] else slot
     if slots == 0 or light < lights[slot] or (light == lights[slot] and way >= ways[slot]):
         return
     # It takes the place of the weakest, and then its own.
     while slot + 1 < slots and ways[slot + 1] < way:
-        ways[slot], lights[slot] = ways[slot + 1], lights[slot + 1]
+        ways[slot] = ways[slot + 1]
+        lights[slot] = lights[slot + 1]
         slot += 1
     while slot > 0 and (
         ways[slot - 1] > way or (ways[slot - 1] == way and lights[slot - 1] < light)
     ):
-        ways[slot], lights[slot] = ways[slot - 1], lights[slot - 1]
+        ways[slot] = ways[slot - 1]
+        lights[slot] = lights[slot - 1]
         slot -= 1
-    ways[slot], lights[slot] = way, light
+    ways[slot] = way
+    lights[slot] = light

@@ -98,20 +98,28 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
     """
     beams = len(hit)
     edge = 1.0 / (range_max * ROOM)
-    low, high = np.empty(beams), np.empty(beams)
+    low = np.empty(beams)
+    high = np.empty(beams)
     for i in range(beams):
-        low[i], high[i], hit[i] = edge, edge, -1
+        low[i] = edge
+        high[i] = edge
+        hit[i] = -1
     buffer = Buffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
     waiting = np.empty(STACK, WAITING)
-    root, top = waiting[0], 1 if len(tree.walls) > 0 else 0
-    root.node, root.first, root.stop, root.near = 0, 0, beams, np.inf
+    root = waiting[0]
+    top = 1 if len(tree.walls) > 0 else 0
+    root.node = 0
+    root.first = 0
+    root.stop = beams
+    root.near = np.inf
     while top > 0:
         top -= 1
         box = waiting[top]
         if _hidden(low, box.first, box.stop, box.near):
             continue
-        first, count = tree.links[box.node, 0], tree.links[box.node, 1]
+        first = tree.links[box.node, 0]
+        count = tree.links[box.node, 1]
         if count < 0:
             _view(tree.boxes, first, -count, fan, sketch)
             top = _enter((first, -count), fan, edge, low, sketch, waiting, top)
@@ -140,12 +148,15 @@ def _enter(
     top: int,
 ) -> int:  # fmt: skip
     """Let those wait that a beam may meet of boxes, the first and how many; the new height."""
-    (first, count), beams, bottom = boxes, len(low), top
+    first, count = boxes
+    beams = len(low)
+    bottom = top
     for k in range(index_of(count)):
         near = sketch[SLACK + k]
         if near < edge:
             continue
-        start, stop = 0, beams
+        start = 0
+        stop = beams
         if near < np.inf:
             start, stop = beams_between(sketch[START + k], sketch[WIDTH + k], fan, beams)
         if start >= stop or _hidden(low, start, stop, near):
@@ -155,7 +166,10 @@ def _enter(
             waiting[place] = waiting[place - 1]
             place -= 1
         box = waiting[place]
-        box.node, box.first, box.stop, box.near = first + int(k), start, stop, near
+        box.node = first + int(k)
+        box.first = start
+        box.stop = stop
+        box.near = near
         top += 1
     return top
 
@@ -163,13 +177,21 @@ def _enter(
 @inner
 def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
-    ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
+    ox = fan.x
+    oy = fan.y
+    ahead_x = fan.ahead_x
+    ahead_y = fan.ahead_y
     for k in range(whole(count)):
         x0, y0, x1, y1 = column_at(boxes, index_of(first) + k)
-        sketch[AX + k], sketch[AY + k] = x0 - ox, y0 - oy
-        sketch[BX + k], sketch[BY + k] = x1 - ox, y1 - oy
+        sketch[AX + k] = x0 - ox
+        sketch[AY + k] = y0 - oy
+        sketch[BX + k] = x1 - ox
+        sketch[BY + k] = y1 - oy
     for k in range(whole(count)):
-        x0, y0, x1, y1 = sketch[AX + k], sketch[AY + k], sketch[BX + k], sketch[BY + k]
+        x0 = sketch[AX + k]
+        y0 = sketch[AY + k]
+        x1 = sketch[BX + k]
+        y1 = sketch[BY + k]
         gap_x = x0 if x0 > 0.0 else (-x1 if x1 < 0.0 else 0.0)
         gap_y = y0 if y0 > 0.0 else (-y1 if y1 < 0.0 else 0.0)
         sketch[SLACK + k] = ROOM / math.sqrt(gap_x * gap_x + gap_y * gap_y)
@@ -191,8 +213,10 @@ def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None
 @inner
 def beams_between(start: float, width: float, fan: Fan, beams: int) -> tuple[int, int]:
     """The beams from the first to before the second that may lie within bearings."""
-    half, per_step = fan.half, fan.per_step
-    first, stop = beams, 0
+    half = fan.half
+    per_step = fan.per_step
+    first = beams
+    stop = 0
     before, after = turns_to_meet(start, width, half)
     for turn in range(before, after + 1):
         a = start + turn * TURN + half - BEARING_SLACK
@@ -207,7 +231,8 @@ def beams_between(start: float, width: float, fan: Fan, beams: int) -> tuple[int
 @inner
 def bearing(x: float, y: float) -> float:
     """The angle of (x, y) in [−π, π], at most 1.7e-6 rad off."""
-    across, along = abs(x), abs(y)
+    across = abs(x)
+    along = abs(y)
     q = min(across, along) / max(across, along)
     s = q * q
     fourth = s * s
@@ -253,16 +278,27 @@ def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> No
 
     Where float64 cannot tell on which side a wall is seen, its slack is infinite.
     """
-    ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
+    ox = fan.x
+    oy = fan.y
+    ahead_x = fan.ahead_x
+    ahead_y = fan.ahead_y
     for k in range(whole(count)):
         px, py, qx, qy = column_at(walls, index_of(first) + k)
-        sketch[AX + k], sketch[AY + k] = px - ox, py - oy
-        sketch[BX + k], sketch[BY + k] = qx - ox, qy - oy
-        sketch[U + k], sketch[V + k] = qy - py, qx - px
+        sketch[AX + k] = px - ox
+        sketch[AY + k] = py - oy
+        sketch[BX + k] = qx - ox
+        sketch[BY + k] = qy - oy
+        sketch[U + k] = qy - py
+        sketch[V + k] = qx - px
     for k in range(whole(count)):
-        ax, ay, bx, by = sketch[AX + k], sketch[AY + k], sketch[BX + k], sketch[BY + k]
-        ey, ex = sketch[U + k], sketch[V + k]
-        left, right = ax * ey, ay * ex
+        ax = sketch[AX + k]
+        ay = sketch[AY + k]
+        bx = sketch[BX + k]
+        by = sketch[BY + k]
+        ey = sketch[U + k]
+        ex = sketch[V + k]
+        left = ax * ey
+        right = ay * ex
         area = left - right
         size = abs(left) + abs(right)
         sketch[U + k], sketch[V + k], slack = depth_line(area, size, ex, ey)
@@ -284,9 +320,16 @@ def draw(row: int, k: int, sketch: Float, fan: Fan, buffer: Buffer) -> int:
     """
     place = index_of(k)
     low, high, hit, contested = buffer
-    dx, dy, half, per_step, beams = fan.dx, fan.dy, fan.half, fan.per_step, len(hit)
-    start, width = sketch[START + place], sketch[WIDTH + place]
-    u, v, slack = sketch[U + place], sketch[V + place], sketch[SLACK + place]
+    dx = fan.dx
+    dy = fan.dy
+    half = fan.half
+    per_step = fan.per_step
+    beams = len(hit)
+    start = sketch[START + place]
+    width = sketch[WIDTH + place]
+    u = sketch[U + place]
+    v = sketch[V + place]
+    slack = sketch[SLACK + place]
     if not slack < np.inf:
         return UNCLEAR
     before, after = turns_to_meet(start, width, half)
@@ -313,7 +356,9 @@ def draw(row: int, k: int, sketch: Float, fan: Fan, buffer: Buffer) -> int:
             if depth + slack < low[i]:
                 continue
             if depth - slack > high[i]:
-                low[i], high[i], hit[i] = depth - slack, depth + slack, row
+                low[i] = depth - slack
+                high[i] = depth + slack
+                hit[i] = row
             else:
                 contested[left_open] = i
                 left_open += 1
@@ -327,7 +372,8 @@ def depth_line(area: float, size: float, ex: float, ey: float) -> tuple[float, f
     1 / t is d × e / area, where the area may be off by FILTER · size.
     """
     scale = 1.0 / area
-    u, v = ey * scale, ex * scale
+    u = ey * scale
+    v = ex * scale
     slack = DEPTH_SLACK + (FILTER * ROOM) * size * abs(scale)
     return u, v, slack * (abs(u) + abs(v))
 
@@ -352,7 +398,9 @@ def settle(left_open: int, row: int, tree: Tree, fan: Fan, buffer: Buffer) -> No
         if beam < 0 and not meets_seen(sense, _beam_of(fan, i), wall):
             continue
         if depth - slack > high[i] or _nearer(row, i, tree, fan, hit):
-            low[i], high[i], hit[i] = depth - slack, depth + slack, row
+            low[i] = depth - slack
+            high[i] = depth + slack
+            hit[i] = row
 
 
 @inner
@@ -366,7 +414,9 @@ def _settle_in_line(row: int, tree: Tree, fan: Fan, buffer: Buffer) -> None:
             continue
         if _nearer(row, i, tree, fan, hit):
             t = length(_beam_of(fan, i), wall)
-            low[i], high[i], hit[i] = (1.0 / ROOM) / t, ROOM / t, row
+            low[i] = (1.0 / ROOM) / t
+            high[i] = ROOM / t
+            hit[i] = row
 
 
 @inner

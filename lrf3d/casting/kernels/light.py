@@ -93,18 +93,22 @@ def light_rays(
     unit length, and have a height [m] and a rise (n, 2).
     """
     (plain_tree, plain_optics, plain_movers), (own, height, reach) = plain
-    optics, among = Optics(*plain_optics), anywhere(plain_movers)
+    optics = Optics(*plain_optics)
+    among = anywhere(plain_movers)
     scene = Scene(Tree(*plain_tree), optics, among, own, height, reach)
-    receiver, lit = Receiver(*plain_receiver), Lit(*plain_lit)
+    receiver = Receiver(*plain_receiver)
+    lit = Lit(*plain_lit)
     # A ray that is taken makes room for one of the two that it leaves, so no more ever wait.
     room = Room(
         np.empty(MOST_WALLS + 2, LEFT),
         np.empty((MOST_WALLS + 2, MOST_WALLS), np.int64),
         new_stack(),
     )
-    level, moment = len(inclined) == 0, np.nan
+    level = len(inclined) == 0
+    moment = np.nan
     for i in range(len(rays)):
-        ray, first = rays[i], room.rays[0]
+        ray = rays[i]
+        first = room.rays[0]
         if ray.time != moment:
             moment = ray.time
             for j in range(len(among.movers)):
@@ -112,7 +116,8 @@ def light_rays(
         if level and (lit.walls[i] < 0 or _is_dull(optics, receiver, ray, i, lit)):
             continue
         first.z, first.dz = (0.0, 0.0) if level else (inclined[i, 0], inclined[i, 1])
-        first.dx, first.dy = ray.dx, ray.dy
+        first.dx = ray.dx
+        first.dy = ray.dy
         start = lit.ranges[i], lit.walls[i] if level else -1
         _follow(scene, receiver, (ray.x, ray.y), start, room, i, lit)
 
@@ -121,7 +126,9 @@ def light_rays(
 def _is_dull(optics: Optics, receiver: Receiver, ray: Any, i: int, lit: Lit) -> bool:
     """Whether a beam needs no more than the intensity of its wall, which is filled in."""
     short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 == lit.chains.shape[1]
-    wall, way, dull = lit.walls[i], lit.ranges[i], optics.dull
+    wall = lit.walls[i]
+    way = lit.ranges[i]
+    dull = optics.dull
     if not short or wall >= len(dull):
         return False
     away = way if way > CLOSEST else CLOSEST
@@ -142,13 +149,22 @@ def _follow(
     The way to its first wall [m] and this wall are known, unless the wall is −1.
     """
     clear(i, lit)
-    optics, (rays, chains, _) = scene.optics, room
-    ray, chain = rays[-1], chains[-1]
+    optics = scene.optics
+    rays, chains, _ = room
+    ray = rays[-1]
+    chain = chains[-1]
     one = rays[0]
-    one.x, one.y, one.way, one.gain = 0.0, 0.0, 0.0, 1.0
-    one.turns, one.count, one.here, one.passed = 0, 0, 0, 0
+    one.x = 0.0
+    one.y = 0.0
+    one.way = 0.0
+    one.gain = 1.0
+    one.turns = 0
+    one.count = 0
+    one.here = 0
+    one.passed = 0
     way, name = first
-    waiting, known = 1, name >= 0
+    waiting = 1
+    known = name >= 0
     while waiting > 0:
         waiting -= 1
         rays[-1] = rays[waiting]
@@ -164,13 +180,16 @@ def _follow(
         chain[ray.count] = name
         ray.count += 1
         wall = _wall_of(scene, name)
-        ex, ey = wall.qx - wall.px, wall.qy - wall.py
-        square, slope = ex * ex + ey * ey, ray.dx * ey - ray.dy * ex
+        ex = wall.qx - wall.px
+        ey = wall.qy - wall.py
+        square = ex * ex + ey * ey
+        slope = ray.dx * ey - ray.dy * ex
         size = math.sqrt(square)
         along = math.sqrt(((ray.dx * ex + ray.dy * ey) / size) ** 2 + ray.dz * ray.dz)
         across = abs(slope) / size
         whole = math.sqrt(across * across + along * along)
-        cos, sin = across / whole, along / whole
+        cos = across / whole
+        sin = along / whole
         surface = optics.surfaces[optics.kinds[name] if name < len(optics.kinds) else -1]
         mirrored, through = shares(cos, surface)
         back = intensity(
@@ -183,7 +202,8 @@ def _follow(
         if ray.here == 0 or t != 0.0:
             ray.came_x, ray.came_y, ray.here = ray.dx, ray.dy, 0
         ray.x, ray.y, ray.z = ray.x + t * ray.dx, ray.y + t * ray.dy, ray.z + t * ray.dz
-        ray.way, ray.here = way, ray.here + 1
+        ray.here = ray.here + 1
+        ray.way = way
         mirrored *= surface.mirrors
         for k in range(2):
             share = ray.gain * (through * through if k == 0 else mirrored * mirrored)
@@ -192,8 +212,10 @@ def _follow(
             twice = 0.0 if k == 0 else 2.0 * slope / square
             rays[waiting] = rays[-1]
             left = rays[waiting]
-            left.dx, left.dy = ray.dx - twice * ey, ray.dy + twice * ex
-            left.gain, left.turns = share, ray.turns + k
+            left.dx = ray.dx - twice * ey
+            left.dy = ray.dy + twice * ex
+            left.gain = share
+            left.turns = ray.turns + k
             left.passed = ray.passed + (1 - k) * (1 << (ray.count - 1))
             for j in range(ray.count):
                 chains[waiting, j] = chain[j]
@@ -214,10 +236,14 @@ def _next_wall(
     scene: Scene, start: Vector, ray: Any, chain: Int, stack: Stack
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
-    tree, heights, movers = scene.tree, scene.optics.heights, scene.among.movers
+    tree = scene.tree
+    heights = scene.optics.heights
+    movers = scene.among.movers
     way = Way(start[0], start[1], ray.x, ray.y, ray.dx, ray.dy)
     near_by = NEAR + NEAR_SHARE * (abs(ray.x) + abs(ray.y))
-    best, hit, limit = np.inf, -1, (scene.reach - ray.way) * ROOM
+    best = np.inf
+    hit = -1
+    limit = (scene.reach - ray.way) * ROOM
     top = enter(tree, stack)
     while top > 0:
         first, stop, top = next_leaf(tree, way, limit, stack, top)
@@ -226,16 +252,20 @@ def _next_wall(
             t = _met_at(wall_at(tree.walls, k), (name, heights[name]), start, ray, chain, near_by)
             # Of walls that are drawn over each other the first is met, however t is rounded.
             if t < best - near_by or (t <= best + near_by and name < hit):
-                best, hit, limit = t, name, min(limit, t * ROOM + near_by)
+                best = t
+                hit = name
+                limit = min(limit, t * ROOM + near_by)
     for j in range(len(movers)):
         height = movers[j].height
         if j == scene.own or height < scene.height:
             continue
         for row in range(movers[j].first, movers[j].stop):
-            wall, name = side_at(scene.among.sides, row), len(heights) + row
+            wall = side_at(scene.among.sides, row)
+            name = len(heights) + row
             t = _met_at(wall, (name, height), start, ray, chain, near_by)
             if t < best - near_by:
-                best, hit = t, name
+                best = t
+                hit = name
     return best, hit
 
 
@@ -247,7 +277,9 @@ def _met_at(
 
     Inclined beams pass over a wall that is lower, and end at the ground.
     """
-    (name, height), holds, sense = named, False, 1.0
+    name, height = named
+    holds = False
+    sense = 1.0
     for j in range(ray.count - ray.here, ray.count):
         if chain[j] == name:
             holds = True
@@ -266,21 +298,34 @@ def _meet(wall: Wall, start: Vector, ray: Any, holds: bool, sense: float, near_b
     between two. A wall that holds the start, or lies within `near_by` [m] of it, is met there if
     the ray crosses it in the sense in which it arrived.
     """
-    x, y, dx, dy = ray.x, ray.y, ray.dx, ray.dy
-    (ox, oy), (px, py, qx, qy) = start, wall
-    ax, ay, bx, by = px - ox - x, py - oy - y, qx - ox - x, qy - oy - y
-    ex, ey = qx - px, qy - py
-    area, slope = ax * ey - ay * ex, dx * ey - dy * ex
-    size, twice = math.sqrt(ex * ex + ey * ey), (ax + bx) * ex + (ay + by) * ey
+    x = ray.x
+    y = ray.y
+    dx = ray.dx
+    dy = ray.dy
+    ox, oy = start
+    px, py, qx, qy = wall
+    ax = px - ox - x
+    ay = py - oy - y
+    bx = qx - ox - x
+    by = qy - oy - y
+    ex = qx - px
+    ey = qy - py
+    area = ax * ey - ay * ex
+    slope = dx * ey - dy * ex
+    size = math.sqrt(ex * ex + ey * ey)
+    twice = (ax + bx) * ex + (ay + by) * ey
     if holds or (abs(area) <= near_by * size and abs(twice) <= size * (size + 2.0 * near_by)):
         came = ray.came_x * ey - ray.came_y * ex
         return 0.0 if sense * came * slope > 0.0 else np.inf
-    side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
+    side_a = dx * ay - dy * ax
+    side_b = dx * by - dy * bx
     if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
         return np.inf
     square = dx * dx + dy * dy
-    at_a, at_b = (dx * ax + dy * ay) / square, (dx * bx + dy * by) / square
-    near, far = min(at_a, at_b), max(at_a, at_b)
+    at_a = (dx * ax + dy * ay) / square
+    at_b = (dx * bx + dy * by) / square
+    near = min(at_a, at_b)
+    far = max(at_a, at_b)
     if slope == 0.0:
         # Along the wall its nearest point counts; inclined beams meet what stands there across.
         return max(near, 0.0) if ray.dz == 0.0 and far >= 0.0 else np.inf

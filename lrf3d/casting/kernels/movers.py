@@ -86,7 +86,8 @@ def pose_at(legs: Records, first: int, last: int, period: float, time: float) ->
         rest = legs[first]
         return rest.x, rest.y, rest.theta
     shift = period * int(max(time, 0.0) / period) if period > 0.0 else 0.0
-    low, high = first, last
+    low = first
+    high = last
     while low < high:
         middle = (low + high) // 2
         if shift + legs[middle].time <= time:
@@ -94,8 +95,10 @@ def pose_at(legs: Records, first: int, last: int, period: float, time: float) ->
         else:
             high = middle
     after = min(max(low, first + 1), last - 1)
-    begin, end = legs[after - 1], legs[after]
-    start, stop = shift + begin.time, shift + end.time
+    begin = legs[after - 1]
+    end = legs[after]
+    start = shift + begin.time
+    stop = shift + end.time
     share = min(max((time - start) / (stop - start), 0.0), 1.0)
     return (
         begin.x + share * (end.x - begin.x),
@@ -109,7 +112,8 @@ def moved(leg: Any, time: float) -> Pose:
     """The pose after the speeds of a leg were held for a time."""
     half = 0.5 * leg.turn * time
     chord = time * math.sin(half) / half if half != 0.0 else time
-    cos, sin = chord * math.cos(leg.theta + half), chord * math.sin(leg.theta + half)
+    cos = chord * math.cos(leg.theta + half)
+    sin = chord * math.sin(leg.theta + half)
     return (
         leg.x + cos * leg.ahead - sin * leg.left,
         leg.y + cos * leg.left + sin * leg.ahead,
@@ -120,7 +124,8 @@ def moved(leg: Any, time: float) -> Pose:
 @inner
 def mover_at(among: Movers, j: int, time: float) -> Pose:
     """The pose of an obstacle at a time."""
-    mover, legs = among.movers[j], among.legs
+    mover = among.movers[j]
+    legs = among.legs
     if mover.period != HELD:
         return pose_at(legs, mover.leg, mover.last, mover.period, time)
     return moved(legs[mover.leg], max(time - legs[mover.leg].time, 0.0))
@@ -137,17 +142,24 @@ def anywhere(plain: Plain) -> Movers:
 @inner
 def place(among: Movers, j: int, time: float) -> None:
     """Place an obstacle's sides where they are at a time."""
-    mover, corners, sides = among.movers[j], among.corners, among.sides
+    mover = among.movers[j]
+    corners = among.corners
+    sides = among.sides
     x, y, theta = mover_at(among, j, time)
     at = among.placed[j]
-    at.x, at.y, at.reach = x, y, mover.reach
-    cos, sin = math.cos(theta), math.sin(theta)
+    at.x = x
+    at.y = y
+    at.reach = mover.reach
+    cos = math.cos(theta)
+    sin = math.sin(theta)
     before = mover.stop - 1
     for row in range(mover.first, mover.stop):
         side = sides[row]
         ahead, left = turn(corners[row].x, corners[row].y, cos, sin)
-        side.px, side.py = ahead + x, left + y
-        sides[before].qx, sides[before].qy = side.px, side.py
+        side.px = ahead + x
+        side.py = left + y
+        sides[before].qx = side.px
+        sides[before].qy = side.py
         before = row
 
 
@@ -169,7 +181,8 @@ def side_at(sides: Records, row: int) -> Wall:
 @inner
 def meet(among: Movers, j: int, beam: Beam, nearest: Nearest) -> Nearest:
     """The nearest side, of those of an obstacle and the nearest so far."""
-    sides, mover = among.sides, among.movers[j]
+    sides = among.sides
+    mover = among.movers[j]
     for row in range(mover.first, mover.stop):
         side = side_at(sides, row)
         verdict, low, high = judged(side, beam, nearest)
@@ -198,27 +211,39 @@ def cast_among(
 
     Own (k,) are the obstacles that the scans do not see, or −1.
     """
-    among, laser = Movers(*plain), Laser(*plain_laser)
-    placed, limits = among.placed, (laser.range_min, laser.range_max)
+    among = Movers(*plain)
+    laser = Laser(*plain_laser)
+    placed = among.placed
+    limits = (laser.range_min, laser.range_max)
     beams = laser.fan.shape[1]
-    dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
-    row, low, high = np.empty(beams, np.int64), np.empty(beams), np.empty(beams)
+    dx = np.empty(beams + PADDING)
+    dy = np.empty(beams + PADDING)
+    row = np.empty(beams, np.int64)
+    low = np.empty(beams)
+    high = np.empty(beams)
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
-        x, y, farthest = fan.x, fan.y, 0.0
+        x = fan.x
+        y = fan.y
+        farthest = 0.0
         for i in range(beams):
-            row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
+            row[i] = -1
+            low[i] = np.inf
+            high[i] = min(ranges[k, i], laser.range_max * ROOM) * ROOM
             farthest = max(farthest, high[i])
         for j in range(len(placed)):
             at = placed[j]
-            east, north = at.x - x, at.y - y
+            east = at.x - x
+            north = at.y - y
             # Widened by more than rounding may be.
             reach = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))
             distance = math.sqrt(east * east + north * north) / ROOM
             near = distance - reach
             if j == own[k] or near > farthest or among.movers[j].height < height:
                 continue
-            start, stop, wide = 0, beams, reach + 1e-12 * distance
+            start = 0
+            stop = beams
+            wide = reach + 1e-12 * distance
             if near > 0.0:
                 share = reach / distance
                 # At least the arc sine of the share.
@@ -231,14 +256,17 @@ def cast_among(
                     continue
                 beam = Beam(x, y, dx[i], dy[i])
                 nearest = meet(among, j, beam, Nearest(row[i], low[i], high[i]))
-                row[i], low[i], high[i] = nearest.row, nearest.low, nearest.high
+                row[i] = nearest.row
+                low[i] = nearest.low
+                high[i] = nearest.high
         for i in range(beams):
             if row[i] < 0:
                 continue
             t = range_to(among, row[i], Beam(x, y, dx[i], dy[i]), limits)
             # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
             if t < ranges[k, i]:
-                ranges[k, i], hits[k, i] = t, -1
+                ranges[k, i] = t
+                hits[k, i] = -1
 
 
 @compiled
@@ -251,23 +279,31 @@ def rays_among(
     What is seen are not the robot's own, nor those below a height; their sides are named as those
     of the walls that follow on a number of walls, or all −1 if that is negative.
     """
-    among, (own, height, walls), beams = anywhere(plain), seen, len(rays)
-    movers, circles = among.movers, np.empty(len(among.movers), PLACED)
+    among = anywhere(plain)
+    own, height, walls = seen
+    beams = len(rays)
+    movers = among.movers
+    circles = np.empty(len(among.movers), PLACED)
     # Around where an obstacle is half-way, it is somewhere in this circle all the time.
-    begin, end = rays[0].time, rays[beams - 1].time
+    begin = rays[0].time
+    end = rays[beams - 1].time
     for j in range(len(movers)):
-        mover, circle = movers[j], circles[j]
+        mover = movers[j]
+        circle = circles[j]
         half = 0.5 * (end + begin)
         circle.x, circle.y, _ = mover_at(among, j, half)
         reach = mover.reach + mover.fastest * 0.5 * (end - begin)
         circle.reach = (1.0 + 1e-6) * reach + 1e-12 * (abs(circle.x) + abs(circle.y))
     for i in range(beams):
-        beam, limit = beam_of(rays, i), min(ranges[i], limits[1] * ROOM) * ROOM
+        beam = beam_of(rays, i)
+        limit = min(ranges[i], limits[1] * ROOM) * ROOM
         nearest = Nearest(-1, np.inf, limit)
         for j in range(len(movers)):
-            east, north = circles[j].x - beam.ox, circles[j].y - beam.oy
+            east = circles[j].x - beam.ox
+            north = circles[j].y - beam.oy
             reach = circles[j].reach + 1e-12 * (abs(east) + abs(north))
-            across, along = beam.dx * north - beam.dy * east, beam.dx * east + beam.dy * north
+            across = beam.dx * north - beam.dy * east
+            along = beam.dx * east + beam.dy * north
             beside = abs(across) > reach or along < -reach or along - reach > limit
             if j != own and not beside and movers[j].height >= height:
                 place(among, j, rays[i].time)
@@ -275,7 +311,8 @@ def rays_among(
         if nearest.row >= 0:
             t = range_to(among, nearest.row, beam, limits)
             if t < ranges[i]:
-                ranges[i], hits[i] = t, walls + nearest.row if walls >= 0 else -1
+                ranges[i] = t
+                hits[i] = walls + nearest.row if walls >= 0 else -1
 
 
 @compiled

@@ -96,7 +96,8 @@ def edge_of(wall: Wall) -> tuple[Double, Double]:
 @inner
 def side(beam: Beam, px: float, py: float) -> int:
     """On which side of the beam the point lies: 1 left, −1 right, 0 on its line."""
-    left, right = beam.dx * (py - beam.oy), beam.dy * (px - beam.ox)
+    left = beam.dx * (py - beam.oy)
+    right = beam.dy * (px - beam.ox)
     found = _plain_sign(left, right)
     if found != AMBIGUOUS:
         return found
@@ -106,7 +107,8 @@ def side(beam: Beam, px: float, py: float) -> int:
 @inner
 def area_sign(ox: float, oy: float, wall: Wall) -> int:
     """Sign of the area o, p, q: 1 where the wall is seen counter-clockwise from p to q."""
-    left, right = (wall.px - ox) * (wall.qy - wall.py), (wall.py - oy) * (wall.qx - wall.px)
+    left = (wall.px - ox) * (wall.qy - wall.py)
+    right = (wall.py - oy) * (wall.qx - wall.px)
     found = _plain_sign(left, right)
     return found if found != AMBIGUOUS else _sign(_area(ox, oy, wall))
 
@@ -159,7 +161,8 @@ def compare(beam: Beam, wall: Wall, other: Wall) -> int:
         difference = (first - second) + (first_low - second_low)
         if abs(difference) > DOUBLE_DOUBLE * (first + second):
             return 1 if difference > 0.0 else -1
-    (above, below), (other_above, other_below) = _fraction(beam, wall), _fraction(beam, other)
+    above, below = _fraction(beam, wall)
+    other_above, other_below = _fraction(beam, other)
     return _sign_of_cross(above, other_below, other_above, below)
 
 
@@ -186,7 +189,8 @@ def lengths(
     Whole vectors are computed: up to LANES − 1 more numbers are read and overwritten.
     """
     area, good = _plain_area(place[0], place[1], wall)
-    (ex, ey), (start, stop) = edge_of(wall), part
+    ex, ey = edge_of(wall)
+    start, stop = part
     least = SAFE_CANCELLATION if good else np.inf
     for i in range(start, start + (stop - start + LANES - 1) // LANES * LANES):
         slope, size = cross((dx[i], 0.0), ey, (dy[i], 0.0), ex)
@@ -197,7 +201,8 @@ def lengths(
 @inner
 def _plain_area(ox: float, oy: float, wall: Wall) -> tuple[Double, bool]:
     """The area in double-double, and whether it is good to 70 bits."""
-    ax, ay = two_sum(wall.px, -ox), two_sum(wall.py, -oy)
+    ax = two_sum(wall.px, -ox)
+    ay = two_sum(wall.py, -oy)
     ex, ey = edge_of(wall)
     area, size = cross(ax, ey, ay, ex)
     return area, abs(area[0]) > SAFE_CANCELLATION * size
@@ -236,18 +241,22 @@ def _on_one_line(wall: Wall, other: Wall) -> bool:
 @inner
 def _fraction(beam: Beam, wall: Wall) -> tuple[Exact, Exact]:
     """The t as the quotient, ≥ 0, of two expansions, the second positive."""
-    (ox, oy, dx, dy), (px, py, qx, qy) = beam, wall
-    above, below = _area(ox, oy, wall), _zero(9)
+    ox, oy, dx, dy = beam
+    px, py, qx, qy = wall
+    above = _area(ox, oy, wall)
+    below = _zero(9)
     if above.size != 0:
         below = _cross(below, dx, dy, wall)
     elif between(ox, oy, wall):
         below = _plus(below, 1.0)
     elif dx != 0.0:
         near = min(px, qx) if px > ox else max(px, qx)
-        above, below = _plus(_plus(above, near), -ox), _plus(below, dx)
+        above = _plus(_plus(above, near), -ox)
+        below = _plus(below, dx)
     else:
         near = min(py, qy) if py > oy else max(py, qy)
-        above, below = _plus(_plus(above, near), -oy), _plus(below, dy)
+        above = _plus(_plus(above, near), -oy)
+        below = _plus(below, dy)
     if _sign(below) < 0:
         for k in range(above.size):
             above.parts[k] = -above.parts[k]
@@ -260,7 +269,8 @@ def _fraction(beam: Beam, wall: Wall) -> tuple[Exact, Exact]:
 def _area(ox: float, oy: float, wall: Wall) -> Exact:
     """The area as an expansion of at most 16 parts."""
     area = _cross(_zero(17), wall.px - ox, wall.py - oy, wall)
-    ax_low, ay_low = two_sum(wall.px, -ox)[1], two_sum(wall.py, -oy)[1]
+    ax_low = two_sum(wall.px, -ox)[1]
+    ay_low = two_sum(wall.py, -oy)[1]
     return _cross(area, ax_low, ay_low, wall) if ax_low != 0.0 or ay_low != 0.0 else area
 
 
@@ -282,7 +292,9 @@ def _zero(room: int) -> Exact:
 @inner
 def _plus(exact: Exact, value: float) -> Exact:
     """Add a float to an expansion, in place."""
-    parts, kept, carry = exact.parts, 0, value
+    parts = exact.parts
+    kept = 0
+    carry = value
     for k in range(exact.size):
         carry, error = two_sum(carry, parts[k])
         if error != 0.0:
@@ -312,7 +324,9 @@ def _sign(exact: Exact) -> int:
 @inner
 def _rounded(exact: Exact) -> Double:
     """An expansion as a float and the rest of it, good to 2⁻¹⁰⁰ of the value."""
-    rest, high, low = _zero(exact.size + 1), 0.0, 0.0
+    rest = _zero(exact.size + 1)
+    high = 0.0
+    low = 0.0
     for k in range(exact.size):
         high += exact.parts[k]
         rest.parts[k] = exact.parts[k]

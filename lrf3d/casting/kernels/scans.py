@@ -42,10 +42,12 @@ def cast_scans(
     plain_tree: Plain, plain_laser: Plain, poses: Float, ranges: Float, hits: Int
 ) -> None:
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
-    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
+    tree = Tree(*plain_tree)
+    laser = Laser(*plain_laser)
     beams = laser.fan.shape[1]
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
-    dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
+    dx = np.empty(beams + PADDING)
+    dy = np.empty(beams + PADDING)
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         fan = aim(laser, poses[k], dx, dy)
@@ -59,23 +61,35 @@ def rays_from(plain: Plain, poses: Float, times: Float, rays: Records) -> None:
 
     Times [s] go with the poses.
     """
-    (cosines, sines), (scans, beams) = Laser(*plain).fan, rays.shape
-    rolling, cos, sin, x, y = scans < len(poses), 1.0, 0.0, 0.0, 0.0
+    cosines, sines = Laser(*plain).fan
+    scans, beams = rays.shape
+    rolling = scans < len(poses)
+    cos = 1.0
+    sin = 0.0
+    x = 0.0
+    y = 0.0
     for k in range(scans):
         for i in range(beams):
-            at, ray = i if rolling else k, rays[k, i]
+            at = i if rolling else k
+            ray = rays[k, i]
             if rolling or i == 0:
                 x, y, theta = poses[at]
-                cos, sin = math.cos(theta), math.sin(theta)
+                cos = math.cos(theta)
+                sin = math.sin(theta)
             ray.dx, ray.dy = turn(cosines[i], sines[i], cos, sin)
-            ray.x, ray.y, ray.time = x, y, times[at]
+            ray.x = x
+            ray.y = y
+            ray.time = times[at]
 
 
 @inner
 def aim(laser: Laser, pose: Float, dx: Float, dy: Float) -> Fan:
     """The fan at a pose (3,); dx and dy are filled with its directions."""
-    (x, y, theta), (cosines, sines) = pose, laser.fan
-    cos, sin, beams = math.cos(theta), math.sin(theta), len(cosines)
+    x, y, theta = pose
+    cosines, sines = laser.fan
+    cos = math.cos(theta)
+    sin = math.sin(theta)
+    beams = len(cosines)
     for i in range(beams):
         dx[i], dy[i] = turn(cosines[i], sines[i], cos, sin)
     ahead_x, ahead_y = turn(math.cos(laser.middle), math.sin(laser.middle), cos, sin)
@@ -89,27 +103,36 @@ def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None
 
     The fan's directions are followed by PADDING numbers of any value.
     """
-    range_min, range_max = laser.range_min, laser.range_max
+    range_min = laser.range_min
+    range_max = laser.range_max
     # Taken out of their tuples once: each time counts a reference.
-    ox, oy, dx, dy, walls, rows = fan.x, fan.y, fan.dx, fan.dy, tree.walls, tree.rows
+    ox = fan.x
+    oy = fan.y
+    dx = fan.dx
+    dy = fan.dy
+    walls = tree.walls
+    rows = tree.rows
     beams = len(ranges)
     values = np.empty(beams + PADDING)
     stop = 0
     while stop < beams:
         # Neighbouring beams on one wall share its area, and the loop over them is vectorised.
-        start, row = stop, hit[stop]
+        start = stop
+        row = hit[stop]
         while stop < beams and hit[stop] == row:
             stop += 1
         if row < 0:
             for i in range(start, stop):
                 ranges[i] = np.inf
             continue
-        wall, name = wall_at(walls, row), rows[row]
+        wall = wall_at(walls, row)
+        name = rows[row]
         lengths((ox, oy), dx, dy, wall, (start, stop), values)
         for i in range(start, stop):
             # Near a limit t is compared exactly, as its rounding error must not decide.
             t = values[i]
-            ranges[i], hit[i] = t, name
+            ranges[i] = t
+            hit[i] = name
             if range_min * ROOM < t < range_max / ROOM:
                 continue
             beam = Beam(ox, oy, dx[i], dy[i])

@@ -26,7 +26,8 @@ def cast_solid(
     Origins (n, 3) are those of the beams; of (1, 3) the one is that of all. Corners (m, 3, 3) are
     in the order of the tree. Of triangles at the same distance the first is met.
     """
-    tree, stack = Tree(*plain_tree), new_stack()
+    tree = Tree(*plain_tree)
+    stack = new_stack()
     for i in range(len(beams)):
         origin = origins[min(i, len(origins) - 1)]
         turn = beams[i, 0], beams[i, 1], beams[i, 2]
@@ -43,13 +44,17 @@ def _first_met(
     """
     dx, dy, dz = turn
     way = Way(origin[0], origin[1], 0.0, 0.0, dx, dy)
-    best, hit, limit, top = np.inf, -1, reach * ROOM, enter(tree, stack)
+    best = np.inf
+    hit = -1
+    limit = reach * ROOM
+    top = enter(tree, stack)
     while top > 0:
         first, stop, top = next_leaf(tree, way, limit, stack, top)
         for k in range(first, stop):
             t = _meet(corners[k], origin, dx, dy, dz)
             if t < best or (t == best and tree.rows[k] < hit):
-                best, hit = t, tree.rows[k]
+                best = t
+                hit = tree.rows[k]
                 limit = min(limit, best * ROOM)
     return best, hit
 
@@ -61,19 +66,28 @@ def _meet(corners: Float, origin: Float, dx: float, dy: float, dz: float) -> flo
     bx, by, bz = b = _seen(corners[1], origin)
     cx, cy, cz = c = _seen(corners[2], origin)
     d = dx, dy, dz
-    ab, bc, ca = _side(a, b, d), _side(b, c, d), _side(c, a, d)
+    ab = _side(a, b, d)
+    bc = _side(b, c, d)
+    ca = _side(c, a, d)
     if not ((ab >= 0.0 and bc >= 0.0 and ca >= 0.0) or (ab <= 0.0 and bc <= 0.0 and ca <= 0.0)):
         return np.inf
-    ex, ey, ez = bx - ax, by - ay, bz - az
-    fx, fy, fz = cx - ax, cy - ay, cz - az
-    nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    ex = bx - ax
+    ey = by - ay
+    ez = bz - az
+    fx = cx - ax
+    fy = cy - ay
+    fz = cz - az
+    nx = ey * fz - ez * fy
+    ny = ez * fx - ex * fz
+    nz = ex * fy - ey * fx
     slope = nx * dx + ny * dy + nz * dz
     # A beam along a triangle meets the neighbours at its edge, and this one has no distance.
     if slope == 0.0:
         return np.inf
     t = (nx * ax + ny * ay + nz * az) / slope
     # What is met lies between the nearest and the farthest corner, however flat the triangle.
-    at_a, at_b = ax * dx + ay * dy + az * dz, bx * dx + by * dy + bz * dz
+    at_a = ax * dx + ay * dy + az * dz
+    at_b = bx * dx + by * dy + bz * dz
     at_c = cx * dx + cy * dy + cz * dz
     t = min(max(t, min(at_a, at_b, at_c)), max(at_a, at_b, at_c))
     return t if t >= 0.0 else np.inf
@@ -88,5 +102,7 @@ def _seen(corner: Float, origin: Float) -> Vector:
 @borrower
 def _side(a: Vector, b: Vector, d: Vector) -> float:
     """On which side of the edge from a to b the beam passes: the sign of d · (a × b)."""
-    (ax, ay, az), (bx, by, bz), (dx, dy, dz) = a, b, d
+    ax, ay, az = a
+    bx, by, bz = b
+    dx, dy, dz = d
     return dx * (ay * bz - az * by) + dy * (az * bx - ax * bz) + dz * (ax * by - ay * bx)

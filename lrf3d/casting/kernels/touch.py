@@ -85,10 +85,17 @@ def touched(
     (k,) and obstacles (k,), +inf and −1 for none. Own (k,) are the obstacles that are the bodies
     themselves, or −1.
     """
-    (plain_tree, plain_movers), (times, walls, met) = plain, found
-    tree, among, body = Tree(*plain_tree), anywhere(plain_movers), Body(*plain_body)
-    movers, stack, wall = among.movers, np.empty(STACK, np.int64), np.empty(1, SIDE)
-    begin, places, sides = np.nan, np.empty(len(movers), PLACED), np.empty(len(body.edges), SIDE)
+    plain_tree, plain_movers = plain
+    times, walls, met = found
+    tree = Tree(*plain_tree)
+    among = anywhere(plain_movers)
+    body = Body(*plain_body)
+    movers = among.movers
+    stack = np.empty(STACK, np.int64)
+    wall = np.empty(1, SIDE)
+    begin = np.nan
+    places = np.empty(len(movers), PLACED)
+    sides = np.empty(len(body.edges), SIDE)
     for k in range(len(moves)):
         move = moves[k]
         times[k], walls[k] = _first_touch(tree, body, move, seconds[k], stack, wall)
@@ -99,15 +106,19 @@ def touched(
         fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
         met[k] = -1
         for j in range(len(movers)):
-            mover, rate = movers[j], fastest + movers[j].rim
+            mover = movers[j]
+            rate = fastest + movers[j].rim
             best = min(times[k], seconds[k])
             room = rate * best + max(mover.reach, mover.disc) + body.reach + 1e-6
-            east, north = places[j].x - move.x, places[j].y - move.y
+            east = places[j].x - move.x
+            north = places[j].y - move.y
             if j == own[k] or east * east + north * north > room * room:
                 continue
             time = _first_meeting(among, j, body, move, best, sides, wall)
             if time < np.inf:
-                times[k], walls[k], met[k] = time, -1, j
+                times[k] = time
+                walls[k] = -1
+                met[k] = j
 
 
 @inner
@@ -122,32 +133,47 @@ def _first_touch(
     step = seconds / pieces
     half = 0.5 * move.turn * step
     end = step * math.tan(half) / half if half != 0.0 else step
-    sweep, wall = math.hypot(move.ahead, move.left) * step, seen[0]
+    sweep = math.hypot(move.ahead, move.left) * step
+    wall = seen[0]
     room = body.reach + min(sweep, 0.125 * sweep * abs(move.turn) * step) + 1e-6
     for piece in range(pieces):
         x, y, theta = moved(move, piece * step)
         x1, y1, _ = moved(move, (piece + 1) * step)
-        low_x, high_x, low_y, high_y = min(x, x1), max(x, x1), min(y, y1), max(y, y1)
-        cos, sin, best, found = math.cos(theta), math.sin(theta), np.inf, -1
-        stack[0], top = 0, 1 if len(tree.walls) > 0 else 0
+        low_x = min(x, x1)
+        high_x = max(x, x1)
+        low_y = min(y, y1)
+        high_y = max(y, y1)
+        cos = math.cos(theta)
+        sin = math.sin(theta)
+        best = np.inf
+        found = -1
+        stack[0] = 0
+        top = 1 if len(tree.walls) > 0 else 0
         while top > 0:
             top -= 1
-            first, count = tree.links[stack[top], 0], tree.links[stack[top], 1]
+            first = tree.links[stack[top], 0]
+            count = tree.links[stack[top], 1]
             for row in range(first, first + count):
                 px, py, qx, qy = wall_at(tree.walls, row)
                 if max(min(px, qx) - high_x, low_x - max(px, qx)) > room:
                     continue
                 if max(min(py, qy) - high_y, low_y - max(py, qy)) > room:
                     continue
-                px, py, qx, qy = px - x, py - y, qx - x, qy - y
-                wall.px, wall.py = cos * px + sin * py, cos * py - sin * px
-                wall.qx, wall.qy = cos * qx + sin * qy, cos * qy - sin * qx
+                px = px - x
+                py = py - y
+                qx = qx - x
+                qy = qy - y
+                wall.px = cos * px + sin * py
+                wall.py = cos * py - sin * px
+                wall.qx = cos * qx + sin * qy
+                wall.qy = cos * qy - sin * qx
                 if piece == 0 and _gap(body.edges, seen, 0, 1) - body.radius < -GRAZE:
                     w = 0.0
                 else:
                     w = _contact(body, move, end, side_at(seen, 0))
                 if w < best or (w == best < np.inf and tree.rows[row] < found):
-                    best, found = w, tree.rows[row]
+                    best = w
+                    found = tree.rows[row]
             for child in range(first, first - count):
                 x0, y0, x2, y2 = column_at(tree.boxes, child)
                 if max(x0 - high_x, low_x - x2, y0 - high_y, low_y - y2) <= room:
@@ -163,8 +189,12 @@ def _first_touch(
 @inner
 def _contact(body: Body, move: Any, end: float, wall: Wall) -> float:
     """The w up to an end at which a body touches a wall, which it sees from its pose at w = 0."""
-    edges, ahead, left, turn = body.edges, move.ahead, move.left, move.turn
-    best, line = np.inf, _line(wall, 0.0, 0.0)
+    edges = body.edges
+    ahead = move.ahead
+    left = move.left
+    turn = move.turn
+    best = np.inf
+    line = _line(wall, 0.0, 0.0)
     start = Motion(wall.px, wall.py, turn * wall.py - ahead, -turn * wall.px - left, -turn)
     stop = Motion(wall.qx, wall.qy, turn * wall.qy - ahead, -turn * wall.qx - left, -turn)
     for k in range(len(edges)):
@@ -192,7 +222,8 @@ def _contact(body: Body, move: Any, end: float, wall: Wall) -> float:
 @inner
 def _line(wall: Wall, opened: float, open_after: float) -> Line:
     """The line of a wall; at ends that are open, points beyond them count, too."""
-    ex, ey = wall.qx - wall.px, wall.qy - wall.py
+    ex = wall.qx - wall.px
+    ey = wall.qy - wall.py
     length = math.sqrt(ex * ex + ey * ey)
     low = -np.inf if opened > 0.0 else GRAZE
     high = np.inf if open_after > 0.0 else length - GRAZE
@@ -238,8 +269,13 @@ def _crossing(motion: Motion, line: Line, side: float, radius: float, end: float
 @inner
 def _nearing(motion: Motion, x: float, y: float, radius: float, end: float) -> float:
     """The w at which a point comes as near as a radius to another one."""
-    dx, dy, ux, uy, turn = motion.x - x, motion.y - y, motion.ux, motion.uy, motion.turn
-    away, scale = math.sqrt(dx * dx + dy * dy), 0.5 / radius
+    dx = motion.x - x
+    dy = motion.y - y
+    ux = motion.ux
+    uy = motion.uy
+    turn = motion.turn
+    away = math.sqrt(dx * dx + dy * dy)
+    scale = 0.5 / radius
     c = (away - radius) * (away + radius) * scale
     b = 2.0 * (dx * ux + dy * uy) * scale
     a = 0.25 * turn * turn * c + (turn * (dy * ux - dx * uy) + ux * ux + uy * uy) * scale
@@ -272,7 +308,9 @@ def _gap(mine: Records, theirs: Records, first: int, stop: int) -> float:
 
     More than two others are around something, and a body inside it overlaps it.
     """
-    gap, inside, around = np.inf, False, False
+    gap = np.inf
+    inside = False
+    around = False
     for row in range(first, stop):
         there = side_at(theirs, row)
         inside = inside != _under(there, mine[0].px, mine[0].py)
@@ -294,8 +332,10 @@ def _under(edge: Wall, x: float, y: float) -> bool:
 @inner
 def separation(one: Wall, other: Wall) -> float:
     """The distance of two segments [m]; where they cross, minus by how much."""
-    p, q = _off(one, other.px, other.py), _off(one, other.qx, other.qy)
-    a, b = _off(other, one.px, one.py), _off(other, one.qx, one.qy)
+    p = _off(one, other.px, other.py)
+    q = _off(one, other.qx, other.qy)
+    a = _off(other, one.px, one.py)
+    b = _off(other, one.qx, one.qy)
     if min(p[1], q[1]) < 0.0 < max(p[1], q[1]) and min(a[1], b[1]) < 0.0 < max(a[1], b[1]):
         return -min(min(abs(p[1]), abs(q[1])), min(abs(a[1]), abs(b[1])))
     return min(min(p[0], q[0]), min(a[0], b[0]))
@@ -304,11 +344,15 @@ def separation(one: Wall, other: Wall) -> float:
 @inner
 def _off(wall: Wall, x: float, y: float) -> tuple[float, float]:
     """The distance of a point from a segment, and from its line, to the left positive [m]."""
-    ex, ey, ax, ay = wall.qx - wall.px, wall.qy - wall.py, x - wall.px, y - wall.py
+    ex = wall.qx - wall.px
+    ey = wall.qy - wall.py
+    ax = x - wall.px
+    ay = y - wall.py
     length = math.sqrt(ex * ex + ey * ey)
     if length == 0.0:
         return math.sqrt(ax * ax + ay * ay), 0.0
-    along, beside = (ax * ex + ay * ey) / length, (ex * ay - ey * ax) / length
+    along = (ax * ex + ay * ey) / length
+    beside = (ex * ay - ey * ax) / length
     beyond = max(-along, along - length, 0.0)
     return math.sqrt(beyond * beyond + beside * beside), beside
 
@@ -319,17 +363,20 @@ def _first_meeting(
 ) -> float:
     """The seconds after which a body touches an obstacle, or infinity."""
     rate = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach + among.movers[j].rim
-    time, gap = 0.0, _gap_at(among, j, body, move, 0.0, sides, spot)
+    time = 0.0
+    gap = _gap_at(among, j, body, move, 0.0, sides, spot)
     if gap < -GRAZE:
         return 0.0
     while time < seconds and rate > 0.0:
-        before, free = time, gap > 0.0
+        before = time
+        free = gap > 0.0
         time = min(time + max(gap, STEP) / rate, seconds)
         gap = _gap_at(among, j, body, move, time, sides, spot)
         if gap >= -GRAZE:
             continue
         # Where it was in contact before, without a depth, it touched there.
-        low, high = before, time if free else before
+        low = before
+        high = time if free else before
         for _ in range(60):
             middle = 0.5 * (low + high)
             if _gap_at(among, j, body, move, middle, sides, spot) > 0.0:
@@ -350,17 +397,26 @@ def _gap_at(
     sides of the body and the middle of a disc are filled in.
     """
     place(among, j, move.time + time)
-    (x, y, theta), at, mover = moved(move, time), among.placed[j], among.movers[j]
+    x, y, theta = moved(move, time)
+    at = among.placed[j]
+    mover = among.movers[j]
     away = math.hypot(at.x - x, at.y - y)
     reach = max(at.reach, mover.disc) + body.reach
     if away > 2.0 * reach:
         return float(away - reach)
-    cos, sin = math.cos(theta), math.sin(theta)
+    cos = math.cos(theta)
+    sin = math.sin(theta)
     for k in range(len(sides)):
-        edge, side = body.edges[k], sides[k]
-        side.px, side.py = x + cos * edge.px - sin * edge.py, y + sin * edge.px + cos * edge.py
-        side.qx, side.qy = x + cos * edge.qx - sin * edge.qy, y + sin * edge.qx + cos * edge.qy
+        edge = body.edges[k]
+        side = sides[k]
+        side.px = x + cos * edge.px - sin * edge.py
+        side.py = y + sin * edge.px + cos * edge.py
+        side.qx = x + cos * edge.qx - sin * edge.qy
+        side.qy = y + sin * edge.qx + cos * edge.qy
     if mover.disc == 0.0:
         return _gap(sides, among.sides, mover.first, mover.stop) - body.radius
-    spot[0].px, spot[0].py, spot[0].qx, spot[0].qy = at.x, at.y, at.x, at.y
+    spot[0].px = at.x
+    spot[0].py = at.y
+    spot[0].qx = at.x
+    spot[0].qy = at.y
     return float(_gap(sides, spot, 0, 1) - body.radius - mover.disc)

@@ -113,22 +113,29 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
 
     The last number is that of the boxes that still wait, of which the root is the first.
     """
-    boxes, links = tree.boxes, tree.links
-    (waiting, nears), (ox, oy, x, y, dx, dy) = stack, way
-    across, along = 1.0 / dx, 1.0 / dy
+    boxes = tree.boxes
+    links = tree.links
+    waiting, nears = stack
+    ox, oy, x, y, dx, dy = way
+    across = 1.0 / dx
+    along = 1.0 / dy
     # Columns of the sides where a ray enters a box, and where it leaves it.
-    left, low = index_of(0 if across > 0.0 else 2), index_of(1 if along > 0.0 else 3)
-    right, high = index_of(2) - left, index_of(4) - low
+    left = index_of(0 if across > 0.0 else 2)
+    low = index_of(1 if along > 0.0 else 3)
+    right = index_of(2) - left
+    high = index_of(4) - low
     while top > 0:
         top -= 1
         if waiting[top].near > limit * ROOM:
             continue
-        first, count = links[waiting[top].node, 0], links[waiting[top].node, 1]
+        first = links[waiting[top].node, 0]
+        count = links[waiting[top].node, 1]
         if count > 0:
             return first, first + count, top
         for k in range(whole(-count)):
             child = index_of(first) + k
-            near, far = 0.0, limit
+            near = 0.0
+            far = limit
             # Along an axis 0 times infinity is no number, and no bound.
             bound = ((boxes[left, child] - ox) - x) * across
             near = bound if bound > near else near
@@ -148,7 +155,8 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
             while slot > bottom and waiting[slot - 1].near < near:
                 waiting[slot] = waiting[slot - 1]
                 slot -= 1
-            waiting[slot].node, waiting[slot].near = first + k, near
+            waiting[slot].node = first + k
+            waiting[slot].near = near
             top += 1
     return 0, 0, 0
 
@@ -157,7 +165,8 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
 def enter(tree: Tree, stack: Stack) -> int:
     """Let the root of a tree wait, if it has walls; the number of boxes that do."""
     root = stack.waiting[0]
-    root.node, root.near = 0, 0.0
+    root.node = 0
+    root.near = 0.0
     return 1 if len(tree.rows) > 0 else 0
 
 
@@ -185,25 +194,36 @@ def _build(
     segments: Float, order: NDArray[np.int32], boxes: Float, links: NDArray[np.int32]
 ) -> int:
     """Sort `order` into leaves and fill boxes and links; the number of nodes."""
-    waiting, room = np.empty(STACK, PART), np.empty((SPLIT_BINS, 4))
-    weight, cost = np.empty(SPLIT_BINS, np.int64), np.empty(SPLIT_BINS)
+    waiting = np.empty(STACK, PART)
+    room = np.empty((SPLIT_BINS, 4))
+    weight = np.empty(SPLIT_BINS, np.int64)
+    cost = np.empty(SPLIT_BINS)
     cuts = np.empty(CHILDREN + 1, dtype=np.int64)
     leaf = SMALL if len(links) == 1 else LEAF
-    root, used, top = waiting[0], 1, 1
-    root.node, root.start, root.stop, root.level = 0, 0, len(order), 0
+    root = waiting[0]
+    used = 1
+    top = 1
+    root.node = 0
+    root.start = 0
+    root.stop = len(order)
+    root.level = 0
     _bound(segments, order, 0, len(order), boxes[root.node])
     while top > 0:
         top -= 1
         part = waiting[top]
-        node, level, parts = part.node, part.level, 1
-        cuts[0], cuts[parts] = part.start, part.stop
+        node = part.node
+        level = part.level
+        parts = 1
+        cuts[0] = part.start
+        cuts[parts] = part.stop
         while parts < CHILDREN:
             # The part with most walls is cut next.
             widest = 0
             for k in range(1, parts):
                 if cuts[k + 1] - cuts[k] > cuts[widest + 1] - cuts[widest]:
                     widest = k
-            start, stop = cuts[widest], cuts[widest + 1]
+            start = cuts[widest]
+            stop = cuts[widest + 1]
             if stop - start <= leaf:
                 break
             middle = (start + stop) // 2
@@ -214,12 +234,17 @@ def _build(
             cuts[widest + 1] = middle
             parts += 1
         if parts == 1:
-            links[node, 0], links[node, 1] = part.start, part.stop - part.start
+            links[node, 0] = part.start
+            links[node, 1] = part.stop - part.start
             continue
-        links[node, 0], links[node, 1] = used, -parts
+        links[node, 0] = used
+        links[node, 1] = -parts
         for k in range(parts):
             child = waiting[top]
-            child.node, child.level, child.start, child.stop = used, level + 1, cuts[k], cuts[k + 1]
+            child.node = used
+            child.level = level + 1
+            child.start = cuts[k]
+            child.stop = cuts[k + 1]
             _bound(segments, order, child.start, child.stop, boxes[used])
             used += 1
             top += 1
@@ -232,13 +257,19 @@ def _cut(
     cost: Float,
 ) -> int:  # fmt: skip
     """Order the walls by the cheapest cut of their middles; the first row behind the cut."""
-    best, best_axis, best_bin, best_low, best_scale = np.inf, 0, -1, 0.0, 0.0
+    best = np.inf
+    best_axis = 0
+    best_bin = -1
+    best_low = 0.0
+    best_scale = 0.0
     box = np.empty(4)
     for axis in range(2):
-        low, high = np.inf, -np.inf
+        low = np.inf
+        high = -np.inf
         for row in range(start, stop):
             middle = segments[order[row], axis] + segments[order[row], axis + 2]
-            low, high = min(low, middle), max(high, middle)
+            low = min(low, middle)
+            high = max(high, middle)
         if not high > low:
             continue
         scale = SPLIT_BINS / (high - low)
@@ -263,12 +294,16 @@ def _cut(
                 if side == 0:
                     cost[b] = part
                 elif cost[b - 1] + part < best:
-                    best, best_axis, best_bin = cost[b - 1] + part, axis, b
-                    best_low, best_scale = low, scale
+                    best = cost[b - 1] + part
+                    best_axis = axis
+                    best_bin = b
+                    best_low = low
+                    best_scale = scale
     if best_bin < 0:
         # All middles are one point: cut by number, so that no leaf grows without bound.
         return (start + stop) // 2
-    left, right = start, stop - 1
+    left = start
+    right = stop - 1
     while left <= right:
         wall = segments[order[left]]
         place = (wall[best_axis] + wall[best_axis + 2] - best_low) * best_scale
@@ -291,7 +326,8 @@ def _half_perimeter(box: Float) -> float:
 @inner
 def _empty(box: Float) -> None:
     for axis in range(2):
-        box[axis], box[axis + 2] = np.inf, -np.inf
+        box[axis] = np.inf
+        box[axis + 2] = -np.inf
 
 
 @inner

@@ -42,8 +42,10 @@ RESIDUAL_BINS, PER_DECADE = 200, 24
 
 def pose_in(frame: Pose, scan: LaserScan) -> tuple[tuple[float, float], float]:
     """Where a scan was taken [m] in the map's frame, and its heading [rad]."""
-    dx, dy = scan.pose.x - frame.x, scan.pose.y - frame.y
-    cos, sin = np.cos(frame.theta), np.sin(frame.theta)
+    dx = scan.pose.x - frame.x
+    dy = scan.pose.y - frame.y
+    cos = np.cos(frame.theta)
+    sin = np.sin(frame.theta)
     x, y = np.add((cos * dx + sin * dy, cos * dy - sin * dx), SHIFT).tolist()
     return (x, y), float(scan.pose.theta - frame.theta)
 
@@ -79,10 +81,12 @@ class Beams(NamedTuple):
 
 def in_order(scan: LaserScan) -> tuple[Float, Float]:
     """Angles (n,) [rad] and ranges (n,) [m] of a scan by rising angle."""
-    angles, ranges = scan.angles, scan.ranges
+    angles = scan.angles
+    ranges = scan.ranges
     if (angles[1:] < angles[:-1]).any():
         order = np.argsort(angles, kind="stable")
-        angles, ranges = angles[order], ranges[order]
+        angles = angles[order]
+        ranges = ranges[order]
     return angles, ranges
 
 
@@ -102,13 +106,15 @@ def longest_loss(ranges: Float, range_max: float) -> int:
     hits = gaps = 0
     returned = False
     for beam in range(len(ranges)):
-        before, reach = returned, ranges[beam]
+        before = returned
+        reach = ranges[beam]
         returned = reach > 0.0 and reach <= range_max and reach < np.inf
         hits += returned
         gaps += before and not returned
     # [beams] Bounds on a run of missing returns attributed to lost beams. More ignores views
     # through narrow gaps, less takes lost beams for gaps of walls.
-    least_lost, most_lost = 2, 8
+    least_lost = 2
+    most_lost = 8
     if gaps == 0 or gaps >= hits:
         return most_lost if gaps else least_lost
     # [odds] A gap in a scan is real if lost beams leave it with at most this chance.
@@ -131,7 +137,9 @@ def measure_beams(
     is unknown, a longer one is free space; see `pose_spread` for the spread.
     """
     ranges = beams.ranges
-    count, missed, lost = len(measured), 0, longest_loss(measured, range_max)
+    count = len(measured)
+    missed = 0
+    lost = longest_loss(measured, range_max)
     most_free = 1_000.0  # [m] Largest free distance of a beam without return.
     for beam in range(count + 1):
         if beam < count and measured[beam] > range_max:
@@ -218,7 +226,8 @@ class NoiseEstimate:
         if number.sum() > noise_prior:
             weights[~seen] = 0.0
         least = self._floor**2
-        floor, growth = least, max(float(np.min(variances / ranges**2)), 0.0)
+        floor = least
+        growth = max(float(np.min(variances / ranges**2)), 0.0)
         for _ in range(20):
             # Weighted by the error of each variance, which is a share of the variance.
             share = weights / (floor + growth * ranges**2) ** 2
@@ -237,8 +246,10 @@ def count_residuals(
     returns how many were added.
     """
     returned = np.flatnonzero(np.isfinite(ranges) & (ranges > NOISE_UNIT))
-    steps, ranges = np.abs(np.diff(angles[returned])), ranges[returned]
-    before, after = ranges[:-1], ranges[1:]
+    steps = np.abs(np.diff(angles[returned]))
+    ranges = ranges[returned]
+    before = ranges[:-1]
+    after = ranges[1:]
     share = np.hypot(noise.floor / np.fmax(np.minimum(before, after), NOISE_UNIT), noise.growth)
     # [1/rad] Steepest relative change of the range along a wall: incidence above 10°. Steeper walls
     # magnify noise, and jumps between walls hide among them.
@@ -254,13 +265,17 @@ def count_residuals(
     smooth = (np.abs(np.log(after / before)) < jumps) & (steps < noise_widest) & (steps > 0.0)
     # The middle ones of five beams that follow each other without a jump.
     beams = 2 + np.flatnonzero(smooth[:-3] & smooth[1:-2] & smooth[2:-1] & smooth[3:])
-    left, right, middle = steps[beams - 1], steps[beams], ranges[beams]
+    left = steps[beams - 1]
+    right = steps[beams]
+    middle = ranges[beams]
     # 1 / r = (sin(right) / one + sin(left) / other) / sin(left + right)
     a, b = np.sin([right, left]) / np.sin(left + right)
-    one, other = ranges[beams - 1], ranges[beams + 1]
+    one = ranges[beams - 1]
+    other = ranges[beams + 1]
     flat = 1.0 / (a / one + b / other)
     # By how much the noise of the neighbours moves that.
-    a, b = a * (flat / one) ** 2, b * (flat / other) ** 2
+    a = a * (flat / one) ** 2
+    b = b * (flat / other) ** 2
     sizes = np.abs(middle - flat) / np.sqrt(1.0 + a * a + b * b)
     rows = np.searchsorted(edges, middle) - 1
     columns = PER_DECADE * np.log10(np.maximum(sizes, NOISE_UNIT) / NOISE_UNIT)

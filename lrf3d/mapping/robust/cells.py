@@ -127,7 +127,8 @@ class Cells(NamedTuple):
     @classmethod
     def of_size(cls, size: int) -> "Cells":
         """No cells, with room for this number of squares, and more of blocks and clusters."""
-        blocks, cells = 4 * size, SIDE * SIDE
+        blocks = 4 * size
+        cells = SIDE * SIDE
         counters = np.zeros(1, COUNTERS)
         counters["blocks"] = counters["clusters"] = 1
         return cls(
@@ -153,7 +154,8 @@ class Cells(NamedTuple):
 @borrower
 def _slot_of(keys: Int, x: int, y: int) -> int:
     """The slot of a square in the hash table, or the empty slot for it."""
-    key, mask = (x << 31) + y, len(keys) - 1
+    key = (x << 31) + y
+    mask = len(keys) - 1
     mixed = key * 0x9E3779B97F4A7C1
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != key and keys[slot] != EMPTY:
@@ -169,7 +171,8 @@ def move_squares(keys: Int, squares: Int, larger: Int, moved: Int) -> None:
         if key != EMPTY:
             y = ((key + (1 << 30)) & ((1 << 31) - 1)) - (1 << 30)
             slot = _slot_of(larger, (key - y) >> 31, y)
-            larger[slot], moved[slot] = key, squares[old]
+            larger[slot] = key
+            moved[slot] = squares[old]
 
 
 @borrower
@@ -200,7 +203,8 @@ def take_block(cells: Cells, column: int, row: int) -> int:
     slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
     if cells.keys[slot] == EMPTY:
         return -1
-    square, place = cells.squares[slot], _place_of(column, row)
+    square = cells.squares[slot]
+    place = _place_of(column, row)
     if cells.blocks[square, place] == 0:
         counters = cells.counters[0]
         cells.blocks[square, place] = counters.blocks
@@ -212,7 +216,9 @@ def take_block(cells: Cells, column: int, row: int) -> int:
 @compiled
 def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
     """Make the squares around all hits of a scan from a place [m]; False if there is no room."""
-    side, before_x, before_y = CELL * (1 << SQUARE_BITS), 1 << 40, 0
+    side = CELL * (1 << SQUARE_BITS)
+    before_x = 1 << 40
+    before_y = 0
     counters = cells.counters[0]
     for beam in range(len(beams.ranges)):
         reach = beams.ranges[beam]
@@ -222,7 +228,8 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
         y = int(np.floor((place[1] + reach * beams.units[beam, 1]) / side))
         if x == before_x and y == before_y:
             continue
-        before_x, before_y = x, y
+        before_x = x
+        before_y = y
         if counters.squares + 9 > len(cells.blocks):
             return False
         for near_x in range(x - 1, x + 2):
@@ -248,7 +255,8 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 @borrower
 def _passes(cells: Cells, x: float, y: float, way: int) -> int:
     """The number of beams of a direction that passed through the cell of a place [m]."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    column = int(np.floor(x / CELL))
+    row = int(np.floor(y / CELL))
     # Nothing has passed the cells of block 0.
     passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
     return passed & MOST_PASSES
@@ -259,12 +267,14 @@ def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
 ) -> int:
     """The number of beams of some directions through a cell, that also went deeper [m]."""
-    count, ways = 0, ways & cells.passed[block, cell]
+    count = 0
+    ways = ways & cells.passed[block, cell]
     for way in range(PASS_DIRECTIONS if ways else 0):
         if (ways >> way) & 1:
             passed = cells.passes[block, way, cell] & MOST_PASSES
             if deeper > 0.0:
-                dx, dy = COSINES[way], SINES[way]
+                dx = COSINES[way]
+                dy = SINES[way]
                 passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
             count += passed
     return count
@@ -280,7 +290,8 @@ def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float)
     length = np.hypot(x2 - x1, y2 - y1)
     if length == 0.0:
         return False
-    ux, uy = (x2 - x1) / length, (y2 - y1) / length
+    ux = (x2 - x1) / length
+    uy = (y2 - y1) / length
     end = min(LINE_END, 0.25 * length)
     steps = int((length - 2.0 * end) / CELL) + 1
     step = (length - 2.0 * end) / steps
@@ -290,9 +301,12 @@ def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float)
     stride = 8
     for first in range(stride):
         for k in range(first, steps, stride):
-            x, y = x1 + (end + (k + 0.5) * step) * ux, y1 + (end + (k + 0.5) * step) * uy
-            column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-            block, cell = block_at(cells, column, row), cell_in(column, row)
+            x = x1 + (end + (k + 0.5) * step) * ux
+            y = y1 + (end + (k + 0.5) * step) * uy
+            column = int(np.floor(x / CELL))
+            row = int(np.floor(y / CELL))
+            block = block_at(cells, column, row)
+            cell = cell_in(column, row)
             spare -= count_beams(cells, block, cell, ways, x, y, depth - FREE_DEPTH)
             if spare < 0:
                 return True

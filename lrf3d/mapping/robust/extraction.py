@@ -87,20 +87,28 @@ def _joined_returns(
 
     The last is connected to the first only if the scan closes a circle.
     """
-    count, lost, kept, circle = len(angles), longest_loss(ranges, range_max), 0, False
+    count = len(angles)
+    lost = longest_loss(ranges, range_max)
+    kept = 0
+    circle = False
     if count >= 3:
         # A scan of 360° whose last beam looks where its first does gives that beam once.
         span = angles[-1] - angles[0]
-        step, left = span / (count - 1), 2.0 * np.pi - span
+        step = span / (count - 1)
+        left = 2.0 * np.pi - span
         circle = left < 1.5 * step
         count -= left < 0.5 * step
-    beams, reaches, deviations = np.empty((count, 2)), np.empty(count), np.empty(count)
-    places, joined = np.empty(count, np.int64), np.zeros(count, np.bool_)
+    beams = np.empty((count, 2))
+    reaches = np.empty(count)
+    deviations = np.empty(count)
+    places = np.empty(count, np.int64)
+    joined = np.zeros(count, np.bool_)
     for place in range(count):
         reach = ranges[place]
         if reach > 0.0 and reach <= range_max and reach < np.inf:
             angle = theta + angles[place]
-            beams[kept, 0], beams[kept, 1] = np.cos(angle), np.sin(angle)
+            beams[kept, 0] = np.cos(angle)
+            beams[kept, 1] = np.sin(angle)
             reaches[kept] = reach
             deviations[kept] = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
             places[kept] = place
@@ -116,7 +124,8 @@ def _joined_returns(
             continue
         turn = abs(angles[places[k]] - angles[places[i]])
         turn = min(turn, 2.0 * np.pi - turn)
-        near, far = min(reaches[i], reaches[k]), max(reaches[i], reaches[k])
+        near = min(reaches[i], reaches[k])
+        far = max(reaches[i], reaches[k])
         step = np.sqrt(max(near * near + far * far - 2.0 * near * far * np.cos(turn), 0.0))
         # On a wall met at no less than the grazing angle two beams return points no farther
         # apart than this; noise adds to it. A wider gap than the given one always parts.
@@ -137,7 +146,8 @@ def _rolled(begin: int, beams: Beams) -> Beams:
         place = (begin + k) % count
         for axis in range(2):
             rolled.units[k, axis] = beams.units[place, axis]
-        rolled.ranges[k], rolled.deviations[k] = beams.ranges[place], beams.deviations[place]
+        rolled.ranges[k] = beams.ranges[place]
+        rolled.deviations[k] = beams.deviations[place]
     return rolled
 
 
@@ -189,30 +199,36 @@ def _part(beams: Beams, first: int, last: int) -> Beams:
 @inner
 def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> int:
     """Fill in the segments of one cluster of walls (m,), joined at corners; returns how many."""
-    rows, ends = 0, local.ends[begin:]
+    rows = 0
+    ends = local.ends[begin:]
     weakest_direction = 0.15  # [rad] Largest standard deviation of the direction of a segment.
     for wall in range(len(spans)):
-        span, fit = spans[wall], local.fits[begin + rows]
+        span = spans[wall]
+        fit = local.fits[begin + rows]
         run = _part(beams, span.first, span.last + 1)
         x, y = fit_wall(run)
         _measure(run, x, y, fit)
         size = np.sqrt(x * x + y * y)
-        nx, ny = x / size, y / size
+        nx = x / size
+        ny = y / size
         spread = fit.xx * ny * ny + fit.yy * nx * nx
         spread -= 2.0 * fit.xy * nx * ny
         if not spread * weakest_direction**2 > 1.0:
             continue
-        span.x, span.y = x, y
+        span.x = x
+        span.y = y
         spans[rows] = span
         fit.points = span.last - span.first + 1
         for k in range(2):
             beam = span.last if k else span.first
             # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
-            (ux, uy), reach = beams.units[beam], beams.ranges[beam]
+            ux, uy = beams.units[beam]
+            reach = beams.ranges[beam]
             slope = ux * x + uy * y
             if slope > 0.0 and abs(1.0 / slope - reach) <= END_DEVIATIONS * beams.deviations[beam]:
                 reach = 1.0 / slope
-            ends[rows, 2 * k], ends[rows, 2 * k + 1] = reach * ux, reach * uy
+            ends[rows, 2 * k] = reach * ux
+            ends[rows, 2 * k + 1] = reach * uy
         rows += 1
     # [sine] Least angle of a corner of a scan: lines that are almost parallel cross at an arbitrary
     # place.
@@ -223,13 +239,16 @@ def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> in
     # noise.
     scan_corner_steps = 1.5
     for row in range(rows - 1):
-        one, other = spans[row], spans[row + 1]
+        one = spans[row]
+        other = spans[row + 1]
         turn = one.x * other.y - one.y * other.x
         lengths = np.sqrt((one.x**2 + one.y**2) * (other.x**2 + other.y**2))
         if abs(turn) < scan_corner_sine * lengths or other.first - one.last > scan_corner_beams:
             continue
-        x, y = (other.y - one.y) / turn, (one.x - other.x) / turn
-        (ax, ay), (bx, by) = end_of(ends[row], 1), end_of(ends[row + 1], 0)
+        x = (other.y - one.y) / turn
+        y = (one.x - other.x) / turn
+        ax, ay = end_of(ends[row], 1)
+        bx, by = end_of(ends[row + 1], 0)
         step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[one.last]
         reach = scan_corner_steps * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
@@ -265,7 +284,8 @@ def segment_cluster(returns: Beams, spans: Records) -> int:
         # The inverse range and its fit are both scaled by r², which keeps the numbers near 1.
         weight = square * square / (deviations[i] * deviations[i])
         inverse = 1.0 / ranges[i]
-        before, after = sums[i], sums[i + 1]
+        before = sums[i]
+        after = sums[i + 1]
         after.cc = before.cc + weight * cos * cos
         after.cs = before.cs + weight * cos * sin
         after.ss = before.ss + weight * sin * sin
@@ -290,8 +310,11 @@ def segment_cluster(returns: Beams, spans: Records) -> int:
         for place in range(opened):
             first = open_first[place]
             start = sums[first]
-            cc, cs, ss = total.cc - start.cc, total.cs - start.cs, total.ss - start.ss
-            ci, si = total.ci - start.ci, total.si - start.si
+            cc = total.cc - start.cc
+            cs = total.cs - start.cs
+            ss = total.ss - start.ss
+            ci = total.ci - start.ci
+            si = total.si - start.si
             determinant = cc * ss - cs * cs
             misfit = 0.0
             if determinant > 1e-14 * cc * ss:
@@ -309,14 +332,17 @@ def segment_cluster(returns: Beams, spans: Records) -> int:
         opened = kept
         best[last] = cheapest
         origin[last] = choice
-    found, last = 0, count
+    found = 0
+    last = count
     while last > 0:
         if origin[last] >= 0:
-            spans[found].first, spans[found].last = origin[last], last - 1
+            spans[found].first = origin[last]
+            spans[found].last = last - 1
             found += 1
         last = origin[last] if origin[last] >= 0 else last - 1
     for i in range(found // 2):
-        one, other = spans[i], spans[found - 1 - i]
+        one = spans[i]
+        other = spans[found - 1 - i]
         one.first, other.first = other.first, one.first
         one.last, other.last = other.last, one.last
     return found
@@ -332,7 +358,8 @@ def fit_wall(returns: Beams) -> tuple[float, float]:
     ax, ay = beams[len(ranges) // 2]
     for i in range(len(ranges)):
         ux, uy = beams[i]
-        cos, sin = ux * ax + uy * ay, uy * ax - ux * ay
+        cos = ux * ax + uy * ay
+        sin = uy * ax - ux * ay
         square = ranges[i] * ranges[i]
         weight = square * square / (deviations[i] * deviations[i])
         cc += weight * cos * cos

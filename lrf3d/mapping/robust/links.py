@@ -48,15 +48,19 @@ CORNER_SINE = 0.25
 @compiled
 def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
     """Link walls (n,) to those around them, and retest a few links of others."""
-    lines, lengths = np.empty((MOST_LINKS + 1, 4)), np.empty(MOST_LINKS)
+    lines = np.empty((MOST_LINKS + 1, 4))
+    lengths = np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
     places = np.full(walls.counters[0].taken, -1)
     for k in range(len(rows)):
         places[rows[k]] = k
         walls.rows[rows[k]].linked += 1
     for k in range(len(rows)):
-        reach, found, farthest = LONGEST_LINK, 0, 0
-        own, line = walls.ends[rows[k]], lines[MOST_LINKS]
+        reach = LONGEST_LINK
+        found = 0
+        farthest = 0
+        own = walls.ends[rows[k]]
+        line = lines[MOST_LINKS]
         for i in range(near(walls, own, LONGEST_LINK)):
             other = walls.found[i]
             # A link between two of these walls is added once, by the later one.
@@ -68,7 +72,8 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
             if length > reach:
                 continue
             place = found if found < MOST_LINKS else farthest
-            others[place], lengths[place] = other, length
+            others[place] = other
+            lengths[place] = length
             put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
@@ -83,7 +88,8 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
             other = others[place]
             if _joins(lines[place], own, walls.ends[other], cells):
                 link = walls.links[rows[k], wall.links]
-                link.wall, link.linked = other, walls.rows[other].linked
+                link.wall = other
+                link.linked = walls.rows[other].linked
                 wall.links += 1
     _retest_links(walls, cells, lines[0])
 
@@ -91,7 +97,8 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
 @inner
 def _retest_links(walls: Walls, cells: Cells, line: Float) -> None:
     """Retest a few links in turn, and void those that beams have crossed since."""
-    asked, counters = 0, walls.counters[0]
+    asked = 0
+    counters = walls.counters[0]
     # [links] Links that an update retests, so that two objects that were joined come apart.
     links_a_turn = 16
     for _ in range(counters.taken):
@@ -99,7 +106,8 @@ def _retest_links(walls: Walls, cells: Cells, line: Float) -> None:
         for place in range(walls.rows[counters.asked].links):
             if _stands(walls, counters.asked, place):
                 link = walls.links[counters.asked, place]
-                one, other = walls.ends[counters.asked], walls.ends[link.wall]
+                one = walls.ends[counters.asked]
+                other = walls.ends[link.wall]
                 asked += 1
                 if _measure_link(one, other, line) and not _joins(line, one, other, cells):
                     link.linked = -1
@@ -135,25 +143,30 @@ def _is_behind(one: Float, other: Float, line: Float) -> bool:
 @borrower
 def _shortest_link(one: Float, other: Float, link: Float) -> None:
     """Fill in the shortest line from one of two segments to the other."""
-    (dx, dy), (u, v) = vector_of(one), vector_of(other)
+    dx, dy = vector_of(one)
+    u, v = vector_of(other)
     crossing = dx * v - dy * u
     if crossing != 0.0:
-        (x, y), (its_x, its_y) = end_of(one, 0), end_of(other, 0)
+        x, y = end_of(one, 0)
+        its_x, its_y = end_of(other, 0)
         ahead = ((its_x - x) * v - (its_y - y) * u) / crossing
         along = ((its_x - x) * dy - (its_y - y) * dx) / crossing
         if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
             # They cross: one was united through the other.
-            x, y = x + ahead * dx, y + ahead * dy
+            x = x + ahead * dx
+            y = y + ahead * dy
             put_line(link, x, y, x, y)
             return
     least = np.inf
     for turn in range(4):
         own, across = (one, other) if turn < 2 else (other, one)
         x, y = end_of(own, turn % 2)
-        (u, v), (dx, dy) = end_of(across, 0), vector_of(across)
+        u, v = end_of(across, 0)
+        dx, dy = vector_of(across)
         place = ((x - u) * dx + (y - v) * dy) / (dx * dx + dy * dy)
         place = min(max(place, 0.0), 1.0)
-        u, v = u + place * dx, v + place * dy
+        u = u + place * dx
+        v = v + place * dy
         away = (x - u) ** 2 + (y - v) ** 2
         if away < least:
             least = away
@@ -163,7 +176,8 @@ def _shortest_link(one: Float, other: Float, link: Float) -> None:
 @borrower
 def _reach_before(wall: Float, link: Float) -> float:
     """How far [m] a line gets in front of the face of a wall."""
-    (x, y), (dx, dy) = end_of(wall, 0), vector_of(wall)
+    x, y = end_of(wall, 0)
+    dx, dy = vector_of(wall)
     first, last = along_of(link, x, y, -dy, dx)
     size = np.hypot(dx, dy)
     before: float = max(first / size, last / size)
@@ -220,12 +234,14 @@ def _root(parents: Int, wall: int) -> int:
 @compiled
 def find_objects(walls: Walls, rows: Int) -> Int:
     """The object (n,) of each of the shown walls (n,), named by one of them."""
-    parents, labels = np.arange(len(walls.rows)), np.empty(len(rows), np.int64)
+    parents = np.arange(len(walls.rows))
+    labels = np.empty(len(rows), np.int64)
     for k in range(len(rows)):
         wall = rows[k]
         for place in range(walls.rows[wall].links):
             if _stands(walls, wall, place):
-                one, other = _root(parents, wall), _root(parents, walls.links[wall, place].wall)
+                one = _root(parents, wall)
+                other = _root(parents, walls.links[wall, place].wall)
                 parents[max(one, other)] = min(one, other)
     for k in range(len(rows)):
         labels[k] = _root(parents, rows[k])
@@ -240,8 +256,11 @@ def close_corners(ends: Float, objects: Int) -> Float:
 @compiled
 def _close(ends: Float, objects: Int, order: Int) -> Float:
     """Walls with closed corners; the order is that of their ends (2 m,) by rising x."""
-    closed, places = ends.copy(), ends.copy().reshape(-1, 2)
-    count, partners, corner = len(places), np.full(len(places), -1), np.empty(2)
+    closed = ends.copy()
+    places = ends.copy().reshape(-1, 2)
+    count = len(places)
+    partners = np.full(len(places), -1)
+    corner = np.empty(2)
     # Ends that are farther apart meet nowhere near to both.
     farthest = 2.01 * CORNER_REACH
     least = np.full(count, farthest * farthest)
@@ -252,7 +271,8 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
         while after < count and places[order[after], 0] - places[end, 0] <= farthest:
             other = order[after]
             after += 1
-            dx, dy = places[other, 0] - places[end, 0], places[other, 1] - places[end, 1]
+            dx = places[other, 0] - places[end, 0]
+            dy = places[other, 1] - places[end, 1]
             away = dx * dx + dy * dy
             if away > max(least[end], least[other]) or objects[end >> 1] != objects[other >> 1]:
                 continue
@@ -261,7 +281,8 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
             # Of equally near ones the order of the rows decides.
             for one, two in ((end, other), (other, end)):
                 if away < least[one] or (away == least[one] and two < partners[one]):
-                    partners[one], least[one] = two, away
+                    partners[one] = two
+                    least[one] = away
     for end in range(count):
         other = partners[end]
         if other >= 0 and partners[other] == end and _crossing(ends, end, other, corner):
@@ -273,16 +294,23 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
 @borrower
 def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
     """Fill in the corner (2,) where the walls of two ends cross; whether both may end there."""
-    one, side, two, turned = end >> 1, end & 1, other >> 1, other & 1
-    (ux, uy), (vx, vy) = vector_of(ends[one]), vector_of(ends[two])
-    own, across = np.hypot(ux, uy), np.hypot(vx, vy)
+    one = end >> 1
+    side = end & 1
+    two = other >> 1
+    turned = other & 1
+    ux, uy = vector_of(ends[one])
+    vx, vy = vector_of(ends[two])
+    own = np.hypot(ux, uy)
+    across = np.hypot(vx, vy)
     turn = ux * vy - uy * vx
     if abs(turn) < CORNER_SINE * own * across:
         return False
     x, y = end_of(ends[one], side)
     its_x, its_y = end_of(ends[two], turned)
-    dx, dy = its_x - x, its_y - y
-    ahead, back = (dx * vy - dy * vx) / turn, (dx * uy - dy * ux) / turn
+    dx = its_x - x
+    dy = its_y - y
+    ahead = (dx * vy - dy * vx) / turn
+    back = (dx * uy - dy * ux) / turn
     if abs(ahead) * own > CORNER_REACH or abs(back) * across > CORNER_REACH:
         return False
     # Beams hit a wall beyond its corner: it is shortened by no more than a cell. The first end
@@ -291,5 +319,6 @@ def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
         return False
     if (1.0 - 2.0 * turned) * back * across > min(CELL, 0.5 * across):
         return False
-    corner[0], corner[1] = x + ahead * ux, y + ahead * uy
+    corner[0] = x + ahead * ux
+    corner[1] = y + ahead * uy
     return True

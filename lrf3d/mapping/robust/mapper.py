@@ -47,10 +47,14 @@ class RobustMapper:
     def __init__(
         self, extract: LikelihoodExtractor, length: float, distance: float, least: int
     ) -> None:
-        self._extract, self._least, self.local_map = extract, least, extract.local_map
+        self._extract = extract
+        self._least = least
+        self.local_map = extract.local_map
         self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
-        self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
-        self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
+        self._noise = NoiseEstimate(extract.floor)
+        self._optics = Optics()
+        self._cells = Cells.of_size(LEAST)
+        self._walls = Walls.of_size(LEAST)
         # Rows of walls that were added or moved by the last update, and may now merge with others.
         self._waiting = np.empty(0, np.int64)
         # Frame of the map, the pose of the first scan: the map moves with the world.
@@ -65,16 +69,20 @@ class RobustMapper:
         place, heading = pose_in(self._frame, scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
         # Images in mirrors are not walls. Optics gets the whole scan: they show where mirrors are.
-        whole, scan = scan, self._optics.without_images(scan, place, heading)
+        whole = scan
+        scan = self._optics.without_images(scan, place, heading)
         found = self._extract.walls(scan, heading, noise)
         # An uncertain pose makes all walls of a scan uncertain.
         widen(found.fits, scan)
         # Reserve rows for new walls: their arrays must not move before the refit.
         self._walls = self._walls.with_room(len(found.ends))
         unowned = self._add_beams(Beams.of(scan, heading, noise), place)
-        segments, pose = self._walls.ends[self._shown_rows()], (*place, heading)
+        segments = self._walls.ends[self._shown_rows()]
+        pose = (*place, heading)
         self._optics.update(whole, pose, noise, found.ends, segments, self._cells, self._walls)
-        walls, cells, tolerance = self._walls, self._cells, self._rule.distance
+        walls = self._walls
+        cells = self._cells
+        tolerance = self._rule.distance
         merged, gone = merge_walls(walls, found, place, self._waiting, cells, self._rule)
         rows = walls_to_refit(walls, cells, unowned, merged, tolerance)
         parts = refit_walls(rows, walls, cells, tolerance, self._least)
@@ -89,7 +97,8 @@ class RobustMapper:
         Returns the clusters (beams,) that beams hit but no wall owns. Only the first of them are
         filled in: as many as the counter `unowned` of the walls says.
         """
-        counters, unowned = self._walls.counters[0], np.empty(len(beams.ranges), np.int64)
+        counters = self._walls.counters[0]
+        unowned = np.empty(len(beams.ranges), np.int64)
         counters.scan += 1
         counters.changed = counters.unowned = 0
         while not open_squares(self._cells, place, beams):
@@ -133,7 +142,8 @@ def walls_to_refit(walls: Walls, cells: Cells, unowned: Int, merged: Int, tolera
     """
     _count_unowned_hits(walls, cells, unowned, tolerance)
     counters = walls.counters[0]
-    rows, marks = np.empty(counters.taken, np.int64), np.zeros(counters.taken, np.bool_)
+    rows = np.empty(counters.taken, np.int64)
+    marks = np.zeros(counters.taken, np.bool_)
     for k in range(len(merged)):
         marks[merged[k]] = True
     # [share] New evidence after which a wall is refit, relative to that of its last fit. Less takes
@@ -165,12 +175,14 @@ def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, tolerance: flo
         if cluster.hits == 0.0:
             # Its returns were images in a mirror, which have been deleted.
             continue
-        x, y = cluster.x, cluster.y
+        x = cluster.x
+        y = cluster.y
         put_line(point, x, y, x, y)
         off = tolerance + HIT_DEVIATIONS * np.sqrt(cluster.hits / cluster.weight)
         for i in range(near(walls, point, FOLLOWED + off)):
             ends = walls.ends[walls.found[i]]
-            (ux, uy), (x1, y1) = vector_of(ends), end_of(ends, 0)
+            ux, uy = vector_of(ends)
+            x1, y1 = end_of(ends, 0)
             size = np.hypot(ux, uy)
             along = ((x - x1) * ux + (y - y1) * uy) / size
             aside = ((y - y1) * ux - (x - x1) * uy) / size
@@ -187,31 +199,37 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
     """
     ends, fits, clusters, owners = parts
     old = np.concatenate((rows, gone))
-    taken, places = np.zeros(len(old), np.bool_), np.full(len(ends), -1)
+    taken = np.zeros(len(old), np.bool_)
+    places = np.full(len(ends), -1)
     for part in range(len(ends)):
         if fits[part].shown:
             place = _unmoved(walls, old, taken, ends[part])
             if place >= 0:
-                taken[place], places[part] = True, old[place]
+                taken[place] = True
+                places[part] = old[place]
     for k in range(len(old)):
         if not taken[k]:
             give_back(walls, old[k])
-    fresh, added = np.empty(len(ends), np.int64), 0
+    fresh = np.empty(len(ends), np.int64)
+    added = 0
     for part in range(len(ends)):
         moved = places[part] < 0
         row = places[part] = take_row(walls) if moved else places[part]
         put_row(walls.ends, row, ends[part])
-        walls.fits[row], walls.rows[row].fresh = fits[part], 0.0
+        walls.fits[row] = fits[part]
+        walls.rows[row].fresh = 0.0
         widen_box(walls, row)
         if moved and fits[part].shown:
             fresh[added] = row
             added += 1
             put_row(walls.placed, row, ends[part])
     for k in range(len(clusters)):
-        cluster, part = cells.clusters[clusters[k]], owners[k]
+        cluster = cells.clusters[clusters[k]]
+        part = owners[k]
         cluster.owner_version = 0
         if part >= 0:
-            cluster.owner, cluster.owner_version = places[part], walls.rows[places[part]].version
+            cluster.owner = places[part]
+            cluster.owner_version = walls.rows[places[part]].version
     return fresh[:added]
 
 
@@ -221,11 +239,13 @@ def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
     # [m] A part within this distance of a linked wall keeps its row and links. Ends move by pieces
     # of 0.1 m. Less takes time.
     unchanged = 0.15
-    best, least = -1, unchanged
+    best = -1
+    least = unchanged
     for place in range(len(old)):
         apart = 0.0
         for side in range(4):
             apart = max(apart, abs(ends[side] - walls.placed[old[place], side]))
         if apart < least and not taken[place]:
-            best, least = place, apart
+            best = place
+            least = apart
     return best

@@ -101,7 +101,8 @@ def merge_walls(
         other = _partner(walls, row, cells, rule)
         if other < 0:
             continue
-        kept, taken = min(row, other), max(row, other)
+        kept = min(row, other)
+        taken = max(row, other)
         merge(walls, kept, taken)
         # A new version releases its hits, so that the merged wall can claim them.
         walls.rows[taken].version += 1
@@ -110,7 +111,8 @@ def merge_walls(
         lost += 1
         queue[top] = kept
         top += 1
-    dirty, count = np.empty(len(queue), np.int64), 0
+    dirty = np.empty(len(queue), np.int64)
+    count = 0
     for row in range(walls.counters[0].taken):
         if marks[row] and walls.fits[row].points > 0:
             dirty[count] = row
@@ -135,7 +137,8 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
             continue
         ends = walls.ends[other]
         first, last = along_of(ends, x, y, ux, uy)
-        first, last = first / length, last / length
+        first = first / length
+        last = last / length
         if last <= 0.0 or first >= 1.0:
             continue
         if misfit(own, walls.fits[row], ends, walls.fits[other], rule) < 1.0:
@@ -151,7 +154,10 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
     # Without an overlap nothing shows where two walls lead, so a continuation must be straight and
     # no farther off than two views of one wall.
     straight = Rule(longest_gap, rule.bend, rule.bend, rule.distance)
-    best, least, second, narrowest = -1, 1.0, -1, longest_gap
+    best = -1
+    least = 1.0
+    second = -1
+    narrowest = longest_gap
     line = np.empty(4)
     # [beams] Beams that may cross a gap of at most merge_length: a refit needs more to cut a wall
     # there, so that merging and cutting agree.
@@ -160,19 +166,23 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
         other = walls.found[k]
         if other == row:
             continue
-        one, two = walls.ends[row], walls.ends[other]
-        fit, its = walls.fits[row], walls.fits[other]
+        one = walls.ends[row]
+        two = walls.ends[other]
+        fit = walls.fits[row]
+        its = walls.fits[other]
         value = misfit(one, fit, two, its, rule)
         if value < least or (value == least and other < best):
             if _span(one, two, line) <= 0.0 or not is_crossed(
                 line, cells, FREE_DEPTH, spare_beams, WALL_SINE
             ):
-                best, least = other, value
+                best = other
+                least = value
         elif best < 0 and fit.shown and its.shown:
             if misfit(one, fit, two, its, straight) < 1.0:
                 gap = _span(one, two, line)
                 if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
-                    second, narrowest = other, gap
+                    second = other
+                    narrowest = gap
     return best if best >= 0 else second
 
 
@@ -181,7 +191,8 @@ def _span(one: Float, other: Float, line: Float) -> float:
     """Fill in the line (4,) from the end of one wall to the start of the next; its length [m]."""
     ux, uy = vector_of(one)
     size = np.hypot(ux, uy)
-    (x, y), (u, v) = end_of(one, 1), end_of(other, 1)
+    x, y = end_of(one, 1)
+    u, v = end_of(other, 1)
     ahead = along_of(other, x, y, ux, uy)[0] / size
     back = along_of(one, u, v, ux, uy)[0] / size
     if ahead > back:
@@ -195,8 +206,10 @@ def _span(one: Float, other: Float, line: Float) -> float:
 @compiled
 def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
     """Offset of the shorter of two segments from the line of the longer; up to 1 is allowed."""
-    (x, y), (u, v) = vector_of(ends), vector_of(other_ends)
-    size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
+    x, y = vector_of(ends)
+    u, v = vector_of(other_ends)
+    size = np.sqrt(x * x + y * y)
+    length = np.sqrt(u * u + v * v)
     # [cosine] Largest angle between two segments of one wall: far more than noise, the offsets of
     # the ends decide.
     same_direction = 0.5
@@ -207,7 +220,10 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
         ends, other_ends = other_ends, ends
         moments, other = other, moments
         x, y, size, u, v, length = u, v, length, x, y, size
-    x, y, u, v = x / size, y / size, u / length, v / length
+    x = x / size
+    y = y / size
+    u = u / length
+    v = v / length
     low, high = along_of(other_ends, other.x, other.y, u, v)
     first, last = along_of(ends, other.x, other.y, u, v)
     if max(first - high, low - last) > rule.length:
@@ -218,7 +234,8 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
     spread = other.xx * u * u + 2.0 * other.xy * u * v + other.yy * v * v
     worst = 0.0
     for k in range(0, 4, 2):
-        dx, dy = ends[k] - other.x, ends[k + 1] - other.y
+        dx = ends[k] - other.x
+        dy = ends[k + 1] - other.y
         along = dx * u + dy * v
         own = (ends[k] - moments.x) * x + (ends[k + 1] - moments.y) * y
         variance = 1.0 / moments.weight + own * own / own_spread
@@ -231,10 +248,13 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
 @compiled
 def merge(walls: Walls, kept: int, gone: int) -> None:
     """Make the first row the exact fit to the points of both, over the extent of both."""
-    ends, own, its = walls.ends, walls.fits[kept], walls.fits[gone]
+    ends = walls.ends
+    own = walls.fits[kept]
+    its = walls.fits[gone]
     total = own.weight + its.weight
     share = its.weight / total
-    dx, dy = its.x - own.x, its.y - own.y
+    dx = its.x - own.x
+    dy = its.y - own.y
     spread = own.weight * share
     own.weight = total
     own.x += share * dx
@@ -243,15 +263,20 @@ def merge(walls: Walls, kept: int, gone: int) -> None:
     own.xy += its.xy + spread * dx * dy
     own.yy += its.yy + spread * dy * dy
     angle = 0.5 * np.arctan2(2.0 * own.xy, own.xx - own.yy)
-    u, v = np.cos(angle), np.sin(angle)
+    u = np.cos(angle)
+    v = np.sin(angle)
     dx, dy = vector_of(ends[kept])
     if u * dx + v * dy < 0.0:
-        u, v = -u, -v
-    x, y = own.x, own.y
-    low, high = np.inf, -np.inf
+        u = -u
+        v = -v
+    x = own.x
+    y = own.y
+    low = np.inf
+    high = -np.inf
     for row in (kept, gone):
         first, last = along_of(ends[row], x, y, u, v)
-        low, high = min(low, first, last), max(high, first, last)
+        low = min(low, first, last)
+        high = max(high, first, last)
     put_line(ends[kept], x + low * u, y + low * v, x + high * u, y + high * v)
     own.points += its.points
     its.points = 0

@@ -68,7 +68,8 @@ class Lines(NamedTuple):
 def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
     """Extend walls (rows, 4), of some rows (n,), at both ends and divide them into pieces."""
     count = len(rows)
-    followed, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
+    followed = np.empty((count, 4))
+    first = np.zeros(count + 1, np.int64)
     for k in range(count):
         ux, uy, length = unit_of(ends[rows[k]])
         for side in range(4):
@@ -108,7 +109,8 @@ def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
 def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
     """Add a cluster to the piece of a line (4,) that it hit."""
     ux, uy, _ = unit_of(line)
-    hits, weights = cluster.hits, cluster.weight
+    hits = cluster.hits
+    weights = cluster.weight
     piece.hits += hits
     piece.nearer -= hits
     piece.scans += cluster.scans
@@ -116,11 +118,15 @@ def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
     # Of these two, those of a piece are the hits' mean and the longest of its cells.
     piece.passes_before += hits * cluster.passes_before
     piece.spell = max(piece.spell, cluster.last_scan - cluster.first_scan + 1.0)
-    ox, oy = cluster.x - line[0], cluster.y - line[1]
-    along, aside = ox * ux + oy * uy, oy * ux - ox * uy
+    ox = cluster.x - line[0]
+    oy = cluster.y - line[1]
+    along = ox * ux + oy * uy
+    aside = oy * ux - ox * uy
     slope = max(abs(cluster.toward_x * uy - cluster.toward_y * ux), LEAST_INCIDENCE)
     factor = 1.0 / (slope * slope)
-    xx, xy, yy = cluster.xx, cluster.xy, cluster.yy
+    xx = cluster.xx
+    xy = cluster.xy
+    yy = cluster.yy
     across = xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux
     # [share] Largest spread of the returns in a cell across a wall, in variances of the noise;
     # above it they are of two walls. At 4 walls of rooms are a fifth closer to the truth, and a map
@@ -147,16 +153,22 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
     """Count the beams that passed through each piece of a line."""
     x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
-    begin, pieces = lines.first[k], lines.first[k + 1] - lines.first[k]
+    begin = lines.first[k]
+    pieces = lines.first[k + 1] - lines.first[k]
     ways = ways_across(ux, uy, WALL_SINE)
-    at_x, at_y, block = 1 << 40, 0, 0
+    at_x = 1 << 40
+    at_y = 0
+    block = 0
     for piece in range(pieces):
         along = (piece + 0.5) * length / pieces
-        x, y = x1 + along * ux, y1 + along * uy
-        column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+        x = x1 + along * ux
+        y = y1 + along * uy
+        column = int(np.floor(x / CELL))
+        row = int(np.floor(y / CELL))
         # Most pieces lie in the block of the previous one: look it up only when it changes.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+            at_x = column >> SIDE_BITS
+            at_y = row >> SIDE_BITS
             block = block_at(cells, column, row)
         beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
         lines.pieces[begin + piece].violations = beams
@@ -166,7 +178,8 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
 def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
     """Assign the clusters that are nearest to a line; returns how many are assigned so far."""
     band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, MOST_EXPLAINED)
-    (x1, y1), (x2, y2) = end_of(lines.ends[k], 0), end_of(lines.ends[k], 1)
+    x1, y1 = end_of(lines.ends[k], 0)
+    x2, y2 = end_of(lines.ends[k], 1)
     ux, uy, _ = unit_of(lines.ends[k])
     steep = abs(uy) > abs(ux)
     # Columns of cells along the axis that the wall runs along more.
@@ -175,15 +188,19 @@ def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
     begin -= band * abs(aside)
     end += band * abs(aside)
     half = band / abs(main) + 0.5 * CELL * abs(aside / main)
-    at_x, at_y, block = 1 << 40, 0, 0
+    at_x = 1 << 40
+    at_y = 0
+    block = 0
     for column in range(int(np.floor(begin / CELL)), int(np.floor(end / CELL)) + 1):
         centre = (column + 0.5) * CELL
         middle = x1 + (centre - y1) * ux / uy if steep else y1 + (centre - x1) * uy / ux
-        low, high = int(np.floor((middle - half) / CELL)), int(np.floor((middle + half) / CELL))
+        low = int(np.floor((middle - half) / CELL))
+        high = int(np.floor((middle + half) / CELL))
         for row in range(low, high + 1):
             cx, cy = (row, column) if steep else (column, row)
             if cx >> SIDE_BITS != at_x or cy >> SIDE_BITS != at_y:
-                at_x, at_y = cx >> SIDE_BITS, cy >> SIDE_BITS
+                at_x = cx >> SIDE_BITS
+                at_y = cy >> SIDE_BITS
                 block = block_at(cells, cx, cy)
             cluster = cells.heads[block, cell_in(cx, cy)]
             while cluster > 0:
@@ -198,14 +215,19 @@ def _claim_one(
     found: int,
 ) -> int:  # fmt: skip
     """Assign a cluster to a line if it may hit it and is nearer to it than to its owner."""
-    cluster, ends, rows = cells.clusters[place], lines.ends[k], walls.rows
+    cluster = cells.clusters[place]
+    ends = lines.ends[k]
+    rows = walls.rows
     ux, uy, length = unit_of(ends)
-    ox, oy = cluster.x - ends[0], cluster.y - ends[1]
-    along, away = ox * ux + oy * uy, abs(oy * ux - ox * uy)
+    ox = cluster.x - ends[0]
+    oy = cluster.y - ends[1]
+    along = ox * ux + oy * uy
+    away = abs(oy * ux - ox * uy)
     if away > band or along < 0.0 or along > length:
         return found
     incidence = cluster.toward_x * uy - cluster.toward_y * ux
-    slope, hits = abs(incidence), cluster.hits
+    slope = abs(incidence)
+    hits = cluster.hits
     off = lines.near + HIT_DEVIATIONS * np.sqrt(hits / cluster.weight) * slope
     # [m] A wall may end exactly at its last hit: rounding must not make that hit an extension.
     rounding = 1e-6
@@ -234,7 +256,8 @@ def _claim_one(
         if away >= cluster.distance:
             return found
         rows[cluster.owner].fresh += hits
-    cluster.owner, cluster.distance = lines.rows[k], away
+    cluster.owner = lines.rows[k]
+    cluster.distance = away
     cluster.owner_version = rows[lines.rows[k]].version
     # Another of these walls may have claimed it before: then it is in the list already.
     if cluster.piece == 0:

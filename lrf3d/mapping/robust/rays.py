@@ -60,8 +60,10 @@ def _enter(
     columns and between rows; and those to the next column and row. Distances are integers, which
     processors compare and select several times faster than floats.
     """
-    px, py = x / CELL, y / CELL
-    column, row = int(np.floor(px)), int(np.floor(py))
+    px = x / CELL
+    py = y / CELL
+    column = int(np.floor(px))
+    row = int(np.floor(py))
     across = (column + 1.0 - px) if dx > 0.0 else (px - column)
     up = (row + 1.0 - py) if dy > 0.0 else (py - row)
     # A ray along an axis never gets to the next row or column.
@@ -91,7 +93,8 @@ def add_beams(
     """
     x, y = place
     units, ranges, deviations = beams
-    passes, passed_ways = cells.passes, cells.passed
+    passes = cells.passes
+    passed_ways = cells.passed
     counters = cells.counters[0]
     if begin == 0:
         counters.scans += 1
@@ -100,7 +103,8 @@ def add_beams(
         reading = ranges[beam]
         if reading == 0.0:
             continue
-        dx, dy = units[beam, 0], units[beam, 1]
+        dx = units[beam, 0]
+        dy = units[beam, 1]
         most = int(abs(reading) * (abs(dx) + abs(dy)) / (CELL * SIDE)) + 4
         if counters.blocks + most > len(cells.heads):
             return beam
@@ -111,9 +115,13 @@ def add_beams(
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
         scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
         cell, right, ahead, wide, high, across, up = _enter(x, y, dx, dy, scale)
-        enters, exits, last = 0, min(across, up), int(2.0 * free * scale)
+        enters = 0
+        exits = min(across, up)
+        last = int(2.0 * free * scale)
         # A packed cell that is in another block than this one makes the loop look the block up.
-        block, inside, bit = 0, cell ^ LEAVES, np.uint16(1 << way)
+        block = 0
+        inside = cell ^ LEAVES
+        bit = np.uint16(1 << way)
         # A beam passes a cell if it is free up to the middle of its path through the cell.
         while enters + exits <= last:
             if (cell ^ inside) & LEAVES:
@@ -129,7 +137,8 @@ def add_beams(
                     cell += right * columns + ahead * rows
                     across += wide * columns
                     up += high * rows
-                    exits, inside = min(across, up), cell ^ LEAVES
+                    exits = min(across, up)
+                    inside = cell ^ LEAVES
                     continue
                 inside = cell
             at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
@@ -161,12 +170,14 @@ def contradict(
         cells.passes[block, way, cell] += 1
     else:
         _forget(cells, block, cell)
-    place, fell = cells.heads[block, cell], False
+    place = cells.heads[block, cell]
+    fell = False
     # [beams] A surface is gone when this many beams of a direction in a row have continued where
     # others ended. Less forgets panes and fences, which few beams hit.
     gone_after = 20
     while place > 0:
-        weight, cluster = OPEN_WEIGHT, cells.clusters[place]
+        weight = OPEN_WEIGHT
+        cluster = cells.clusters[place]
         if cluster.last_scan != cells.counters[0].scans and goes_along(cluster, dx, dy):
             cluster.misses += 1
             if cluster.misses >= gone_after:
@@ -185,7 +196,8 @@ def contradict(
 @borrower
 def _delete_few(cells: Cells, block: int, cell: int) -> None:
     """Delete the clusters of a cell with too few hits; without any, its marks go, passes stay."""
-    before, place = 0, cells.heads[block, cell]
+    before = 0
+    place = cells.heads[block, cell]
     while place > 0:
         after = cells.clusters[place].next
         if cells.clusters[place].hits < LEAST_HITS:
@@ -203,11 +215,14 @@ def forget_hits(
     cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, walls: Walls
 ) -> None:
     """Delete the clusters of a direction around a place [m], within about a reach [m]."""
-    first_x, last_x = int(np.floor((x - reach) / CELL)), int(np.floor((x + reach) / CELL))
-    first_y, last_y = int(np.floor((y - reach) / CELL)), int(np.floor((y + reach) / CELL))
+    first_x = int(np.floor((x - reach) / CELL))
+    last_x = int(np.floor((x + reach) / CELL))
+    first_y = int(np.floor((y - reach) / CELL))
+    last_y = int(np.floor((y + reach) / CELL))
     for cx in range(first_x, last_x + 1):
         for cy in range(first_y, last_y + 1):
-            block, cell = block_at(cells, cx, cy), cell_in(cx, cy)
+            block = block_at(cells, cx, cy)
+            cell = cell_in(cx, cy)
             place = cells.heads[block, cell]
             while place > 0:
                 cluster = cells.clusters[place]
@@ -241,13 +256,15 @@ def _halve(cluster: Any) -> None:
 @borrower
 def _give_back(cells: Cells, block: int, cell: int, before: int, place: int) -> None:
     """Take a cluster out of the list of its cell; another may precede it."""
-    cluster, counters = cells.clusters[place], cells.counters[0]
+    cluster = cells.clusters[place]
+    counters = cells.counters[0]
     if before == 0:
         cells.heads[block, cell] = cluster.next
     else:
         cells.clusters[before].next = cluster.next
     cells.clusters[place] = cells.clusters[0]
-    cluster.next, counters.free_cluster = counters.free_cluster, place
+    cluster.next = counters.free_cluster
+    counters.free_cluster = place
 
 
 @borrower
@@ -272,12 +289,14 @@ def _forget(cells: Cells, block: int, cell: int) -> None:
 @borrower
 def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
     """Make a cluster for the returns of a direction in a cell."""
-    other, passed = cells.heads[block, cell], 0.0
+    other = cells.heads[block, cell]
+    passed = 0.0
     if other == 0:
         for passing in range(PASS_DIRECTIONS):
             passed += cells.passes[block, passing, cell]
             cells.passes[block, passing, cell] |= SOLID
-    counters, first = cells.counters[0], cells.clusters[other]
+    counters = cells.counters[0]
+    first = cells.clusters[other]
     place: int = counters.free_cluster
     if place > 0:
         counters.free_cluster = cells.clusters[place].next
@@ -285,7 +304,8 @@ def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
         place = counters.clusters
         counters.clusters += 1
     cluster = cells.clusters[place]
-    cluster.way, cluster.next = way, other
+    cluster.way = way
+    cluster.next = other
     cluster.passes_before = first.passes_before if other > 0 else passed
     cluster.first_scan = first.first_scan if other > 0 else counters.scans
     cells.heads[block, cell] = place
@@ -299,13 +319,18 @@ def add_hit(
 ) -> None:  # fmt: skip
     """Add the return of a beam from a place [m], in a direction [turns], to its cluster."""
     x, y = place
-    reading, deviation = beams.ranges[beam], beams.deviations[beam]
+    reading = beams.ranges[beam]
+    deviation = beams.deviations[beam]
     dx, dy = beams.units[beam]
-    x, y = x + reading * dx, y + reading * dy
+    x = x + reading * dx
+    y = y + reading * dy
     way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-    block, cell = take_block(cells, column, row), cell_in(column, row)
-    at, counters = cells.heads[block, cell], cells.counters[0]
+    column = int(np.floor(x / CELL))
+    row = int(np.floor(y / CELL))
+    block = take_block(cells, column, row)
+    cell = cell_in(column, row)
+    at = cells.heads[block, cell]
+    counters = cells.counters[0]
     while at > 0 and cells.clusters[at].way != way:
         at = cells.clusters[at].next
     if at == 0:

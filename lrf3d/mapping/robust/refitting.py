@@ -58,9 +58,13 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
     """
     lines = follow(rows, walls.ends, near, cells.counters[0].clusters)
     claimed = gather_evidence(lines, cells, walls)
-    first, most, total = lines.first, len(lines.pieces), np.zeros(1, PIECE)
-    parts, fits = np.empty((most, 4)), np.empty(most, FIT)
-    breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / CELL)
+    first = lines.first
+    most = len(lines.pieces)
+    total = np.zeros(1, PIECE)
+    parts = np.empty((most, 4))
+    fits = np.empty(most, FIT)
+    breaks = np.empty(most + 1, np.int64)
+    spare = int(FOLLOWED / CELL)
     found = 0
     for wall in range(len(rows)):
         pieces = lines.pieces[first[wall] : first[wall + 1]]
@@ -74,11 +78,13 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
             while stop < len(pieces) and states[stop]:
                 stop += 1
             for part in range(split_pieces(pieces[begin:stop], breaks)):
-                start, last = last, begin + breaks[part]
+                start = last
+                last = begin + breaks[part]
                 total[0] = pieces[start]
                 for piece in range(start + 1, last):
                     _add(total[0], pieces[piece], 1.0)
-                fit, run = fits[found], (begin, start, last, stop)
+                fit = fits[found]
+                run = (begin, start, last, stop)
                 place_part(lines.ends[wall], pieces, total[0], run, parts[found], fit)
                 hits = _weigh(pieces[start:last], length_of(parts[found]), least, fit)
                 # A part that only extends a wall needs enough hits of its own.
@@ -89,7 +95,8 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
     owners = np.empty(claimed, np.int64)
     for k in range(claimed):
         cluster = cells.clusters[lines.claimed[k]]
-        owners[k], cluster.piece = lines.pieces[cluster.piece - 1].part - 1, 0
+        owners[k] = lines.pieces[cluster.piece - 1].part - 1
+        cluster.piece = 0
     return parts[:found], fits[:found], lines.claimed[:claimed], owners
 
 
@@ -113,7 +120,8 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
     lately = spell < SETTLED_AFTER and passed > max(came_beams, scans / len(pieces))
     factor = 2 if length < SHORT_WALL else 1
     shown = hits >= factor * least and factor * against <= hits
-    fit.points, fit.evidence = int(hits), hits
+    fit.points = int(hits)
+    fit.evidence = hits
     fit.shown = shown and not (length < SHORT_WALL and lately)
     for k in range(len(pieces)):
         fit.evidence += OPEN_WEIGHT * pieces[k].violations
@@ -123,7 +131,9 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
 @borrower
 def violation_weight(count: Any) -> float:
     """The weight of a free-space violation at a piece, in hits."""
-    hits, violations, scans = count.hits, count.violations, count.scans
+    hits = count.hits
+    violations = count.violations
+    scans = count.scans
     if hits == 0.0:
         return OPEN_WEIGHT
     # [share] Hits and violations alternate if this many beams for each scan with hits passed before
@@ -158,7 +168,8 @@ def real_pieces(counts: Records) -> Int:
     """
     count = len(counts)
     # Where the wall begins and where it ends is free.
-    costs, following = np.zeros(4), np.empty(4)
+    costs = np.zeros(4)
+    following = np.empty(4)
     costs[GAP] = costs[BEHIND] = np.inf
     came = np.zeros((count, 4), np.int64)
     # [hits] Weight of a beam that hit a nearer wall, against a second copy of a wall.
@@ -166,13 +177,17 @@ def real_pieces(counts: Records) -> Int:
     unseen_cost = 0.1  # [hits] Cost of each piece of wall, so that walls end at their hits.
     for i in range(count):
         for state in range(4):
-            following[state], came[i, state] = costs[state], state
+            following[state] = costs[state]
+            came[i, state] = state
             for other in range(4):
                 cost = costs[other] + CHANGES[other, state]
                 if cost < following[state]:
-                    following[state], came[i, state] = cost, other
+                    following[state] = cost
+                    came[i, state] = other
             following[state] += counts[i].hits
-        hits, violations, nearer = counts[i].hits, counts[i].violations, counts[i].nearer
+        hits = counts[i].hits
+        violations = counts[i].violations
+        nearer = counts[i].nearer
         weight = violation_weight(counts[i])
         following[REAL] += weight * violations + duplicate_weight * nearer + unseen_cost - hits
         costs, following = following, costs
@@ -240,12 +255,15 @@ def split_pieces(pieces: Records, breaks: Int) -> int:
             if cost < best[last]:
                 best[last] = cost
                 origin[last] = first
-    found, last = 0, count
+    found = 0
+    last = count
     while last > 0:
-        found, last = found + 1, origin[last]
+        found = found + 1
+        last = origin[last]
     last = count
     for part in range(found - 1, -1, -1):
-        breaks[part], last = last, origin[last]
+        breaks[part] = last
+        last = origin[last]
     return found
 
 
@@ -276,7 +294,8 @@ def place_part(
     begin, start, stop, end = run
     ux, uy, length = unit_of(ends)
     count = len(pieces)
-    a, b = start / count * length, stop / count * length
+    a = start / count * length
+    b = stop / count * length
     # [m] Extension of a wall beyond its last hit where no beam passed: half of the spacing of
     # beams. More explains more returns at corners, and hides more behind the ends.
     end_spare = 0.04
@@ -291,7 +310,8 @@ def place_part(
         b = min(b + CELL, place if seen else place + end_spare)
     # A part without hits would have cost a wall more.
     w = total.weight
-    s, d = total.along / w, total.aside / w
+    s = total.along / w
+    d = total.aside / w
     ss = max(total.along_along - w * s * s, 1e-12)
     sd = total.along_aside - w * s * d
     dd = max(total.aside_aside - w * d * d, 0.0)
@@ -299,7 +319,8 @@ def place_part(
     # segments keep that of the wall.
     least_spread = 0.01
     slope = sd / ss if ss > w * least_spread else 0.0
-    da, db = d + slope * (a - s), d + slope * (b - s)
+    da = d + slope * (a - s)
+    db = d + slope * (b - s)
     x, y = end_of(ends, 0)
     put_line(
         part, x + a * ux - da * uy, y + a * uy + da * ux,

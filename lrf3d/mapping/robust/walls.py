@@ -83,7 +83,8 @@ class Walls(NamedTuple):
     @classmethod
     def of_size(cls, rows: int) -> "Walls":
         """Free rows, a multiple of a block of them."""
-        walls, boxes = np.zeros(rows, WALL_STATE), np.full((rows // BLOCK, 4), np.inf)
+        walls = np.zeros(rows, WALL_STATE)
+        boxes = np.full((rows // BLOCK, 4), np.inf)
         walls["version"] = 1
         boxes[:, 2:] = -np.inf
         return cls(
@@ -108,7 +109,8 @@ class Walls(NamedTuple):
 @borrower
 def count_evidence(walls: Walls, row: int, weight: float) -> None:
     """Add a beam of a weight [hits] to the new evidence of a wall."""
-    wall, counters = walls.rows[row], walls.counters[0]
+    wall = walls.rows[row]
+    counters = walls.counters[0]
     wall.fresh += weight
     if wall.last_scan != counters.scan:
         wall.last_scan = counters.scan
@@ -133,7 +135,8 @@ def take_row(walls: Walls) -> int:
 def give_back(walls: Walls, row: int) -> None:
     """Make a row free."""
     counters = walls.counters[0]
-    walls.fits[row].points, walls.fits[row].shown = 0, False
+    walls.fits[row].points = 0
+    walls.fits[row].shown = False
     walls.rows[row].version += 1
     walls.placed[row] = np.inf
     walls.free[counters.free] = row
@@ -143,7 +146,8 @@ def give_back(walls: Walls, row: int) -> None:
 @borrower
 def widen_box(walls: Walls, row: int) -> None:
     """Extend the box of a row's block to the ends of its wall, so that searches find it."""
-    box, (x1, y1, x2, y2) = walls.boxes[row // BLOCK], walls.ends[row]
+    box = walls.boxes[row // BLOCK]
+    x1, y1, x2, y2 = walls.ends[row]
     put_line(
         box, min(box[0], x1, x2), min(box[1], y1, y2), max(box[2], x1, x2), max(box[3], y1, y2)
     )
@@ -156,9 +160,12 @@ def near(walls: Walls, line: Float, reach: float) -> int:
     Returns their number.
     """
     x1, y1, x2, y2 = line
-    left, right = min(x1, x2) - reach, max(x1, x2) + reach
-    low, high = min(y1, y2) - reach, max(y1, y2) + reach
-    count, taken = 0, walls.counters[0].taken
+    left = min(x1, x2) - reach
+    right = max(x1, x2) + reach
+    low = min(y1, y2) - reach
+    high = max(y1, y2) + reach
+    count = 0
+    taken = walls.counters[0].taken
     for first in range(0, taken, BLOCK):
         x1, y1, x2, y2 = walls.boxes[first // BLOCK]
         if x1 > right or x2 < left or y1 > high or y2 < low:
@@ -220,7 +227,10 @@ def along_of(line: Float, x: float, y: float, u: float, v: float) -> tuple[float
 @borrower
 def put_line(line: Float, x1: float, y1: float, x2: float, y2: float) -> None:
     """Fill in a line (4,)."""
-    line[0], line[1], line[2], line[3] = x1, y1, x2, y2
+    line[0] = x1
+    line[1] = y1
+    line[2] = x2
+    line[3] = y2
 
 
 @borrower
@@ -228,7 +238,8 @@ def add_point(moments: Any, weight: float, x: float, y: float) -> None:
     """Add a point to a weight, a mean and the scatter about it, exact at any offset."""
     moments.weight += weight
     share = weight / moments.weight
-    dx, dy = x - moments.x, y - moments.y
+    dx = x - moments.x
+    dy = y - moments.y
     moments.x += share * dx
     moments.y += share * dy
     spread = weight * (1.0 - share)

@@ -81,7 +81,8 @@ class _Walker(Frontend):
         self.canvas = canvas
 
     def draw_entity(self, entity: Any, properties: Any) -> None:
-        kind, canvas = entity.dxftype(), self.canvas
+        kind = entity.dxftype()
+        canvas = self.canvas
         canvas.count(entity.mcount if kind == "INSERT" else 1)
         if kind in ("HATCH", "MPOLYGON") and not entity.has_solid_fill:
             canvas.left_out["hatching pattern"] += 1
@@ -102,7 +103,9 @@ class _Painter(Backend):
 
     def __init__(self, canvas: Canvas, scale: float) -> None:
         super().__init__()
-        self.canvas, self.scale, self.dashed = canvas, scale, False
+        self.canvas = canvas
+        self.scale = scale
+        self.dashed = False
 
     def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
         names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")

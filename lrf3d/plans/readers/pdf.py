@@ -39,7 +39,8 @@ def draw(
     document = pypdfium2.PdfDocument(path)
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
-    handle, file = document[page - 1], pypdf.PdfReader(path)
+    handle = document[page - 1]
+    file = pypdf.PdfReader(path)
     point = 0.0254 / 72.0  # The unit of PDF [m].
     unit = point * scale * float(file.pages[page - 1].user_unit)
     left, bottom, right, top = handle.get_cropbox()
@@ -50,7 +51,8 @@ def draw(
     matrix[:2, 2] = -corners[:, :2].min(axis=0)
     matrix[:2] *= unit
     size = np.ptp(corners[:, :2], axis=0) * unit
-    raw, canvas = pypdfium2.raw, Canvas.of_sheet(float(size.max()), scale)
+    raw = pypdfium2.raw
+    canvas = Canvas.of_sheet(float(size.max()), scale)
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
     painter = _Painter(raw, canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
@@ -95,7 +97,9 @@ class _Painter:
     """Paints the objects of a page on a canvas, without those on hidden layers."""
 
     def __init__(self, raw: Any, canvas: Canvas, hidden: set[str]) -> None:
-        self.raw, self.canvas, self.hidden = raw, canvas, hidden
+        self.raw = raw
+        self.canvas = canvas
+        self.hidden = hidden
         self._clips = dict[bytes, Any]()
         self.pictured = 0.0
         """Area [m²] of the pictures."""
@@ -107,11 +111,13 @@ class _Painter:
             raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
             self.canvas.count()
-            kind, layer = raw.FPDFPageObj_GetType(each), self._layer(each)
+            kind = raw.FPDFPageObj_GetType(each)
+            layer = self._layer(each)
             if layer in self.hidden:
                 self.canvas.left_out["hidden part"] += 1
             elif kind in (raw.FPDF_PAGEOBJ_FORM, raw.FPDF_PAGEOBJ_PATH):
-                visible, inner = self._clip(each, matrix, clip), matrix @ self._matrix(each)
+                visible = self._clip(each, matrix, clip)
+                inner = matrix @ self._matrix(each)
                 if kind == raw.FPDF_PAGEOBJ_PATH:
                     self._path(each, layer, inner, visible)
                     continue
@@ -126,8 +132,10 @@ class _Painter:
                 self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
-        raw, width = self.raw, ctypes.c_float()
-        rule, stroked = ctypes.c_int(), ctypes.c_int()
+        raw = self.raw
+        width = ctypes.c_float()
+        rule = ctypes.c_int()
+        stroked = ctypes.c_int()
         raw.FPDFPath_GetDrawMode(each, rule, stroked)
         count = raw.FPDFPath_CountSegments(each)
         segments = (raw.FPDFPath_GetPathSegment(each, number) for number in range(count))
@@ -145,8 +153,11 @@ class _Painter:
 
     def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:
         """The lines (k, 2) [m] of a path."""
-        raw, lines = self.raw, list[list[Float]]()
-        x, y, controls = ctypes.c_float(), ctypes.c_float(), list[Float]()
+        raw = self.raw
+        lines = list[list[Float]]()
+        x = ctypes.c_float()
+        y = ctypes.c_float()
+        controls = list[Float]()
         for segment in segments:
             raw.FPDFPathSegment_GetPoint(segment, x, y)
             point = matrix[:2, :2] @ [x.value, y.value] + matrix[:2, 2]
@@ -182,7 +193,8 @@ class _Painter:
 
     def _layer(self, each: Any) -> str:
         """The name of the layer in which an object stands."""
-        raw, name = self.raw, b""
+        raw = self.raw
+        name = b""
         for number in range(raw.FPDFPageObj_CountMarks(each)):
             mark = raw.FPDFPageObj_GetMark(each, number)
             if self._bytes(raw.FPDFPageObjMark_GetName, mark) == "OC\0".encode("utf-16-le"):
@@ -192,7 +204,8 @@ class _Painter:
     @staticmethod
     def _bytes(read: Any, *arguments: Any) -> bytes:
         """What a function of pdfium writes into a buffer."""
-        size, buffer = ctypes.c_ulong(), (ctypes.c_ubyte * 512)()
+        size = ctypes.c_ulong()
+        buffer = (ctypes.c_ubyte * 512)()
         read(*arguments, ctypes.cast(buffer, read.argtypes[-3]), 512, size)
         return bytes(buffer)[: min(size.value, 512)]
 

@@ -52,7 +52,8 @@ def read_picture(
 ) -> Plan:
     """Read a picture of a floor plan, from its lower left corner."""
     if resolution is None:
-        known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
+        known = path.with_suffix(".yaml")
+        what = "a picture does not say how large it is; give"
         if known.exists():
             raise WorldError(f"{what} {known.name} next to it, or --resolution")
         how = f"--resolution, the metres per pixel, or write {known.name} next to it"
@@ -77,28 +78,33 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     coarse = ""
     while colours[..., 0].size > MOST_PIXELS:
         rows = stays(colours[:-1:2], colours[1::2])
-        colours, resolution = stays(rows[:, :-1:2], rows[:, 1::2]), 2.0 * resolution
+        colours = stays(rows[:, :-1:2], rows[:, 1::2])
+        resolution = 2.0 * resolution
         coarse = f"; read at {resolution:g} m a pixel"
     even = evened(colours, 2.0 * THICKEST / resolution)
     if even is not None:
-        colours, coarse = even, f"{coarse}; uneven light is evened, as on a photograph"
+        colours = even
+        coarse = f"{coarse}; uneven light is evened, as on a photograph"
     contrast, lightness, key = contrast_of(colours)
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
-    pixels, left_out = 1.0 / resolution, Counter[str]()
+    pixels = 1.0 / resolution
+    left_out = Counter[str]()
     stands = dark & ~_marked(colours, dark, left_out)
     # A thick area is a floor if it is pale.
     drawn = stands & ~_floors(stands & (lightness < 0.5), key, pixels, left_out)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     pale = _pale_blocks(walls & drawn, lightness, pixels)
-    walls, furniture = walls & ~pale, furniture | pale
+    walls = walls & ~pale
+    furniture = furniture | pale
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * resolution
     darker = f"darker than grey {255.0 * (1.0 - found):.0f} of 255"
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
-    doubt, long = "", lengths(segments)
+    doubt = ""
+    long = lengths(segments)
     if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
         doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
         if even is not None and threshold is None:
@@ -120,7 +126,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
 def _rows(cells: Bool) -> Float:
     """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
     steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
-    (row, begin), (_, end) = np.nonzero(steps > 0), np.nonzero(steps < 0)
+    row, begin = np.nonzero(steps > 0)
+    _, end = np.nonzero(steps < 0)
     return np.column_stack([begin, row + 0.5, end, row + 0.5])
 
 
@@ -205,8 +212,10 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """
     # Fine arcs have gaps.
     parts, count = label(~grown(drawn, 2.0))
-    boxes, sides = find_objects(parts), sides_of(parts)
-    least, most = sides.min(axis=1), sides.max(axis=1)
+    boxes = find_objects(parts)
+    sides = sides_of(parts)
+    least = sides.min(axis=1)
+    most = sides.max(axis=1)
     opened = np.zeros(count + 1, dtype=bool)
     door = (least > 0.5 * pixels) & (most < 1.4 * pixels) & (least > 0.8 * most)
     for place in np.flatnonzero(door):
@@ -225,7 +234,8 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
             opened[[place + 1, *near[strip]]] = True
     if not opened.any():
         return np.zeros_like(drawn)
-    inside, reach = opened[parts], max(THIN * pixels, LEAST) + 2.0
+    inside = opened[parts]
+    reach = max(THIN * pixels, LEAST) + 2.0
     parts, count = label(~drawn)
     walls = _radii(drawn, parts, count) < 0.5 * THICKEST * pixels
     walls[np.unique(parts[inside | drawn])] = False
@@ -243,7 +253,8 @@ def _building(solid: Bool, pixels: float) -> Bool:
     parts, _ = parts_of(grown(solid, 0.1 * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))
     owner = parts[tuple(edge.T)]
-    edge, owner = edge[order := np.argsort(owner, kind="stable")], owner[order]
+    edge = edge[order := np.argsort(owner, kind="stable")]
+    owner = owner[order]
     each = np.split(edge[:, ::-1], np.flatnonzero(np.diff(owner)) + 1)
     hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in each], dtype=object))
     area = shapely.area(hulls)
@@ -263,7 +274,8 @@ def _building(solid: Bool, pixels: float) -> Bool:
 def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
     """Which sides (n, 4) [pixels] go on out of the building: axes, and lines of dimensions."""
     found = np.zeros(len(sides), dtype=bool)
-    ink, most = grown(dark, 1.0), np.array(dark.shape)[::-1] - 1
+    ink = grown(dark, 1.0)
+    most = np.array(dark.shape)[::-1] - 1
     steps = np.arange(int(np.hypot(*dark.shape)))[:, None]
     for row, (side, along) in enumerate(zip(sides, directions(sides), strict=True)):
         for end, sign in ((side[:2], -1.0), (side[2:], 1.0)):
@@ -283,7 +295,8 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
     meets = np.isin(np.arange(1, count + 1), parts[grown(solid, 3.0)])
     # Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
     # strokes stays.
-    door, long = 1.4, 0.7
+    door = 1.4
+    long = 0.7
     large = (box.max(axis=1) > door * pixels) & (meets | (box.min(axis=1) > long * pixels))
     # A line for itself is one of a dimension.
     left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
@@ -332,7 +345,8 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
 def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
     """The solid blocks that touch no other part and are of a paler ink than walls: furniture."""
     parts, count = parts_of(dark)
-    sides, area = sides_of(parts), np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    sides = sides_of(parts)
+    area = np.bincount(parts.ravel(), minlength=count + 1)[1:]
     block = (sides.min(axis=1) > 0.3 * pixels) & (sides.max(axis=1) < 3.0 * pixels)
     block &= area > 0.7 * sides.prod(axis=1)
     # The rim of what is dark is pale.
@@ -347,7 +361,8 @@ def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
-    radius, most = _radii(dark, parts, count), 0.5 * THICKEST * pixels
+    radius = _radii(dark, parts, count)
+    most = 0.5 * THICKEST * pixels
     radius[[0, *on_border(parts)]] = np.inf
     area = np.bincount(parts.ravel(), minlength=count + 1)
     narrow = radius <= most
@@ -383,7 +398,8 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
 
 def _opened(cells: Bool, radius: float) -> Bool:
     """Which cells are in a disc of a radius [pixels] of such cells."""
-    found, box = np.zeros_like(cells), box_of(cells, 1)
+    found = np.zeros_like(cells)
+    box = box_of(cells, 1)
     if (own := cells[box]).size:
         core = distance_transform_edt(np.pad(own, 1, mode="edge")) > radius
         found[box] = grown(core, radius)[1:-1, 1:-1] & own

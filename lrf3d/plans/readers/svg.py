@@ -151,7 +151,8 @@ class _Painter(NamedTuple):
         if target is None:
             self.canvas.left_out["unresolved use"] += 1
             return
-        x, y = _length(element, "x", state.size[0]), _length(element, "y", state.size[1])
+        x = _length(element, "x", state.size[0])
+        y = _length(element, "y", state.size[1])
         state = state._replace(matrix=state.matrix @ _moved(x, y))
         if _tag(target) == "symbol":
             inner = self.state(target, state)
@@ -179,7 +180,8 @@ class _Painter(NamedTuple):
         return _within(state.clip, region)
 
     def _shape(self, element: Element, state: State) -> None:
-        style, canvas = state.style, self.canvas
+        style = state.style
+        canvas = self.canvas
         if any("url(" in style.get(f"marker-{end}", "") for end in ("start", "mid", "end")):
             canvas.left_out["arrow"] += 1
             return

@@ -17,10 +17,14 @@ from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 def closes_rooms(walls: Bool, thin: Float, pixels: float) -> bool:
     """Whether walls, and thin ones (n, 4) [pixels], may be a plan; so many pixels are a metre."""
     # Width of the widest door [m]; of a model, which is smaller than this [m], its share.
-    door, model, share = 1.2, 5.0, 0.05
+    door = 1.2
+    model = 5.0
+    share = 0.05
     # Smallest share of the area of a plan that is closed; the solid blocks of a town; the share of
     # its extent that half of the length of a few long walls exceeds.
-    least, blocks, longest = 0.15, 12, 0.3
+    least = 0.15
+    blocks = 12
+    longest = 0.3
     step = -(-max(walls.shape) // 600)
     rows, columns = (np.arange(0, side, step) for side in walls.shape)
     image = Image.fromarray(
@@ -29,7 +33,8 @@ def closes_rooms(walls: Bool, thin: Float, pixels: float) -> bool:
     for side in thin / step:
         ImageDraw.Draw(image).line([*side], fill=1)
     dark = np.pad(np.asarray(image, dtype=np.bool_), 3)
-    sides, metre = walls_of_grid(dark), pixels / step
+    sides = walls_of_grid(dark)
+    metre = pixels / step
     if not len(sides):
         return True
     points = sides.reshape(-1, 2)

@@ -102,7 +102,8 @@ def rename(canvas: Canvas, encoding: str) -> None:
         except UnicodeError:
             continue
         if _known(read) > most:
-            most, found = _known(read), dict(zip(foreign, read, strict=True))
+            most = _known(read)
+            found = dict(zip(foreign, read, strict=True))
             canvas.said = f"layer names read as {each}"
     for number, mark in enumerate(canvas.marks if found else ()):
         layer, *own = (found.get(name, name) for name in (mark.layer, *mark.names))

@@ -28,8 +28,10 @@ def evened(colours: Any, wide: float) -> Any:
     counts = np.bincount((colours.mean(axis=2, dtype=np.float32) // 4.0).astype(np.uint8).ravel())
     if np.sort(counts)[-6:].sum() > 0.65 * counts.sum():
         return None
-    side, (rows, columns) = max(1, int(wide / 8.0)), colours.shape[:2]
-    high, long = -(-rows // side), -(-columns // side)
+    side = max(1, int(wide / 8.0))
+    rows, columns = colours.shape[:2]
+    high = -(-rows // side)
+    long = -(-columns // side)
     even = np.empty((rows, columns, 3), dtype=np.uint8)
     for channel in range(3):
         padding = ((0, high * side - rows), (0, long * side - columns))
@@ -86,7 +88,8 @@ def _separated(counts: Int) -> tuple[int, float]:
     The variance between the groups is the largest; between two colours it is the middle.
     """
     levels = np.arange(len(counts))
-    below, sums = np.cumsum(counts)[:-1], np.cumsum(counts * levels)[:-1]
+    below = np.cumsum(counts)[:-1]
+    sums = np.cumsum(counts * levels)[:-1]
     with np.errstate(all="ignore"):
         apart = (counts @ levels - sums) / (counts.sum() - below) - sums / below
     variance = np.nan_to_num((counts.sum() - below) * below.astype(np.float64) * apart**2)

@@ -65,7 +65,8 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     host, marker, end, station = _met(segments[hosts], markers)
     # An end is next to one marker; a chain of dimensions has others on its way.
     at_end = end < 2
-    kinds, clear = np.zeros((len(hosts), 2), dtype=np.int64), np.zeros(len(hosts), dtype=bool)
+    kinds = np.zeros((len(hosts), 2), dtype=np.int64)
+    clear = np.zeros(len(hosts), dtype=bool)
     hatched = np.bincount(markers.owner, pattern[markers.segment]) > 0
     clear[host[at_end & ~hatched[marker]]] = True
     np.bitwise_or.at(kinds, (host[at_end], end[at_end]), 1 << markers.kind[marker[at_end]])
@@ -91,7 +92,8 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
 
 def _parted(segments: Float, line: Int) -> Int:
     """The lines (n,), from 0; a dimension drawn as one path with its arrowhead is split there."""
-    long, along = lengths(segments), directions(segments)
+    long = lengths(segments)
+    along = directions(segments)
     back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(np.radians(130.0))
     uneven = np.minimum(long[1:], long[:-1]) < 0.5 * np.maximum(long[1:], long[:-1])
     return np.cumsum(np.append(0, (line[1:] != line[:-1]) | (back & uneven)))[: len(line)]
@@ -129,13 +131,15 @@ def _markers(segments: Float, line: Int) -> _Markers:
 
 def _marker(chords: Float, long: Float, own: Int) -> list[_Found]:
     """The marker that the chords (k, 4) of a line are, if they are one."""
-    count, longest = len(chords), int(np.argmax(long))
+    count = len(chords)
+    longest = int(np.argmax(long))
     if count < 3 and long[longest] > LARGEST:
         return []
     if count == 2:
         return _heads(chords, own)
     closed = (chords[0, :2] == chords[-1, 2:]).all()
-    middle, along = chords.reshape(-1, 2).mean(axis=0), directions(chords)[longest]
+    middle = chords.reshape(-1, 2).mean(axis=0)
+    along = directions(chords)[longest]
     if count == 1 or (count == 4 and closed and long.min() < 0.35 * long.max() < 0.35 * LARGEST):
         return [(middle, float(long[longest]), along, TICK, own)] if long[longest] > 0.05 else []
     if count == 3 and closed and long[longest] < LARGEST:
@@ -170,7 +174,8 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     marker, host = shapely.STRtree(body).query(
         shapely.points(markers.place), predicate="dwithin", distance=reach + 0.01
     )
-    along, long = directions(hosts)[host], lengths(hosts)[host]
+    along = directions(hosts)[host]
+    long = lengths(hosts)[host]
     place, size, kind = (each[marker] for each in (markers.place, markers.size, markers.kind))
     off = place - hosts[host, :2]
     station = (off * along).sum(axis=1)
@@ -178,7 +183,8 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     cosine = (markers.along[marker] * along).sum(axis=1)
     close = np.choose(kind, [size, 0.5 * size, size, 1.15 * size]) + 0.02
     close = np.maximum(close, np.where(kind == TICK, OVERSHOOT, 0.0))
-    first, last = np.abs(station) < close, np.abs(station - long) < close
+    first = np.abs(station) < close
+    last = np.abs(station - long) < close
     # An arrow points along its line, a tick is slanted.
     slanted = (np.abs(cosine) > np.cos(np.radians(68))) & (np.abs(cosine) < np.cos(np.radians(22)))
     fits = aside < np.where(kind == RING, 0.3, 0.2) * size + 2e-3
@@ -193,7 +199,8 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
 def _is_broken(hosts: Float, marked: Bool, loose: Bool) -> Bool:
     """Which hosts are a half of a dimension that is broken for its number."""
     half = (marked & loose[:, ::-1]).any(axis=1) & ~marked.all(axis=1)
-    found, along = np.zeros(len(hosts), dtype=bool), directions(hosts)
+    found = np.zeros(len(hosts), dtype=bool)
+    along = directions(hosts)
     number = np.flatnonzero(half)[:5000]
     if len(number) < 2:
         return found
@@ -236,12 +243,14 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
     framed = np.zeros(len(segments), dtype=bool)
     while not framed.all():
         left = np.flatnonzero(~framed)
-        ends, long = segments[left].reshape(-1, 2, 2), lengths(segments[left])
+        ends = segments[left].reshape(-1, 2, 2)
+        long = lengths(segments[left])
         near = 2e-3 * np.ptp(ends, axis=(0, 1)).max()
         runs = _runs_across(ends, long, near)
         for chosen in (long > 0.0, runs):
             box = ends[chosen].reshape(-1, 2) if chosen.any() else np.zeros((1, 2))
-            low, high = box.min(axis=0), box.max(axis=0)
+            low = box.min(axis=0)
+            high = box.max(axis=0)
             sides = high - low
             reach = np.concatenate([ends - low, high - ends], axis=2)
             off = reach.max(axis=1)
@@ -255,7 +264,8 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
         part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
         if not len(hulls):
             return framed
-        part, area = near[part], shapely.area(hulls)
+        part = near[part]
+        area = shapely.area(hulls)
         # A plan may come near to the frame, a title block is drawn from it.
         lines = shapely.linestrings(ends)
         edge = shapely.union_all(lines[rim & runs])
@@ -275,7 +285,8 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
 
 def _runs_across(ends: Float, long: Float, near: float) -> Bool:
     """Which lines (n, 2, 2), of lengths (n,), are on upright or level runs across most of all."""
-    found, extent = np.zeros(len(ends), dtype=bool), np.ptp(ends, axis=(0, 1))
+    found = np.zeros(len(ends), dtype=bool)
+    extent = np.ptp(ends, axis=(0, 1))
     for axis in (0, 1):
         on = np.flatnonzero(np.ptp(ends[:, :, axis], axis=1) < 0.01 * long)
         _, run = np.unique(np.round(ends[on, 0, axis] / near), return_inverse=True)
@@ -326,7 +337,8 @@ def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
     _, node, met = np.unique(
         segments.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
     )
-    owner, times = np.repeat(part, 2), met[node.reshape(-1)]
+    owner = np.repeat(part, 2)
+    times = met[node.reshape(-1)]
     # Lines end, and meet: the side of a wall does not.
     loose, star = (np.bincount(owner, each) > 0 for each in (times == 1, times > 2))
     long = lengths(segments)

@@ -52,8 +52,10 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
     straight = np.setdiff1d(np.flatnonzero(free), [n for run, *_ in arcs for n in run])
     if not arcs or not len(straight):
         return [], opened
-    ends, doors = segments[straight].reshape(-1, 2), list[Door]()
-    tree, around = cKDTree(ends), shapely.STRtree(_lines(segments))
+    ends = segments[straight].reshape(-1, 2)
+    doors = list[Door]()
+    tree = cKDTree(ends)
+    around = shapely.STRtree(_lines(segments))
     for run, hinge, radius in arcs:
         tips = np.stack([segments[run[0], :2], segments[run[-1], 2:]])
         # A leaf that is drawn from the middle of a thick wall is seen from its face on.
@@ -83,14 +85,18 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
     A leaf is a line for itself, from the corner of a wall with two faces into a room; as long as
     the gap from there to the corner where the face of the wall goes on.
     """
-    doors, found, long = list[Door](), np.zeros(len(segments), dtype=bool), lengths(segments)
+    doors = list[Door]()
+    found = np.zeros(len(segments), dtype=bool)
+    long = lengths(segments)
     alone = np.bincount(line, minlength=1)[line] == 1 if len(line) else found
     leaves = np.flatnonzero(free & alone & (long > WIDTHS[0]) & (long < WIDTHS[1]))
     if not len(leaves):
         return doors, found
     walls = segments[free]
-    ends, along = walls.reshape(-1, 2), directions(walls)
-    tree, around = cKDTree(ends), shapely.STRtree(_lines(walls))
+    ends = walls.reshape(-1, 2)
+    along = directions(walls)
+    tree = cKDTree(ends)
+    around = shapely.STRtree(_lines(walls))
     for leaf in leaves[:MOST_DOORS]:
         near = [tree.query_ball_point(end, 0.02) for end in segments[leaf].reshape(2, 2)]
         # The hinge is at a corner of two others, the tip stands free.
@@ -123,13 +129,18 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
     closes no door that stands open between two ends of walls, nor does a wall that goes on behind a
     door: its author did not break it.
     """
-    lines, ends, ways = _lines(segments), segments.reshape(-1, 2), directions(segments)
-    ends_near, near = cKDTree(ends), partial(shapely.STRtree(lines).query, predicate="dwithin")
-    ways, boxes = np.stack([ways, -ways], axis=1).reshape(-1, 2), list[Any]()
+    lines = _lines(segments)
+    ends = segments.reshape(-1, 2)
+    ways = directions(segments)
+    ends_near = cKDTree(ends)
+    near = partial(shapely.STRtree(lines).query, predicate="dwithin")
+    ways = np.stack([ways, -ways], axis=1).reshape(-1, 2)
+    boxes = list[Any]()
     tips = np.array([door.corners[1] for door in doors])
     for hinge, other, leaf in (door.corners for door in doors):
         width = float(np.hypot(*(other - hinge)))
-        axis, posts = (other - hinge) / width, list[Float]()
+        axis = (other - hinge) / width
+        posts = list[Float]()
         for place, way in ((hinge, -0.98), (other, 0.98)):
             at = np.array(ends_near.query_ball_point(place, NEAR * width), dtype=np.int64)
             posts.append((ends[at[ways[at] @ axis / way > 1.0]] - hinge) @ axis)
@@ -155,7 +166,8 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
         # All boxes at once would be slow: one after the other for each line.
         own, first = np.unique(line, return_index=True)
         lines[own] = shapely.difference(lines[own], shut[box[first]])
-        box, line = np.delete(box, first), np.delete(line, first)
+        box = np.delete(box, first)
+        line = np.delete(line, first)
     parts, number = shapely.get_parts(lines, return_index=True)
     points, part = shapely.get_coordinates(parts, return_index=True)
     return points.reshape(-1, 4), number[part[::2]], len(cut)
@@ -174,7 +186,8 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
     if len(segments) < 3:
         return []
     along = segments[:, 2:] - segments[:, :2]
-    one, two = along[:-1], along[1:]
+    one = along[:-1]
+    two = along[1:]
     turn = np.arctan2(cross(one, two), (one * two).sum(axis=1))
     joined = (line[1:] == line[:-1]) & (segments[:-1, 2:] == segments[1:, :2]).all(axis=1)
     bent = joined & (np.abs(turn) < CORNER) & (np.abs(turn) > 1e-4)
@@ -218,7 +231,8 @@ def symbols(strokes: Strokes, sheet: bool = False) -> Iterator[tuple[str, Bool]]
     Each kind is looked for among what the others leave. Annotations and frames show that a drawing
     is a sheet, on which what stands beside the plan is no wall.
     """
-    segments, left = strokes.segments, strokes.free.copy()
+    segments = strokes.segments
+    left = strokes.free.copy()
 
     def among(find: Callable[[Float], Bool], chosen: Bool) -> Bool:
         found = np.zeros(len(segments), dtype=bool)
@@ -288,7 +302,8 @@ def _of_words(segments: Float, pattern: Bool, extent: float) -> Bool:
         # Points and accents are small.
         alike = (ratio >= 1.0) & ((ratio < 2.5) | (largest < 1.0))
         for word in members_of(groups(one[alike], other[alike], len(small))):
-            members, sure = small[word], small[word][plain[small[word]]]
+            members = small[word]
+            sure = small[word][plain[small[word]]]
             if len(members) < least or len(set(strokes[sure].tolist())) < 2:
                 continue
             wide = sides[sure].min(axis=1) > 0.3 * size[sure]
@@ -314,7 +329,8 @@ def is_pattern(segments: Float) -> Bool:
     found = np.zeros(len(segments), dtype=bool)
     if len(segments) < MOST_ALIKE:
         return found
-    along, long = directions(segments), lengths(segments)
+    along = directions(segments)
+    long = lengths(segments)
     # Of opposite directions one stands for both.
     along *= np.where(along @ [1.0, 1e-3] < 0.0, -1.0, 1.0)[:, None]
     across = np.column_stack([-along[:, 1], along[:, 0]])
@@ -323,7 +339,9 @@ def is_pattern(segments: Float) -> Bool:
     more = (0.5 * long + 0.2)[:, None] * along
     tree = shapely.STRtree(_lines(np.hstack([middles - more, middles + more])))
     # Lines of a pattern are no farther apart; where more pairs are than this, they are nearer.
-    reach, most_pairs, apart = 1.5, 5e6, 1 + len(segments) // 100
+    reach = 1.5
+    most_pairs = 5e6
+    apart = 1 + len(segments) // 100
     rays = _rays(middles, reach * across)
     while (
         reach > 0.2
@@ -336,12 +354,15 @@ def is_pattern(segments: Float) -> Bool:
     turned = np.abs(along[one, 0] * along[other, 1] - along[one, 1] * along[other, 0])
     alike = np.minimum(long[one], long[other]) > 0.5 * np.maximum(long[one], long[other])
     fits = (turned < 0.01) & (np.abs(off) > 0.02) & alike
-    one, other, off = one[fits], other[fits], off[fits]
+    one = one[fits]
+    other = other[fits]
+    off = off[fits]
     # At a distance of up to 0.7 m there is another on both sides, or two in a row.
     keys = np.sort(10.0 * one + off)
     even = np.zeros(len(one), dtype=bool)
     for factor in (-1.0, 2.0):
-        wanted, slack = 10.0 * one + factor * off, 0.03 * np.abs(off) + 1e-3
+        wanted = 10.0 * one + factor * off
+        slack = 0.03 * np.abs(off) + 1e-3
         at = np.searchsorted(keys, wanted - slack)
         even |= keys[np.minimum(at, len(keys) - 1)] <= wanted + slack if len(keys) else even
     even &= np.abs(off) < 0.7

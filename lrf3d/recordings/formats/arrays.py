@@ -98,6 +98,10 @@ def record_table(intake: Intake) -> Table:
     return _named(intake, records(intake), "fields")
 
 
+def _as_it_is(part: Any) -> Any:
+    return part
+
+
 def records(intake: Intake) -> dict[str, Float]:
     """The columns of a file of records; those that lack what the first one has are counted."""
     text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
@@ -106,18 +110,21 @@ def records(intake: Intake) -> dict[str, Float]:
         read: Callable[[Any], Any] = _yaml if text.lstrip().startswith("{'") else json.loads
         parts: Any = text.splitlines()
         with suppress(ValueError, RecursionError):
-            parts, read = json.loads(text), lambda part: part
+            parts = json.loads(text)
+            read = _as_it_is
             if isinstance(parts, dict):
                 kinds = {tuple(each) if isinstance(each, dict) else () for each in parts.values()}
                 alike = len(parts) > 1 and len(kinds) == 1 and () not in kinds
                 parts = list(parts.values()) if alike else [parts]
     else:
-        parts, read = re.split(r"(?m)^---[ \r]*$", text), _yaml
+        parts = re.split(r"(?m)^---[ \r]*$", text)
+        read = _yaml
         if len(parts) == 1 and not re.match(r"\s*\w+:", text):
             head, *parts = text.splitlines()
             if "," not in head:
                 # Numbers may be separated by semicolons as well.
-                head, parts = head.replace(";", ","), [part.replace(";", ",") for part in parts]
+                head = head.replace(";", ",")
+                parts = [part.replace(";", ",") for part in parts]
             names = head.split(",")
             read = partial(_cells, names)
     rows: list[dict[str, Float]] = []

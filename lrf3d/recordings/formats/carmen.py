@@ -86,7 +86,8 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     Readings from the largest range on are no return: if not given, the farthest that the message
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
     """
-    path, reading = intake.path, _Reading(intake)
+    path = intake.path
+    reading = _Reading(intake)
     for number, line in intake.lines():
         try:
             size = reading.take(line.split())
@@ -100,7 +101,8 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     if untimed := sum(not row.timed for row in reading.rows):
         intake.notes.append(f"no stamps on {untimed} scans: one each {UNTIMED:g} s assumed")
     reading.settle()
-    scans, wheels = [row.scan for row in reading.rows], None
+    scans = [row.scan for row in reading.rows]
+    wheels = None
     if odom := reading.stamped["odom"]:
         times, driven = (np.array(column) for column in zip(*odom, strict=True))
         places = np.array([row.place for row in reading.rows])
@@ -175,7 +177,8 @@ def _by_name(
     words: list[bytes], kind: bytes, lacking: int | None
 ) -> tuple[dict[str, list[bytes]], int]:
     """The words of a message by their names, and how many its end lacks; or a ValueError."""
-    found, place = dict[str, list[bytes]](), 1
+    found = dict[str, list[bytes]]()
+    place = 1
     for name in LAYOUTS[kind].split():
         found[name] = words[place : place + 1]
         place += 1
@@ -225,7 +228,8 @@ def _ranges(words: list[bytes]) -> Float:
 def _angles(found: Mapping[str, list[bytes]], count: int) -> Float:
     start, step = front_fan(count)
     if "step" in found:
-        start, step = _number(found, "start"), _number(found, "step")
+        start = _number(found, "start")
+        step = _number(found, "step")
         if not 0.0 < step * (count - 1) < 2.1 * pi:
             raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
     return even_angles(count, start, step)
@@ -255,8 +259,12 @@ class _Reading:
     """What the messages so far contain."""
 
     def __init__(self, intake: Intake) -> None:
-        self._intake, self.rows, self._counts = intake, list[_Row](), Counter[int]()
-        self.offset, self.placed, self._pose = 0.0, False, CENTRE
+        self._intake = intake
+        self.rows = list[_Row]()
+        self._counts = Counter[int]()
+        self.offset = 0.0
+        self.placed = False
+        self._pose = CENTRE
         self.fans: tuple[tuple[float, float], ...] = ()
         self._kinds = dict[int, tuple[bytes, int]]()
         self.stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
@@ -272,7 +280,8 @@ class _Reading:
             self.offset = offset
         elif name in TRACKS or name == b"Odometry":
             found, _ = _by_name(words, name, 0)
-            self._pose, self.placed = _pose(found), True
+            self._pose = _pose(found)
+            self.placed = True
             if name in TRACKS:
                 self.stamped[TRACKS[name]].append((_number(found, "time"), self._pose))
                 return A_MESSAGE // 2
@@ -290,7 +299,8 @@ class _Reading:
             if first not in RAW or kind in RAW:
                 return 0
             # What has poses is better than what comes without.
-            self.rows, lacking = [row for row in self.rows if row.laser != laser], None
+            self.rows = [row for row in self.rows if row.laser != laser]
+            lacking = None
             self._counts[laser] = 0
         # All lines of a log are alike; one that ends before is cut.
         found, lacking = _by_name(words, kind, lacking)
@@ -299,12 +309,14 @@ class _Reading:
             raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
         # A message without a range holds 0; the user's limit holds where it is nearer.
         limits = [each for each in (range_max, self._intake.largest_range or 0.0) if each > 0.0]
-        farthest, ranges = min(limits, default=LARGEST_RANGE), _ranges(found["n"])
+        farthest = min(limits, default=LARGEST_RANGE)
+        ranges = _ranges(found["n"])
         not_numbers = int(np.isnan(ranges).sum())
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
-        pose, robot = self._pose if kind in RAW else _pose(found), None
+        pose = self._pose if kind in RAW else _pose(found)
+        robot = None
         timed = bool(found.get("time"))
         stamp = _number(found, "time") if timed else UNTIMED * self._counts[laser]
         if "robot_x" in found:
@@ -313,11 +325,13 @@ class _Reading:
             # Lines that leave out the odometry may have something else there.
             with suppress(ValueError):
                 robot = _pose(found, "odom_")
-        angles, name = _angles(found, len(ranges)), f"laser{laser}" if laser > 1 else "laser"
+        angles = _angles(found, len(ranges))
+        name = f"laser{laser}" if laser > 1 else "laser"
         scan = LaserScan(pose, angles, ranges, range_max=farthest, time=stamp, laser=name)
         place = len(self.stamped["odom"]) - 1
         self.rows.append(_Row(scan, laser, robot, place, not_numbers, timed))
-        self._kinds[laser], self._counts[laser] = (kind, lacking), self._counts[laser] + 1
+        self._counts[laser] = self._counts[laser] + 1
+        self._kinds[laser] = (kind, lacking)
         self.placed |= kind not in RAW
         return len(ranges) + A_MESSAGE
 
@@ -326,8 +340,10 @@ class _Reading:
 
         Of one laser alone the poses of FLASER messages are taken for those of its robot.
         """
-        notes, numbers = self._intake.notes, sorted({row.laser for row in self.rows})
-        without_fan, usual = (b"FLASER", b"Laser"), {180, 181, 360, 361}
+        notes = self._intake.notes
+        numbers = sorted({row.laser for row in self.rows})
+        without_fan = (b"FLASER", b"Laser")
+        usual = {180, 181, 360, 361}
         counts = {len(r.scan.ranges) for r in self.rows if self._kinds[r.laser][0] in without_fan}
         if unusual := ", ".join(map(str, sorted(counts - usual))):
             notes.append(f"scans of {unusual} beams assumed to be 180° wide, as these messages are")

@@ -84,7 +84,8 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
         rows = list(zip(wheels.times.tolist(), wheels.poses.tolist(), strict=True))
     places = [-1] * len(log) if wheels is None else wheels.places.tolist()
     largest = max(float(scan.ranges[scan.hits].max(initial=0.0)) for scan in log.scans)
-    unknown, written = max(LARGEST_RANGE, math.nextafter(largest, math.inf)), 0
+    unknown = max(LARGEST_RANGE, math.nextafter(largest, math.inf))
+    written = 0
     odometry = "0.0 0.0 0.0"
     # A last place of no scan has the odometry after the last one.
     for scan, place in zip([*log.scans, None], [*places, len(rows) - 1], strict=True):
@@ -93,7 +94,8 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
             yield f"ODOM {odometry} 0.0 0.0 0.0 {time!r} {HOST} {time!r}"
         written = max(written, place + 1)
         if scan is not None:
-            robot, end = " ".join(map(repr, scan.robot)), f"{scan.time!r} {HOST} {scan.time!r}"
+            robot = " ".join(map(repr, scan.robot))
+            end = f"{scan.time!r} {HOST} {scan.time!r}"
             scan = replace(scan, range_max=min(scan.range_max, unknown))
             yield from _scan_messages(
                 scan, names.index(scan.laser), robot, robot if wheels is None else odometry,
@@ -112,7 +114,8 @@ def _messages(run: "Run") -> Iterator[str]:
     rows = zip(run.trajectory.times.tolist(), run.trajectory.poses, wheels, speeds, strict=True)
     for index, (time, true, measured, (v, w)) in enumerate(rows):
         robot = " ".join(map(repr, as_pose(true)))
-        odometry, end = " ".join(map(repr, measured)), f"{time!r} {HOST} {time!r}"
+        odometry = " ".join(map(repr, measured))
+        end = f"{time!r} {HOST} {time!r}"
         yield f"TRUEPOS {robot} {odometry} {end}"
         yield f"ODOM {odometry} {v!r} {w!r} 0.0 {end}"
         for laser, scan in enumerate(run.scans_at(index)):
@@ -123,9 +126,12 @@ def _scan_messages(
     scan: LaserScan, laser: int, robot: str, odometry: str, speeds: str, end: str
 ) -> Iterator[str]:
     """The messages of a scan; the first laser is that in front, the second that at the rear."""
-    pose, readings = " ".join(map(repr, scan.pose)), np.clip(scan.ranges, 0.0, scan.range_max)
+    pose = " ".join(map(repr, scan.pose))
+    readings = np.clip(scan.ranges, 0.0, scan.range_max)
     ranges = " ".join(map(repr, readings.tolist()))
-    start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
+    start = float(scan.angles[0])
+    stop = float(scan.angles[-1])
+    count = len(scan.angles)
     step = (stop - start) / (count - 1) if count > 1 else 0.0
     yield (
         f"ROBOTLASER{laser + 1} 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"

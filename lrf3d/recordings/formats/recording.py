@@ -80,7 +80,8 @@ def record(
     path = as_path(path)
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
-    total, journal_path = simulation.total, path.with_suffix(JOURNAL)
+    total = simulation.total
+    journal_path = path.with_suffix(JOURNAL)
     fingerprint = fingerprint_of(simulation)
     journal: Journal | None = None
 
@@ -127,7 +128,8 @@ def record(
 
 def fingerprint_of(simulation: Simulation) -> str:
     """Digests of the parts of a simulation, as JSON: a run is resumed if they match."""
-    world, drive = simulation.world, simulation.drive
+    world = simulation.world
+    drive = simulation.drive
     path: list[Any]
     if isinstance(drive, Trajectory):
         path = [drive.times, drive.poses]
@@ -157,7 +159,8 @@ class Journal:
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
         wheels = simulation.motion_sensors[0] is not None
         fields = row_type(simulation.world, simulation.lasers, wheels)
-        self.path, self._rng = path, simulation.rng
+        self.path = path
+        self._rng = simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(
             [("number", np.int64), *fields.descr, ("rng", f"S{RNG_BYTES}")]
         )
@@ -214,7 +217,8 @@ class Journal:
             yield tuple(self._scans(simulation.lasers, row)), row["poses"]
 
     def _scans(self, lasers: Sequence[LaserRangeFinder], row: Any) -> Iterator[LaserScan]:
-        begin, pose = 0, row["poses"]
+        begin = 0
+        pose = row["poses"]
         for number, lrf in enumerate(lasers):
             beams = slice(begin, begin := begin + lrf.beams)
             ranges = row["ranges"][beams].copy()

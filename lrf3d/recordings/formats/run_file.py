@@ -107,7 +107,8 @@ def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
     # The time stamp of all members, the earliest of zip files, so that equal runs are equal files.
     epoch = (1980, 1, 1, 0, 0, 0)
     # Sizes [bytes] of a zip member's field for large sizes, and of an empty field.
-    large_field, empty_field = 20, 4
+    large_field = 20
+    empty_field = 4
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
             try:
@@ -173,7 +174,8 @@ def run_arrays(
     imu: ImuRecord | None = None,
 ) -> dict[str, Array]:
     """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
-    world, robots = run.world, [each.is_robot for each in run.obstacles]
+    world = run.world
+    robots = [each.is_robot for each in run.obstacles]
     settings = {
         "name": world.name,
         "object_names": world.object_names,
@@ -279,7 +281,8 @@ _OTHERS = {
 
 def _run(arrays: dict[str, Any]) -> Run:
     settings = json.loads(str(arrays["settings"]))
-    walls, sizes = arrays["walls"], arrays["map_sizes"]
+    walls = arrays["walls"]
+    sizes = arrays["map_sizes"]
     if walls.size and not -1 <= walls.min() <= walls.max() < len(arrays["segments"]):
         raise ValueError(f"walls from {walls.min()} to {walls.max()}, which the world has not")
     if (sizes < 0).any() or int(sizes.sum()) != len(arrays["map_segments"]):
@@ -296,7 +299,8 @@ def _run(arrays: dict[str, Any]) -> Run:
     )
     # np.split gives a part more than there are ends.
     columns = [np.split(arrays[f"map_{name}"], np.cumsum(sizes))[: len(sizes)] for name in _MAP]
-    obstacles, heights = [], settings["obstacle_heights"]
+    obstacles = []
+    heights = settings["obstacle_heights"]
     robots = settings.get("robots", [False] * len(heights))
     for number, (height, is_robot) in enumerate(zip(heights, robots, strict=True)):
         # Casting loads the compiler, which takes time that most runs need not spend.

@@ -120,7 +120,9 @@ class Table:
         if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
             # Each scan has angles of its own.
             self.gather(np.arange(0, ranges.size + 1, ranges.shape[1]), ranges.ravel())
-        ranges, angles, times = self._ranges(), self._angles(), self.times()
+        ranges = self._ranges()
+        angles = self._angles()
+        times = self.times()
         for role, values in self.values.items():
             if role not in ("ranges", "angles") and len(values) != len(ranges):
                 found = f"{len(values)} of {role} for {len(ranges)} scans"
@@ -151,8 +153,10 @@ class Table:
         unit = self.units.get("angles", "deg" if in_degrees else "rad")
         angles = angles * ANGLES[unit]
         sizes = np.diff(begins)
-        beams, kept = int(np.median(sizes)), np.flatnonzero(2 * sizes > np.median(sizes))
-        low, wide = float(angles.min()), float(np.ptp(angles))
+        beams = int(np.median(sizes))
+        kept = np.flatnonzero(2 * sizes > np.median(sizes))
+        low = float(angles.min())
+        wide = float(np.ptp(angles))
         whole = wide > 1.9 * np.pi
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         ranges = np.full((len(kept), beams), -np.inf)
@@ -181,7 +185,8 @@ class Table:
         return self.values[role] * ROLES[role][unit]
 
     def _ranges(self) -> Float:
-        values, path = self.values["ranges"], self.intake.path
+        values = self.values["ranges"]
+        path = self.intake.path
         known = values[np.isfinite(values) & (values > 0.0)]
         if len(known) < 2 or np.ptp(known) == 0.0:
             what = f"all are {known[0]:g}" if len(known) else "none is a positive number"
@@ -200,7 +205,8 @@ class Table:
         return np.where(ranges <= 0.0, -np.inf, np.where(np.isnan(ranges), np.inf, ranges))
 
     def _angles(self) -> Float:
-        count, path = self.values["ranges"].shape[1], self.intake.path
+        count = self.values["ranges"].shape[1]
+        path = self.intake.path
         angles = self.values.get("angles")
         if angles is None:
             angles = self._fan(count)
@@ -246,7 +252,8 @@ class Table:
             self.values["stamp"] = self.values["stamp"] + 1e-9 * nanosec
             self.units["stamp"] = "s"
         elif nanosec is not None:
-            self.values["stamp"], self.units["stamp"] = nanosec, "ns"
+            self.values["stamp"] = nanosec
+            self.units["stamp"] = "ns"
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:
@@ -269,7 +276,8 @@ class Table:
             return _driven(ahead, left, self._in("dtheta", "rad"))
         if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
             turns = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
-            self.values["theta"], self.units["theta"] = heading_of(*turns), "rad"
+            self.values["theta"] = heading_of(*turns)
+            self.units["theta"] = "rad"
         if not (place := {"x", "y", "theta"}) <= has:
             if lone := sorted(place & has):
                 self.intake.notes.append(f"{', '.join(lone)} alone are no poses: not used")
@@ -278,12 +286,15 @@ class Table:
         usual = float(np.quantile(moved, 0.9)) if len(moved) else 0.0
         # A robot that moves farther [m] or turns more [rad] from scan to scan, or turns further
         # [rad] and in such steps, has other units.
-        longest_step, largest_step, turn = 3.0, 0.35, 6.5
+        longest_step = 3.0
+        largest_step = 0.35
+        turn = 6.5
         unit = "mm" if usual > longest_step else "m"
         theta = self.values["theta"]
         turned = np.abs(np.diff(theta))
         degrees = bool(np.abs(theta).max() > turn and (turned > largest_step).mean() > 0.05)
-        x, y = self._in("x", unit), self._in("y", unit)
+        x = self._in("x", unit)
+        y = self._in("y", unit)
         theta = self._in("theta", "deg" if degrees else "rad")
         return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
 
@@ -297,7 +308,8 @@ class Table:
         ticks = np.column_stack([self.values["left"], self.values["right"]])
         counter = 65536.0  # What encoders with registers of 16 bits count to.
         rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=counter), axis=0, prepend=ticks[:1])
-        ahead, turns = rolled.mean(axis=1), (rolled[:, 1] - rolled[:, 0]) / track
+        ahead = rolled.mean(axis=1)
+        turns = (rolled[:, 1] - rolled[:, 0]) / track
         return _driven(ahead, 0.0 * ahead, turns)
 
 
@@ -306,8 +318,10 @@ def _driven(ahead: Float, left: Float, turns: Float) -> Float:
     theta = np.cumsum(turns)
     # Each step runs along the heading of its middle.
     middle = theta - 0.5 * turns
-    cos, sin = np.cos(middle), np.sin(middle)
-    x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
+    cos = np.cos(middle)
+    sin = np.sin(middle)
+    x = np.cumsum(cos * ahead - sin * left)
+    y = np.cumsum(sin * ahead + cos * left)
     return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
 
 

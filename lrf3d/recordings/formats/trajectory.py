@@ -27,7 +27,8 @@ from lrf3d.scoring.trajectory_score import Relations
 
 def load_relations(path: str | Path) -> Relations:
     """Read relations from a text file."""
-    rows, expected = [], f"two line numbers, of at most {MOST_LINES:,}, dx, dy, dtheta and perhaps"
+    rows = []
+    expected = f"two line numbers, of at most {MOST_LINES:,}, dx, dy, dtheta and perhaps"
     for place, row in _rows(path, f"{expected} 0 or 1", (5, 6)):
         if not all(0.0 <= value <= MOST_LINES and value == int(value) for value in row[:2]):
             raise InputError(f"{place}: expected {expected} 0 or 1")
@@ -56,7 +57,8 @@ def load_tum(path: str | Path) -> Trajectory:
         InputError: A line is not eight finite numbers, stamps do not rise, or the poses are not
             those of a robot that stands upright; the message names the line.
     """
-    rows, expected = list[list[float]](), "t x y z and a quaternion qx qy qz qw"
+    rows = list[list[float]]()
+    expected = "t x y z and a quaternion qx qy qz qw"
     for place, row in _rows(path, expected, (8,)):
         if not (size := float(np.linalg.norm(row[4:]))) > 0.0:
             raise InputError(f"{place}: a quaternion of length 0, expected {expected}")

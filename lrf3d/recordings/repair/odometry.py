@@ -159,14 +159,16 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
     # A stamp outside of those around it is wrong, too.
     times[1:-1] = np.median([times[:-2], times[1:-1], times[2:]], axis=0)
     wheels, out = _without_outliers(wheels, times)
-    steps, time = between(wheels[:-1], wheels[1:]), np.maximum(np.diff(times), 1.0)
+    steps = between(wheels[:-1], wheels[1:])
+    time = np.maximum(np.diff(times), 1.0)
     x, y, turns = steps.T
     speeds = np.hypot(x, y) / time
     usual = float(np.quantile(speeds, 0.8)) if len(speeds) else 0.0
     vehicle = 15.0  # Speed of a vehicle [m/s], up to which steps are no jumps if others are alike.
     most = min(max(FASTEST, FASTER * usual), vehicle)
     jumped = np.asarray((speeds > most) | (np.abs(turns) > FASTEST * time))
-    good, number = np.flatnonzero(~jumped), np.arange(len(steps), dtype=np.float64)
+    good = np.flatnonzero(~jumped)
+    number = np.arange(len(steps), dtype=np.float64)
     smooth = wheels.copy()
     for line in np.flatnonzero(jumped):
         usual_step = [np.interp(number[line], good, each[good]) for each in steps.T if len(good)]
@@ -180,17 +182,20 @@ def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
     if len(wheels) < 3:
         return wheels, np.empty(0, np.int64)
     interval = float(np.ptp(times)) / len(times) or 1.0
-    gaps, over = np.maximum(np.diff(times), interval), between(wheels[:-2], wheels[2:])
+    gaps = np.maximum(np.diff(times), interval)
+    over = between(wheels[:-2], wheels[2:])
     steps, left = (
         np.array([np.hypot(x, y), np.abs(turn)])
         for x, y, turn in (between(wheels[:-1], wheels[1:]).T, over.T)
     )
     fastest = np.minimum(FASTER * np.quantile(steps / gaps, 0.9, axis=1), FASTEST)[:, None]
-    away, least = steps[:, :-1], np.maximum(fastest * np.minimum(gaps[:-1], gaps[1:]), OUT)
+    away = steps[:, :-1]
+    least = np.maximum(fastest * np.minimum(gaps[:-1], gaps[1:]), OUT)
     out: Bool = np.asarray(((away > least) & (left < BACK * away)).any(axis=0))
     # The line after one that is out seems to be out, as seen from it.
     out[1:] &= ~out[:-1]
-    lines, smooth = np.flatnonzero(out) + 1, wheels.copy()
+    lines = np.flatnonzero(out) + 1
+    smooth = wheels.copy()
     smooth[lines] = compose(wheels[lines - 1], 0.5 * over[lines - 1])
     return smooth, lines
 
@@ -202,7 +207,8 @@ class WheelPath:
     """
 
     def __init__(self, poses: Float, interval: float = 0.0) -> None:
-        self.interval, self._whole = interval, poses.copy()
+        self.interval = interval
+        self._whole = poses.copy()
         self._whole[:, 2] = np.unwrap(poses[:, 2])
 
     def __len__(self) -> int:
@@ -220,7 +226,8 @@ class WheelPath:
 
     def at(self, places: NDArray[Any]) -> Float:
         """Poses (k, 3) at fractional places (k,) between the lines; headings go on over π."""
-        number, last = np.arange(len(self._whole), dtype=np.float64), max(len(self._whole) - 1, 0)
+        number = np.arange(len(self._whole), dtype=np.float64)
+        last = max(len(self._whole) - 1, 0)
         poses = np.column_stack([np.interp(places, number, values) for values in self._whole.T])
         if last:
             # Before the first line and after the last the robot moved as beside them.
@@ -298,7 +305,8 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
         return left(np.array([0.0, 0.0, lag]))
 
     bounds = LATEST / (path.interval or np.inf)
-    least, most = min(LAGS[0], bounds[0]), max(LAGS[1], bounds[1])
+    least = min(LAGS[0], bounds[0])
+    most = max(LAGS[1], bounds[1])
     moved = np.abs(at(most) - at(least))
     if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
         return lags()

@@ -58,7 +58,8 @@ def swept(
     still = agreement(0)
     gains = {sense: agreement(sense) - still for sense in (1, -1)}
     sense = max(gains, key=lambda sense: float(gains[sense].mean()))
-    gain, loss = gains[sense], -gains[-sense]
+    gain = gains[sense]
+    loss = -gains[-sense]
     # Standard errors that gain and loss must reach: of lasers that turn 4 to 9 and 4 to 13.
     sure = 3.0 / np.sqrt(len(pairs))
     if gain.mean() < sure * gain.std() or loss.mean() < sure * loss.std():
@@ -70,7 +71,10 @@ def _uneven_pairs(poses: Float) -> list[list[int]]:
     """Pairs of scans, at poses (k, 3) near each other, of a robot that turned at other rates."""
     # Scans from one to the other, and least difference of their turns from scan to scan and largest
     # turn between them [rad].
-    apart, least, widest, most_pairs = 4, 0.03, 1.0, 120
+    apart = 4
+    least = 0.03
+    widest = 1.0
+    most_pairs = 120
     rates = np.gradient(poses[:, 2])
     x, y, turn = (poses[apart:] - poses[:-apart]).T
     change = np.abs(rates[apart:] - rates[:-apart])

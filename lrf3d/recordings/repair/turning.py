@@ -60,7 +60,9 @@ def agreeing(
         raise InputError(f"{log.name}: {error}") from None
     # Least share of the turns of a robot that show in scans of a level plane; turn per metre
     # [rad/m] from which on it is no error of the wheels, and the whole turn [rad] that shows it.
-    least_shown, bent, whole = 0.1, 0.1, np.pi
+    least_shown = 0.1
+    bent = 0.1
+    whole = np.pi
     clear = bent * np.hypot(*steps[:, :2].T)
     if wheels[wheels > clear].sum() > whole and share(turns, clear) < least_shown:
         warnings.warn(
@@ -91,7 +93,8 @@ def _with_fan(
     """Scans with their fan, unless one that the log may mean fits clearly better; turns, notes."""
     turns = turns_between(converter, scans, path, places)
     fitting = 0.1  # Share of turns by which those of scans over the right fan may be off.
-    own, wide = abs(share(turns) - 1.0), float(np.ptp(scans[0].angles))
+    own = abs(share(turns) - 1.0)
+    wide = float(np.ptp(scans[0].angles))
     found = [(own / CLEARLY, scans, turns, list[str]())]
     for first, last in log.fans:
         # Its turns would differ from those of the odometry by more than that.

@@ -73,7 +73,8 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
         InputError: The second drive is nowhere on the map of the first with certainty.
     """
     places = KnownPlaces.from_run(run)
-    keys, numbers = slam.closer.keys, slam.key_scans
+    keys = slam.closer.keys
+    numbers = slam.key_scans
     search = PlaceSearch(places)
     for key, number in zip(keys, numbers.tolist(), strict=True):
         search.see(number, key, poses[number])
@@ -84,7 +85,8 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     if not (sure := [each for each in search.found if each.path]):
         raise nowhere
     count = len(places.keys)
-    graph, second_edges = _graph(places), slam.edges.copy()
+    graph = _graph(places)
+    second_edges = slam.edges.copy()
     second_edges["first"] += count
     second_edges["second"] += count
     # The pose of the drive on the map, until ties refine it.
@@ -109,7 +111,8 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     second = _moved(poses, numbers, slam.key_poses, nodes[count:])
     whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in keys)]
     second = refined(surfaces, second, whole, nodes, numbers)
-    driven, later = _driven(places.poses), _driven(nodes[count:])
+    driven = _driven(places.poses)
+    later = _driven(nodes[count:])
     driven = np.concatenate([driven, later + driven[-1] + 2.0 * LATER])
     ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
@@ -124,7 +127,8 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
     found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
     if found is None or found.evidence < EVEN or found.match.explained < CERTAIN_SHARE:
         return None
-    pose, near = found.match.pose, places.around(key, guess).tolist()
+    pose = found.match.pose
+    near = places.around(key, guess).tolist()
     olds = [places.keys[k] for k in near]
     through, seen = seen_through_both(olds, key, between(places.poses[near], pose))
     if through > MOST_THROUGH * max(seen, 1):
@@ -137,10 +141,12 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
 
 def _graph(places: KnownPlaces) -> Records:
     """The edges within a map: from each key scan to the last one, and to one taken beside it."""
-    poses, driven = places.poses, _driven(places.poses)
+    poses = places.poses
+    driven = _driven(places.poses)
     pairs = [(k, k + 1) for k in range(len(poses) - 1)]
     # Key scans of a map within this [m], [rad] of each other hold together, as neighbours do.
-    near_by, near_by_turn = 1.0, 0.5
+    near_by = 1.0
+    near_by_turn = 0.5
     for k in range(len(poses)):
         x, y, turn = between(poses[k], poses[:k]).T
         apart = np.hypot(x, y)

@@ -140,9 +140,11 @@ class PoseEstimate(Value):
         """
         count = len(pairs.faces)
         gradient = np.zeros((count, 2, 3))
-        gradient[:, 0, 2], gradient[:, 1, :2] = -1.0, -pairs.normal
+        gradient[:, 0, 2] = -1.0
+        gradient[:, 1, :2] = -pairs.normal
         weighted = gradient.transpose(0, 2, 1) @ np.linalg.inv(pairs.noise)
-        information, vector = weighted @ gradient, weighted @ pairs.difference[:, :, None]
+        information = weighted @ gradient
+        vector = weighted @ pairs.difference[:, :, None]
         spread, axes = np.linalg.eigh(self.covariance)
         root = axes * np.sqrt(spread.clip(0.0))
         used = np.ones(count, np.bool_)
@@ -246,7 +248,9 @@ class Localiser:
         expect(noise, OdometryNoise, "localiser: odometry_noise")
         if strategy not in STRATEGIES:
             raise InputError(f"strategy {shown(strategy)}: expected one of {', '.join(STRATEGIES)}")
-        self.known, self.estimate, self._strategy = known, start, strategy
+        self.known = known
+        self.estimate = start
+        self._strategy = strategy
         self.used = self.comparisons = 0
         self._seen: Int = np.empty(0, np.int64)
         self._step_covariance = noise.covariance
@@ -272,7 +276,8 @@ class Localiser:
         """
         expect(scan, LaserScan, "scan")
         local = LocalLines.from_scan(unrolled(scan), self._range_noise)
-        pose, covariance = self.estimate.pose, self.estimate.covariance
+        pose = self.estimate.pose
+        covariance = self.estimate.covariance
         pairs = pair_lines(local, self.known, pose, covariance, self._seen)
         self.comparisons = pairs.comparisons
         if self._strategy == "seen-objects-first":

@@ -77,7 +77,8 @@ def score_localisation(
     truth = run.trajectory.poses
     errors = np.array([track.errors(truth) for track in tracks])
     nees = np.array([track.nees(truth) for track in tracks])
-    distance, averages = np.hypot(errors[..., 0], errors[..., 1]), nees.mean(axis=0)
+    distance = np.hypot(errors[..., 0], errors[..., 1])
+    averages = nees.mean(axis=0)
     # Share of the averages over seeds that lie within the bounds for a consistent filter.
     nees_confidence = 0.95
     # The interval of a consistent filter's NEES, of three numbers, averaged over the seeds.
@@ -108,7 +109,8 @@ def follow_drive(
 ) -> Track:
     """The track of one seed."""
     rng = np.random.default_rng(seed)
-    noise, poses = ProportionalNoise(sigma), run.trajectory.poses
+    noise = ProportionalNoise(sigma)
+    poses = run.trajectory.poses
     start = PoseEstimate(Pose(*poses[0].tolist()), np.zeros((3, 3)))
     # The start has the error, and the covariance, of an odometry increment.
     start = start.moved(odometry(np.zeros((1, 3)), rng)[0], odometry.covariance)

@@ -57,10 +57,12 @@ class LocalLines(NamedTuple):
         gap = 2.5  # Gap between two points [m] that always parts two walls of a scan.
         extract = LikelihoodExtractor(gap, 0.0, floor)
         found = extract.walls(scan, 0.0, RangeNoise(floor, noise.growth))
-        segments, fits = found.ends, found.fits
+        segments = found.ends
+        fits = found.fits
         lines = normal_lines(segments)
         weight, x, y, xx, xy, yy = (fits[name] for name in ("weight", "x", "y", "xx", "xy", "yy"))
-        along_x, along_y = -np.sin(lines[:, 0]), np.cos(lines[:, 0])
+        along_x = -np.sin(lines[:, 0])
+        along_y = np.cos(lines[:, 0])
         mean = along_x * x + along_y * y
         turn = 1.0 / (along_x**2 * xx + 2.0 * along_x * along_y * xy + along_y**2 * yy)
         if scan.mount != CENTRE:
@@ -138,7 +140,8 @@ class Innovation(NamedTuple):
 
     def squared_distance(self, covariance: Float) -> Float:
         """Mahalanobis distance squared, for a pose's covariance (…, 3, 3)."""
-        normal, (angle, offset) = self.normal, np.moveaxis(self.difference, -1, 0)
+        normal = self.normal
+        angle, offset = np.moveaxis(self.difference, -1, 0)
         turn = self.noise[..., 0, 0] + covariance[..., 2, 2]
         both = self.noise[..., 0, 1] + (normal * covariance[..., :2, 2]).sum(axis=-1)
         along = np.einsum("...i,...ij,...j", normal, covariance[..., :2, :2], normal)
@@ -152,7 +155,8 @@ def innovation(
 ) -> Innovation:
     """Compare lines of a scan with known lines, in rows that broadcast, at a predicted pose."""
     middles, _, units = known.frames
-    unit, off = units[known_rows], middles[known_rows] - [pose.x, pose.y]
+    unit = units[known_rows]
+    off = middles[known_rows] - [pose.x, pose.y]
     normal = np.stack([unit[..., 1], -unit[..., 0]], axis=-1)
     direction = np.arctan2(normal[..., 1], normal[..., 0])
     turn = wrap_angle(local.lines[rows, 0] - direction + pose.theta)
@@ -189,7 +193,8 @@ def pair_lines(
     The lines of some objects are compared first, such as those that were seen in the previous scan,
     and the others only where that finds no pair.
     """
-    partner, comparisons = np.full(len(local.lines), -1), 0
+    partner = np.full(len(local.lines), -1)
+    comparisons = 0
     first = np.isin(known.objects, objects)
     for rows in (np.flatnonzero(first), np.flatnonzero(~first)):
         unpaired = np.flatnonzero(partner < 0)
@@ -213,9 +218,11 @@ def _misfits(
     """
     pairs = innovation(local, known, pose, rows[:, None], known_rows)
     squares = pairs.squared_distance(covariance)
-    cos, sin = np.cos(pose.theta), np.sin(pose.theta)
+    cos = np.cos(pose.theta)
+    sin = np.sin(pose.theta)
     ends = local.segments[rows].reshape(-1, 2, 2) @ np.array([[cos, sin], [-sin, cos]])
-    middle, half = ends.mean(axis=1), 0.5 * lengths(local.segments[rows])[:, None]
+    middle = ends.mean(axis=1)
+    half = 0.5 * lengths(local.segments[rows])[:, None]
     unit = (ends[:, 1] - ends[:, 0]) / (2.0 * half)
     # How the middle moves along the wall with the position and the heading of the pose.
     gradient = np.column_stack([unit, unit[:, 1] * middle[:, 0] - unit[:, 0] * middle[:, 1]])
@@ -225,7 +232,8 @@ def _misfits(
     end_deviation = 0.1
     slack = 3.0 * np.sqrt(variance) + end_deviation
     # Three standard deviations of the pose, so that hardly any true pair is lost.
-    off, other = known.frames[0][known_rows] - [pose.x, pose.y], known.frames[1][known_rows]
+    off = known.frames[0][known_rows] - [pose.x, pose.y]
+    other = known.frames[1][known_rows]
     apart = np.abs(unit @ off.T - (unit * middle).sum(axis=1)[:, None])
     shorter = 2.0 * np.minimum(half, other)
     # Share of the shorter segment of a pair that must overlap the longer one, with an allowance for

@@ -70,7 +70,8 @@ class KnownPlaces:
     @classmethod
     def from_run(cls, run: Run) -> "KnownPlaces":
         """The map that the scans of a run show at its poses, which may be estimated ones."""
-        poses, chosen = run.trajectory.poses, [0]
+        poses = run.trajectory.poses
+        chosen = [0]
         for number in range(1, len(run)):
             length, turn = size_of(between(poses[chosen[-1]], poses[number]))
             if length >= KEY_DISTANCE or turn >= KEY_TURN:
@@ -86,13 +87,16 @@ class KnownPlaces:
         places = free_places(world, room)
         area = len(np.unique(np.floor(places), axis=0))
         # Distance of the scans that are cast in a world [m], their beams, and their range [m].
-        apart, cast_beams, cast_reach = 1.0, 720, 30.0
+        apart = 1.0
+        cast_beams = 720
+        cast_reach = 30.0
         spacing = max(apart, np.sqrt(area / MOST_SCANS))
         _, first = np.unique(np.floor(places / spacing), axis=0, return_index=True)
         poses = np.column_stack([places[first], np.zeros(len(first))])
         step = 2.0 * np.pi / cast_beams
         lrf = LaserRangeFinder(-np.pi, np.pi - step, cast_beams, range_max=cast_reach)
-        caster, converter = PlanarCaster(world), ScanConverter()
+        caster = PlanarCaster(world)
+        converter = ScanConverter()
         keys = [converter.candidate(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
 
@@ -121,11 +125,14 @@ class KnownPlaces:
 
     def _peaks(self, scan: Key) -> list[Float]:
         """The poses (3,) at which the hits of a scan meet most walls."""
-        field, cells = self._field, self._free
+        field = self._field
+        cells = self._free
         centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
-        parts, scored = [], []
+        parts = []
+        scored = []
         # Parts of the headings that are searched one after another, and poses kept of each.
-        heading_parts, most_peaks = 16, 600
+        heading_parts = 16
+        most_peaks = 600
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
             scores = window_scores(thin(scan.hits), field, centre, cells, headings)
             most = min(most_peaks, scores.size)
@@ -136,7 +143,9 @@ class KnownPlaces:
         ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
         peaks: list[Float] = []
         # Most poses that are matched, and their least distance [m] or turn [rad] from each other.
-        most_matched, next_peak, next_turn = 80, 0.7, 0.25
+        most_matched = 80
+        next_peak = 0.7
+        next_turn = 0.25
         while len(ranked) and len(peaks) < most_matched:
             peak, *_ = ranked
             peaks.append(peak)
@@ -224,7 +233,8 @@ class PlaceSearch:
         self._moved += size_of(step)
         # Hypotheses are weighed after this distance [m] or turn [rad]: scans nearer agree in any
         # case.
-        judged, judged_turn = 0.4, 0.5
+        judged = 0.4
+        judged_turn = 0.5
         if (self._moved >= [judged, judged_turn]).any() and len(scan.hits):
             self._moved[:] = 0.0
             self._weigh_all(number, scan, pose)
@@ -275,7 +285,8 @@ class PlaceSearch:
             self._weigh(earlier, before)
             for each, now in zip(earlier, new, strict=True):
                 if each.log_odds > now.log_odds:
-                    now.log_odds, now.path = each.log_odds, dict(each.path)
+                    now.log_odds = each.log_odds
+                    now.path = dict(each.path)
                     now.sure = max(now.sure, each.sure)
 
     def _weigh(self, hypotheses: list[Hypothesis], now: _Weighed) -> None:

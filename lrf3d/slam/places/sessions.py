@@ -99,7 +99,8 @@ def localise_log(
     places = known if isinstance(known, KnownPlaces) else known_places(known)
     log, recording = followed(log)
     log = replace(log, scans=recording.scans)
-    slam, search = Slam(laser_offset=log.odometry.laser_offset), PlaceSearch(places)
+    slam = Slam(laser_offset=log.odometry.laser_offset)
+    search = PlaceSearch(places)
     increments: Sequence[Float | None] = [None] * len(log)
     if log.placed:
         increments = list(recording.path.increments(recording.places))
@@ -113,13 +114,16 @@ def localise_log(
     parts: list[Stretch] = []
     # A robot that is found farther than this [m], this share of the path, or this turn [rad] from
     # where its steps lead was carried there; else it was off the map for a while.
-    jumped, jumped_share, jumped_turn = 1.0, 0.1, 0.5
+    jumped = 1.0
+    jumped_share = 0.1
+    jumped_turn = 0.5
     for found in search.found:
         first = parts[-1].last + 1 if parts else 0
         path = {k: pose for k, pose in found.path.items() if k >= first}
         if not path:
             continue
-        begin, end = min(path), found.last
+        begin = min(path)
+        end = found.last
         at = np.array(sorted(path), np.int64)
         there = np.array([path[k] for k in at.tolist()])
         poses[begin : end + 1] = bent(front[begin : end + 1], at - begin, there)

@@ -127,7 +127,8 @@ def _draw_plan(plan: PlanShown, ax: Axes) -> None:
     left, right = ax.get_xlim()
     low, high = ax.get_ylim()
     bar = 10.0 ** np.floor(np.log10((right - left) / 4.0))
-    x, y = left + 0.02 * (right - left), low + 0.02 * (high - low)
+    x = left + 0.02 * (right - left)
+    y = low + 0.02 * (high - low)
     ax.plot([x, x + bar], [y, y], color=INK, linewidth=4, solid_capstyle="butt", zorder=5)
     ax.annotate(f" {bar:g} m", (x + bar, y), va="center", color=INK, fontsize=8)
 
@@ -149,9 +150,11 @@ def draw_map(
     """
     objects = None
     if isinstance(source, Run):
-        poses, estimate = source.trajectory.poses, source.estimate
+        poses = source.trajectory.poses
+        estimate = source.estimate
         world = Sight.of(source.world, poses[:, :2]).world
-        points, line_map = _reflections(source), source.map
+        points = _reflections(source)
+        line_map = source.map
         objects = source.lasting_objects[-1] if source.maps else None
     else:
         line_map = source
@@ -260,11 +263,15 @@ def draw_check(
 
     Closures between two key scans that were refused are given with the reason.
     """
-    scans, first, last = shown.scans, shown.first, shown.last
+    scans = shown.scans
+    first = shown.first
+    last = shown.last
     inside = (scans >= first) & (scans <= last)
-    low, high = poses[inside, :2].min(axis=0) - NEAR, poses[inside, :2].max(axis=0) + NEAR
+    low = poses[inside, :2].min(axis=0) - NEAR
+    high = poses[inside, :2].max(axis=0) + NEAR
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    begin, end = driven[inside].min() - shown.apart, driven[inside].max() + shown.apart
+    begin = driven[inside].min() - shown.apart
+    end = driven[inside].max() + shown.apart
     others = ((driven < begin) | (driven > end)) & (
         (poses[:, :2] > low) & (poses[:, :2] < high)
     ).all(axis=1)
@@ -302,7 +309,10 @@ def metre_sheet(
     size = np.maximum(high - low, 1.0) * (1.0 + 2.0 * MARGIN)
     # Area of all panels together [square inches], whatever the shape of the world; sides of a
     # panel, and the least width of a figure, in which a headline is legible [inches].
-    area, least, most, narrowest = 54.0, 2.0, 12.0, 6.0
+    area = 54.0
+    least = 2.0
+    most = 12.0
+    narrowest = 6.0
     # What has no width, such as a single wall, is shown with something around it.
     size = np.maximum(size, size.max() / (most / least))
     panel = np.clip(size * np.sqrt(area / panels / size.prod()), least, most)

@@ -135,7 +135,8 @@ def scan(
     With the range finder, beams without return are drawn up to its range.
     """
     ax = _axes(ax)
-    hits, here = scan.points(), np.array([scan.pose[:2]])
+    hits = scan.points()
+    here = np.array([scan.pose[:2]])
     usual = {"color": BEAM, "linewidth": 0.6, "alpha": 0.5, "label": "beams", "zorder": 1.2}
     missed = np.isposinf(scan.ranges) & (lrf is not None)
     if len(hits):

@@ -52,7 +52,10 @@ def draw_sweep(
     for mean in sorted(means, key=lambda each: float(each[column])):
         choice = ", ".join(f"{name.removesuffix('_m')} {mean[name]}" for name in choices)
         curves.setdefault((str(mean["mapper"]), choice), []).append(mean)
-    columns, wide, tall = 3, 3.6, 3.0  # Panels of a row, and the room of each [inches].
+    # Panels of a row, and the room of each [inches].
+    columns = 3
+    wide = 3.6
+    tall = 3.0
     rows = -(-len(PANELS) // columns)
     figure = sheet(columns * wide, rows * tall + 1.0, *titles)
     panels = [quiet(figure.add_subplot(rows, columns, 1 + k)) for k in range(len(PANELS))]

@@ -36,7 +36,8 @@ class Document:
     def __init__(self, name: str, extras: Mapping[str, Any], length: float) -> None:
         self._parts: dict[str, list[dict[str, Any]]] = {}
         self._blob = bytearray()
-        self._name, self._length = name, length
+        self._name = name
+        self._length = length
         self._samplers: list[dict[str, Any]] = []
         self._channels: list[dict[str, Any]] = []
         # A quarter turn about x: glTF has y up.
@@ -93,7 +94,8 @@ class Document:
         picture.save(file, kind, quality=88, optimize=True)
         filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
         sampler = self.add("samplers", **filters, wrapS=_CLAMP, wrapT=_CLAMP)
-        view, mime = self._view(file.getvalue()), f"image/{kind.lower()}"
+        view = self._view(file.getvalue())
+        mime = f"image/{kind.lower()}"
         source = self.add("images", name=name, mimeType=mime, bufferView=view)
         return self.add("textures", source=source, sampler=sampler)
 
@@ -171,7 +173,8 @@ class Document:
         """
         times, sizes = ([0.0, begin], [0.0, 1.0]) if begin > 0.0 else ([0.0], [1.0])
         if end is not None and end < self._length:
-            times, sizes = [*times, end], [*sizes, 0.0]
+            times = [*times, end]
+            sizes = [*sizes, 0.0]
         if len(times) > 1:
             self.animate(node, "scale", np.array(times), np.tile(sizes, (3, 1)).T, step=True)
         if rests is not None:
@@ -200,5 +203,6 @@ class Document:
 def turned(angles: Float) -> Float:
     """Turns (n, 4) about the vertical by angles (n,) [rad], as quaternions."""
     turns = np.zeros((len(angles), 4))
-    turns[:, 2], turns[:, 3] = np.sin(0.5 * angles), np.cos(0.5 * angles)
+    turns[:, 2] = np.sin(0.5 * angles)
+    turns[:, 3] = np.cos(0.5 * angles)
     return turns

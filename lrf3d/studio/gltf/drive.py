@@ -100,7 +100,8 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
     group = document.node("beams", document.root)
     for number, (time, (begin, end)) in enumerate(zip(times, shown.tolist(), strict=True)):
         marks = dict(_seen(scene, time, "beams", "points").marks)
-        hits, beams = marks["points"], marks["beams"]
+        hits = marks["points"]
+        beams = marks["beams"]
         assert isinstance(hits, Points) and isinstance(beams, Lines)
         parts = [_lines(document, beams, material)]
         if len(hits.places):
@@ -131,7 +132,8 @@ def _triangles(hits: Points, robot: Float) -> Float:
 
 
 def _add_maps(document: Document, scene: Scene) -> None:
-    timeline, run = scene.timeline, scene.run
+    timeline = scene.timeline
+    run = scene.run
     material = document.material("map")
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
@@ -175,7 +177,8 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     drawn = DrawnEstimate.from_timeline(timeline)
     if drawn is None:
         return
-    keys, known = drawn.keys, drawn.keys.times[drawn.known]
+    keys = drawn.keys
+    known = drawn.keys.times[drawn.known]
     height = look.TRAIL_HEIGHT + _LIFT
     _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, height)
     if not len(known):
@@ -198,6 +201,8 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
 
 def _ring(document: Document, outline: Float, opacity: float, material: int) -> dict[str, Any]:
     """A closed outline (c, 2) on the ground, in the estimate's colour."""
-    ends, colours = np.roll(outline, -1, axis=0), np.tile(look.ESTIMATE_COLOUR, (len(outline), 1))
-    opacities, height = np.full((len(outline), 2), opacity), look.TRAIL_HEIGHT + 2.0 * _LIFT
+    ends = np.roll(outline, -1, axis=0)
+    colours = np.tile(look.ESTIMATE_COLOUR, (len(outline), 1))
+    opacities = np.full((len(outline), 2), opacity)
+    height = look.TRAIL_HEIGHT + 2.0 * _LIFT
     return _lines(document, level_lines(height, outline, ends, colours, opacities, 0.0), material)

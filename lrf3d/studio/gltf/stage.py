@@ -50,11 +50,14 @@ def _steps(seen: Float, sure: Float) -> Iterator[tuple[int, Bool]]:
 
 
 def _add_ground(document: Document, stage: Stage) -> None:
-    ground, exposure, setting = stage.ground, stage.exposure, stage.structures.setting
+    ground = stage.ground
+    exposure = stage.exposure
+    setting = stage.structures.setting
     picture = Image.fromarray(ground.picture)
     # How far the ground goes past its picture [m], and the largest side of that [pixels]: old
     # graphics cards take no larger ones.
-    horizon, largest = 800.0, 2048
+    horizon = 800.0
+    largest = 2048
     picture.thumbnail((largest, largest), Image.Resampling.LANCZOS)
     day = np.asarray(picture) / 255.0
     x, y = (
@@ -109,10 +112,12 @@ def _show(document: Document, group: int, begin: float, unlit: Any, lit: Any) ->
 
 
 def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) -> None:
-    exposure, setting = stage.exposure, stage.structures.setting
+    exposure = stage.exposure
+    setting = stage.structures.setting
     # Of each corner: place and height, colour, the place before it, and whether this is a wall.
     places, height, day, before, wall = np.split(rows.astype(float), [2, 3, 6, 8], axis=2)
-    height, wall = height[..., 0], wall[..., 0]
+    height = height[..., 0]
+    wall = wall[..., 0]
     when = exposure.sampled(before.reshape(-1, 2)).reshape(wall.shape)
     on = wall * when["sure"]
     dark, shown = (exposed(day, share, height, setting) for share in (np.zeros_like(on), on))
@@ -145,9 +150,11 @@ def cut_small(quads: Single, step: float) -> Single:
     while (long := np.linalg.norm(walls[:, 1, :3] - walls[:, 0, :3], axis=1) > step).any() or (
         np.linalg.norm(walls[:, 3, :3] - walls[:, 0, :3], axis=1) > step
     ).any():
-        one, other = walls[long].copy(), walls[long].copy()
+        one = walls[long].copy()
+        other = walls[long].copy()
         middles = 0.5 * (one + one[:, [1, 0, 3, 2]])
-        one[:, 1:3], other[:, [0, 3]] = middles[:, 1:3], middles[:, [0, 3]]
+        one[:, 1:3] = middles[:, 1:3]
+        other[:, [0, 3]] = middles[:, [0, 3]]
         # In turns along the walls and up.
         walls = np.roll(np.concatenate([walls[~long], one, other]), 1, axis=1)
     return np.concatenate([walls, quads[quads[:, 0, 8] <= 0.5]])

@@ -29,21 +29,27 @@ class HandDrive(Timeline):
     those of now.
     """
 
-    knows_truth, estimate = True, None
+    knows_truth = True
+    estimate = None
 
     def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
-        self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
+        self.world = scenario.world
+        self.lrf = scenario.lrf
+        self.obstacles = scenario.obstacles
         self.lasers = scenario.lasers
-        self.name, self.radius = scenario.name, scenario.radius
+        self.name = scenario.name
+        self.radius = scenario.radius
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
-        self._fastest, self.robot = scenario.speed, LiveRobot(scenario, rng=rng)
+        self._fastest = scenario.speed
+        self.robot = LiveRobot(scenario, rng=rng)
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
         self._tracker = ObjectTracker()
         self.facing = self.robot.pose.theta
         """Where a camera behind the robot looks [rad]."""
         self.maps: dict[int, LineMap] = {}
         self.lasting_objects: dict[int, Int] = {}
-        self._map_due, self._stale = 0.0, True
+        self._map_due = 0.0
+        self._stale = True
         self.trajectory = SimpleNamespace(times=np.zeros(0), poses=np.zeros((0, 3)))
         """When and where the mapped scans were taken."""
         self._scans: dict[int, tuple[LaserScan, ...]] = {}
@@ -62,28 +68,33 @@ class HandDrive(Timeline):
         aligned = self.facing == self.robot.pose.theta
         if not moves and aligned and not self._stale and not self.robot.bumped:
             return False
-        seconds, robot = min(seconds, _LONGEST_STEP), self.robot
+        seconds = min(seconds, _LONGEST_STEP)
+        robot = self.robot
         robot.drive(
             seconds,
             _towards(robot.speed, forward, self._fastest, seconds),
             _towards(robot.turning, turn, TURN_RATE, seconds),
         )
         # How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves.
-        calm, still_angle = 3.0, 1e-3
+        calm = 3.0
+        still_angle = 1e-3
         left = (robot.pose.theta - self.facing) * np.exp(-calm * seconds)
         self.facing = robot.pose.theta - float(left) * (abs(left) > still_angle)
         self.latest = self.robot.scans()
         x, y, theta = np.abs(np.array(self.robot.pose) - self.trajectory.poses[-1])
         # Distance [m] and turn [rad] after which another scan is mapped, as a robot at rest sees
         # nothing new and each update takes time; and how often the map is worked out at most [s].
-        map_step, map_turn, map_pause = 0.12, np.radians(5.0), 0.25
+        map_step = 0.12
+        map_turn = np.radians(5.0)
+        map_pause = 0.25
         if np.hypot(x, y) > map_step or theta > map_turn:
             self._map_scan()
         if self._stale and self.robot.time >= self._map_due:
             number = self.snapshot_after(0) + 1
             self.maps = {number: self._mapper.map}
             self.lasting_objects = {number: self._tracker.follow(self.maps[number])}
-            self._map_due, self._stale = self.robot.time + map_pause, False
+            self._map_due = self.robot.time + map_pause
+            self._stale = False
         return True
 
     def driven(self) -> DriveKeys:
@@ -102,7 +113,8 @@ class HandDrive(Timeline):
         """What is to be seen now; the latest scan has no number of its own."""
         number = len(self.trajectory.times)
         robot = self.robot
-        pose, time = np.array(robot.pose), robot.time
+        pose = np.array(robot.pose)
+        time = robot.time
         return Moment(time, pose, number, robot.speed, True, time)
 
     def scan(self, number: int) -> LaserScan:
@@ -119,7 +131,8 @@ class HandDrive(Timeline):
 
     def _map_scan(self) -> None:
         update_mapper(self._mapper, self.latest)
-        path, number = self.trajectory, len(self.trajectory.times)
+        path = self.trajectory
+        number = len(self.trajectory.times)
         self._scans[number] = self.latest
         kept = 500  # Scans that are kept: those of the last seconds are still seen.
         self._scans.pop(number - kept, None)

@@ -45,7 +45,9 @@ class Sender:
 
     def message(self, parts: Mapping[str, Part], values: Mapping[str, Any]) -> bytes:
         """A message of parts by name, and of values for JSON."""
-        marks, block, starts = dict[str, Any](), bytearray(), dict[tuple[int, int], int]()
+        marks = dict[str, Any]()
+        block = bytearray()
+        starts = dict[tuple[int, int], int]()
         for name, (style, columns) in parts.items():
             marks[name] = {**style, "columns": []}
             for place, (key, array) in enumerate(columns.items()):
@@ -86,7 +88,9 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
 
     The picture of times can be left out.
     """
-    ground, seen, setting = stage.ground, stage.exposure.texels, stage.structures.setting
+    ground = stage.ground
+    seen = stage.exposure.texels
+    setting = stage.structures.setting
     # The corners of two triangles for each quad.
     walls = (each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])
     parts = {

@@ -31,10 +31,12 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
     """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept."""
     record = _Record()
     shown = Shown.played(run, run.playback, record)
-    setup, stage = shown.setup(), shown.scene.stage
+    setup = shown.setup()
+    stage = shown.scene.stage
     begin, end = setup["story"]
     # Moments a second of the film, and the most of a run: longer ones are recorded in larger steps.
-    rate, most = 10.0, 400
+    rate = 10.0
+    most = 400
     step = max(setup["speed"] / rate, (end - begin) / most) * every
     # The end of the run is one of the times.
     step = setup["end"] / np.ceil(setup["end"] / step) if setup["end"] else step
@@ -129,11 +131,14 @@ class _Record(Sender):
 
     def _keep(self, rows: NDArray[Any], name: str, key: str) -> None:
         """Keep an array as differences of its rows, column by column, low bytes first."""
-        size, exponent = 2, 0
+        size = 2
+        exponent = 0
         if key == "colours":
-            whole, size = as_bytes(rows), 1
+            whole = as_bytes(rows)
+            size = 1
         elif key == "times":
-            whole, size = rows, 0
+            whole = rows
+            size = 0
         else:
             # In the unit, a power of two, in which the largest number has 15 bits, or 24.
             most = float(np.abs(rows).max(initial=1e-6))

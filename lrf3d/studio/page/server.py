@@ -142,7 +142,8 @@ def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    setup, stage = shown.setup(), shown.scene.stage
+    setup = shown.setup()
+    stage = shown.scene.stage
     # Row 0 of the ground's picture is at the smallest y, as textures have it.
     ground = io.BytesIO()
     Image.fromarray(stage.ground.picture).save(ground, "JPEG", quality=90)
@@ -201,15 +202,19 @@ async def _show(make: Make, page: Any) -> None:
 
     time = asyncio.get_running_loop().time
     # In threads, so that one page's work holds up no other.
-    shown, wanted, last = await asyncio.to_thread(make), Wanted(), time()
+    shown = await asyncio.to_thread(make)
+    wanted = Wanted()
+    last = time()
     with contextlib.suppress(ConnectionClosed):
         while True:
-            before, wanted = wanted, wanted.changed(await page.recv())
+            before = wanted
+            wanted = wanted.changed(await page.recv())
             if wanted.drive != before.drive:
                 shown = await asyncio.to_thread(make)
             if shown.drive is not None:
                 await asyncio.sleep(last + _STEP - time())
-            seconds, last = time() - last, time()
+            seconds = time() - last
+            last = time()
             await page.send(await asyncio.to_thread(shown.answer, wanted, seconds) or b"")
 
 

@@ -76,8 +76,10 @@ class Shown:
         drive: HandDrive | None = None,
         sender: Sender | None = None,
     ) -> None:
-        self.scene, self.drive = scene, drive
-        timeline, structures = scene.timeline, scene.structures
+        self.scene = scene
+        self.drive = drive
+        timeline = scene.timeline
+        structures = scene.structures
         self.cameras: dict[str, Camera] = {
             **cameras,
             "orbit": overview(timeline, structures),
@@ -114,7 +116,8 @@ class Shown:
         The names also fill the gaps in the page's HTML; the plan's scale is a bar of some metres,
         and its share of the plan's width [%].
         """
-        timeline, drive = self.scene.timeline, self.drive
+        timeline = self.scene.timeline
+        drive = self.drive
         before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
         return {
@@ -132,7 +135,8 @@ class Shown:
 
     def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
         """The message for a page that wants this, after some seconds; None if it has all."""
-        scene, drive = self.scene, self.drive
+        scene = self.scene
+        drive = self.drive
         moved = drive is not None and drive.step(seconds, wanted.forward, wanted.turn)
         if drive is not None and scene.live is not None:
             scene.live.see(drive.latest, drive.robot.time)
@@ -141,12 +145,15 @@ class Shown:
         self._last = wanted
         time = scene.timeline.start + wanted.time
         if drive is not None:
-            time, scene.keys = drive.robot.time, drive.driven()
-        moment, size = scene.timeline.moment(time), (round(wanted.width), round(wanted.height))
+            time = drive.robot.time
+            scene.keys = drive.driven()
+        moment = scene.timeline.moment(time)
+        size = (round(wanted.width), round(wanted.height))
         camera = self.cameras.get(wanted.view, self.cameras["follow"])
         view = camera.look(time, size[0] / size[1])
         seen = scene.seen(moment, view, size)
-        parts, plan = dict[str, Part](), None
+        parts = dict[str, Part]()
+        plan = None
         for name, body in seen.bodies:
             style, columns = part_of(body.faces)
             parts[name] = {**style, "pose": _numbers(body.pose)}, columns
@@ -155,7 +162,8 @@ class Shown:
             wide = max(1, round(_PLAN_WIDTH * min(size)))
             box = (0, 0, wide, max(1, round(self._window.aspect * wide)))
             shown = scene.plan(moment, box, self._window)
-            marks, plan = (*marks, *shown.marks), _camera(shown.lens)
+            marks = (*marks, *shown.marks)
+            plan = _camera(shown.lens)
         parts |= {name: part_of(mark) for name, mark in marks}
         values = {
             "camera": {
@@ -172,7 +180,8 @@ class Shown:
             "words": self._words(moment, view),
         }
         if seen.tints is not None:
-            flat, parts["tints"] = seen.tints.lens, part_of(seen.tints.lines)
+            flat = seen.tints.lens
+            parts["tints"] = part_of(seen.tints.lines)
             values["tints"] = {**_camera(flat), "matrix": _numbers(flat.matrix)}
         if scene.live and (fresh := scene.live.fresh()) is not None:
             parts["times"] = times_part(*fresh)
@@ -180,10 +189,13 @@ class Shown:
 
     def _words(self, moment: Moment, view: Look) -> dict[str, str]:
         """What is shown, where the robot is, how it moves, what its laser sees, and the map."""
-        run, timeline, (x, y, theta) = self.scene.run, self.scene.timeline, moment.pose
+        run = self.scene.run
+        timeline = self.scene.timeline
+        x, y, theta = moment.pose
         before, after = timeline.poses(moment.time + np.array([-_TURN_STEP, _TURN_STEP]))[:, 2]
         turned = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
-        ranges, stage = run.scan(moment.scan).ranges, run.snapshot_after(moment.mapped)
+        ranges = run.scan(moment.scan).ranges
+        stage = run.snapshot_after(moment.mapped)
         hits = ranges[np.isfinite(ranges)]
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"

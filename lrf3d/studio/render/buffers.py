@@ -68,7 +68,9 @@ class Texture:
     """
 
     def __init__(self, unit: int, texels: NDArray[Any]) -> None:
-        self.unit, self.size, kind = unit, texels.shape[1::-1], GL.GL_TEXTURE_2D
+        self.unit = unit
+        self.size = texels.shape[1::-1]
+        kind = GL.GL_TEXTURE_2D
         self.id = GL.glGenTextures(1)
         self.bind()
         GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
@@ -131,7 +133,8 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
 
     def choose(self, indices: NDArray[np.uint32]) -> None:
         """Draw only the triangles of these vertices from now on."""
-        self.count, self._indexed = len(indices), True
+        self.count = len(indices)
+        self._indexed = True
         GL.glBindVertexArray(self._vaid)
         self._store(GL.GL_ELEMENT_ARRAY_BUFFER, -1, indices)
 
@@ -149,7 +152,8 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
         self._store(GL.GL_ARRAY_BUFFER, place, values.astype(np.float32, copy=False))
         if new:
             GL.glBindVertexArray(self._vaid)
-            size, start = values.shape[1], ctypes.c_void_p(0)
+            size = values.shape[1]
+            start = ctypes.c_void_p(0)
             GL.glVertexAttribPointer(place, size, GL.GL_FLOAT, GL.GL_FALSE, 0, start)
             GL.glEnableVertexAttribArray(place)
 
@@ -205,7 +209,8 @@ class ShaderProgram:
         """
         GL.glUseProgram(self._id)
         for name, place in self._places.items():
-            value, known = uniforms[name], self._values.get(name)
+            value = uniforms[name]
+            known = self._values.get(name)
             if value is known or (not isinstance(value, np.ndarray) and value == known):
                 continue
             self._values[name] = value
@@ -238,7 +243,8 @@ class CameraBlock:
         """Make it the camera of all that is drawn from now on, in pixels."""
         values = self._values
         values[:16] = lens.matrix.T.ravel()
-        values[16:19], values[19] = lens.eye, lens.thick
+        values[16:19] = lens.eye
+        values[19] = lens.thick
         values[20:] = width, height, lens.slack, lens.nearer
         GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, self.PLACE, self._buffer)
         rewrite(GL.GL_UNIFORM_BUFFER, values)

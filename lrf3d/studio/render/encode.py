@@ -95,7 +95,8 @@ def encode(
     """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
     # Largest denominator of frames a second, and the lines of an example from which on not all of
     # its pixels choose the colours of a palette.
-    rates, sampled = 1000, 360
+    rates = 1000
+    sampled = 360
     rate = Fraction(fps).limit_denominator(rates)
     unit = kind.unit or 1 / rate
     palette = None
@@ -123,7 +124,8 @@ def encode(
             frame.duration = round((number + 1) / (fps * unit)) - frame.pts
             frame.time_base = unit
             if number == 0:
-                stream.width, stream.height = frame.width, frame.height
+                stream.width = frame.width
+                stream.height = frame.height
                 stream.pix_fmt = kind.colours
             film.mux(stream.encode(frame))
         film.mux(stream.encode(None))

@@ -57,12 +57,15 @@ class LaserLight(NamedTuple):
 @borrower
 def project(place: Float, matrix: Float, height: int, width: int, found: Float) -> None:
     """Pixels and one over the depth of a place that a matrix (3, 4) shows as x, y and depth."""
-    x, y, depth = matrix[0, 3], matrix[1, 3], matrix[2, 3]
+    x = matrix[0, 3]
+    y = matrix[1, 3]
+    depth = matrix[2, 3]
     for k in range(3):
         x += matrix[0, k] * place[k]
         y += matrix[1, k] * place[k]
         depth += matrix[2, k] * place[k]
-    found[0], found[1] = (0.5 + 0.5 * x / depth) * width, (0.5 + 0.5 * y / depth) * height
+    found[0] = (0.5 + 0.5 * x / depth) * width
+    found[1] = (0.5 + 0.5 * y / depth) * height
     found[2] = 1.0 / depth
 
 
@@ -73,7 +76,9 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
     One over their depths is kept in near.
     """
     height, width = hits.shape
-    place, outline, depths = np.empty(3), np.empty((6, 3)), np.empty(3)
+    place = np.empty(3)
+    outline = np.empty((6, 3))
+    depths = np.empty(3)
     for t in range(len(corners)):
         for i in range(3):
             depths[i] = matrix[2, 3]
@@ -92,25 +97,35 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
                     count += 1
         if count < 3:
             continue
-        low, high = outline[:count, 1].min(), outline[:count, 1].max()
+        low = outline[:count, 1].min()
+        high = outline[:count, 1].max()
         for row in range(max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), height)):
             y = row + 0.5
-            left, right, begin, end = math.inf, -math.inf, 0.0, 0.0
+            left = math.inf
+            right = -math.inf
+            begin = 0.0
+            end = 0.0
             for i in range(count):
-                p, q = outline[i], outline[(i + 1) % count]
+                p = outline[i]
+                q = outline[(i + 1) % count]
                 if (p[1] <= y) != (q[1] <= y):
                     share = (y - p[1]) / (q[1] - p[1])
-                    x, depth = p[0] + share * (q[0] - p[0]), p[2] + share * (q[2] - p[2])
+                    x = p[0] + share * (q[0] - p[0])
+                    depth = p[2] + share * (q[2] - p[2])
                     if x < left:
-                        left, begin = x, depth
+                        left = x
+                        begin = depth
                     if x > right:
-                        right, end = x, depth
+                        right = x
+                        end = depth
             step = (end - begin) / max(right - left, 1e-9)
-            first, last = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+            first = max(left - 0.5, 0.0)
+            last = min(right - 0.5, float(width))
             for column in range(math.ceil(first), math.ceil(last)):
                 depth = begin + (column + 0.5 - left) * step
                 if depth > near[row, column]:
-                    hits[row, column], near[row, column] = t, depth
+                    hits[row, column] = t
+                    near[row, column] = depth
 
 
 @borrower
@@ -123,11 +138,17 @@ def plane(corners: Single, eye: Float, found: Float) -> None:
     """
     found[9] = 0.0
     for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        a, b = corners[1, i] - corners[0, i], corners[1, j] - corners[0, j]
-        c, d = corners[2, i] - corners[0, i], corners[2, j] - corners[0, j]
-        x, y = eye[i] - corners[0, i], eye[j] - corners[0, j]
-        found[k], found[3 + k], found[6 + k] = c * b - d * a, c * y - d * x, x * b - y * a
+        i = (k + 1) % 3
+        j = (k + 2) % 3
+        a = corners[1, i] - corners[0, i]
+        b = corners[1, j] - corners[0, j]
+        c = corners[2, i] - corners[0, i]
+        d = corners[2, j] - corners[0, j]
+        x = eye[i] - corners[0, i]
+        y = eye[j] - corners[0, j]
+        found[k] = c * b - d * a
+        found[3 + k] = c * y - d * x
+        found[6 + k] = x * b - y * a
         found[9] -= found[k] * (eye[k] - corners[0, k])
 
 
@@ -135,13 +156,17 @@ def plane(corners: Single, eye: Float, found: Float) -> None:
 def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> None:
     """Read a picture (h, w, 4) at a place [m], between its cells; nothing is beyond its edges."""
     height, width = picture.shape[:2]
-    u, v = (x - area[0]) * area[2] * width - 0.5, (y - area[1]) * area[3] * height - 0.5
+    u = (x - area[0]) * area[2] * width - 0.5
+    v = (y - area[1]) * area[3] * height - 0.5
     # What a sliver of a triangle gives may be no number.
     u = u if 0.0 <= u else 0.0
     v = v if 0.0 <= v else 0.0
-    u, v = min(u, width - 1.001), min(v, height - 1.001)
-    column, row = int(u), int(v)
-    a, b = u - column, v - row
+    u = min(u, width - 1.001)
+    v = min(v, height - 1.001)
+    column = int(u)
+    row = int(v)
+    a = u - column
+    b = v - row
     for k in range(4):
         low = picture[row, column, k] * (1.0 - a) + picture[row, column + 1, k] * a
         high = picture[row + 1, column, k] * (1.0 - a) + picture[row + 1, column + 1, k] * a
@@ -161,7 +186,8 @@ def expose(seen: Single, when: Float, clock: Float, height: float, tones: Float)
     age = (clock[0] - when[0]) * clock[1] - when[3]
     share = min(max(age / DAWN, 0.0), 1.0)
     on = when[1] * share * share * (3.0 - 2.0 * share)
-    bright, hot = grey(seen), on / (1.0 + 2.0 * age * age)
+    bright = grey(seen)
+    hot = on / (1.0 + 2.0 * age * age)
     share = on * max(1.0 - FALL * height, LEAST_FALL)
     for k in range(3):
         dark = NIGHT_LOW[k] + bright * (tones[2, k] - NIGHT_LOW[k])
@@ -181,17 +207,26 @@ def shade(
     pixels in a metre at a distance of one, and the density of the air.
     """
     corners, ground, ground_levels, area, tones = surfaces
-    eye, focus, thick, clock = fixed[:3], fixed[3], fixed[4], laser.clock
-    colours, near = np.empty((len(ways), 3), np.float32), np.zeros(len(ways), np.float32)
+    eye = fixed[:3]
+    focus = fixed[3]
+    thick = fixed[4]
+    clock = laser.clock
+    colours = np.empty((len(ways), 3), np.float32)
+    near = np.zeros(len(ways), np.float32)
     lit = np.ones(len(ways), np.float32)
-    value, when, tint = np.empty(9), np.empty(4), np.empty(4)
+    value = np.empty(9)
+    when = np.empty(4)
+    tint = np.empty(4)
     planes = np.empty((len(corners), 10))
     for t in range(len(corners)):
         plane(corners[t], eye, planes[t])
     for n in range(len(ways)):
-        seen, hit, way = colours[n], hits[n], ways[n]
+        seen = colours[n]
+        hit = hits[n]
+        way = ways[n]
         if hit >= 0:
-            own, corner = planes[hit], corners[hit]
+            own = planes[hit]
+            corner = corners[hit]
             volume = own[0] * way[0] + own[1] * way[1] + own[2] * way[2]
             u = (own[3] * way[0] + own[4] * way[1] + own[5] * way[2]) / volume
             v = (own[6] * way[0] + own[7] * way[1] + own[8] * way[2]) / volume
@@ -199,10 +234,13 @@ def shade(
             for k in range(9):
                 first = corner[0, k]
                 value[k] = first + u * (corner[1, k] - first) + v * (corner[2, k] - first)
-            seen[0], seen[1], seen[2] = value[3], value[4], value[5]
+            seen[0] = value[3]
+            seen[1] = value[4]
+            seen[2] = value[5]
             wall = value[8]
             sample(laser.times, value[6], value[7], laser.area, when)
-            bright, sure = grey(seen), min(2.0 * when[1], 1.0)
+            bright = grey(seen)
+            sure = min(2.0 * when[1], 1.0)
             when[1] *= wall
             lit[n] = expose(seen, when, clock, value[2], tones)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
@@ -217,9 +255,13 @@ def shade(
                     seen[k] += tint[k] * light - seen[k] * share * tint[3]
         elif way[2] < 0.0:
             away = -eye[2] / way[2]
-            x, y = eye[0] + away * way[0], eye[1] + away * way[1]
-            u, v = (x - area[0]) / area[2], (y - area[1]) / area[3]
-            seen[0], seen[1], seen[2] = area[4], area[5], area[6]
+            x = eye[0] + away * way[0]
+            y = eye[1] + away * way[1]
+            u = (x - area[0]) / area[2]
+            v = (y - area[1]) / area[3]
+            seen[0] = area[4]
+            seen[1] = area[5]
+            seen[2] = area[6]
             if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
                 long = _SLANT * away * max(away / eye[2], 1.0) / focus
                 # The copy whose texels are as large as a pixel.
@@ -250,20 +292,26 @@ def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> N
     """
     height, width = near.shape
     for t in range(len(rows)):
-        a, b, c = rows[t, 0], rows[t, 1], rows[t, 2]
+        a = rows[t, 0]
+        b = rows[t, 1]
+        c = rows[t, 2]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         if abs(area) < 1e-9:
             continue
-        low, high = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        low = min(a[1], b[1], c[1])
+        high = max(a[1], b[1], c[1])
         for row in range(max(int(low - 0.5), 0), min(int(high + 1.5), height)):
             y = row + 0.5
-            left, right = float(width), 0.0
+            left = float(width)
+            right = 0.0
             # Where the row crosses the sides of the triangle.
             for p, q in ((a, b), (b, c), (c, a)):
                 if (p[1] <= y) != (q[1] <= y):
                     x = p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
-                    left, right = min(left, x), max(right, x)
-            begin, end = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+                    left = min(left, x)
+                    right = max(right, x)
+            begin = max(left - 0.5, 0.0)
+            end = min(right - 0.5, float(width))
             for column in range(math.ceil(begin), math.ceil(end)):
                 x = column + 0.5
                 u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
@@ -284,7 +332,10 @@ def fill_discs(rows: Float, colours: Single, near: Single) -> None:
     """Draw soft discs (n, 8): x, y, one over the depth, diameter [pixels], colour and opacity."""
     height, width = near.shape
     for n in range(len(rows)):
-        x, y, depth, reach = rows[n, 0], rows[n, 1], rows[n, 2], 0.5 * rows[n, 3] + 0.5
+        x = rows[n, 0]
+        y = rows[n, 1]
+        depth = rows[n, 2]
+        reach = 0.5 * rows[n, 3] + 0.5
         for row in range(max(int(y - reach), 0), min(int(y + reach) + 1, height)):
             for column in range(max(int(x - reach), 0), min(int(x + reach) + 1, width)):
                 away = math.hypot(column + 0.5 - x, row + 0.5 - y)

@@ -71,7 +71,9 @@ class FilmOptions:
         view = run.film.view if self.view is None else self.view
         playback = run.playback if self.playback is None else self.playback
         sides = self.size if isinstance(self.size, tuple | list) else ()
-        smallest, largest = 16, 8192  # Sides of pictures [pixels] that can be drawn.
+        # Sides of pictures [pixels] that can be drawn.
+        smallest = 16
+        largest = 8192
         limits = {"least": smallest, "most": largest}
         if len(sides) != 2:
             raise InputError(f"size {shown(self.size)}: expected width and height [pixels]")
@@ -135,12 +137,14 @@ class Film:
 
             self.renderer = PlainRenderer(self.scene.stage, chosen.size)
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.structures)
-        self._size, self._layers = chosen.size, chosen.layers
+        self._size = chosen.size
+        self._layers = chosen.layers
         self._full = chosen.panel == "full"
         self._window = self.scene.plan_window()
         wide = _INSET * min(chosen.size) / self._window.aspect**0.5
         wide = round(min(wide, _WIDEST * chosen.size[0]))
-        gap, high = round(_GAP * _scale_of(chosen.size)), round(wide * self._window.aspect)
+        gap = round(_GAP * _scale_of(chosen.size))
+        high = round(wide * self._window.aspect)
         self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
@@ -163,7 +167,8 @@ class Film:
         if inset:
             _lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            run, playback = self.timeline.run, self.timeline.playback
+            run = self.timeline.run
+            playback = self.timeline.playback
             _lay_label(self._picture, panel.panel(run, moment, view, playback, full=self._full))
         return self._picture
 
@@ -221,7 +226,8 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
 
     What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
     """
-    gap, letters = round(_GAP * _scale_of(size)), [_scale_of(size) * label.size]
+    gap = round(_GAP * _scale_of(size))
+    letters = [_scale_of(size) * label.size]
     left = round(1.4 * gap)
     letters += [_LESSER * letters[0]] * (len(label.text) - 1)
     wide = max(
@@ -237,7 +243,8 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     x, y = (np.arange(side) / side for side in shape)
     shade = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     kept = 256.0 * (1.0 - shade[..., None])
-    picture, cover = Image.new("RGB", shape), Image.new("L", shape)
+    picture = Image.new("RGB", shape)
+    cover = Image.new("L", shape)
     place = left, shape[1] - round(1.2 * gap) - high
     for line, colour, each in zip(label.text, label.colours, heights, strict=True):
         for layer, fill in ((picture, colour), (cover, 255)):
@@ -262,17 +269,22 @@ def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) 
     """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
     left, top, wide, high = box
     scale = _scale_of(picture.shape[1::-1])
-    rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
+    rim = max(1, round(1.2 * scale))
+    pad = round(10 * scale)
     part = picture[top : top + high, left : left + wide, :3]
     # Colours of the frame of the inset and of its scale, and the height of the letters of that
     # [pixels of 720 lines].
-    rim_colour, bar_colour, scale_letter = (38, 50, 72), (200, 210, 228), 20
+    rim_colour = (38, 50, 72)
+    bar_colour = (200, 210, 228)
+    scale_letter = 20
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = rim_colour
     # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
-    letters, words = max(round(scale_letter * scale), 9), f"{window.bar:g} m"
+    letters = max(round(scale_letter * scale), 9)
+    words = f"{window.bar:g} m"
     foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
     foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
-    middle, end = len(foot) // 2, foot.shape[1] - pad
+    middle = len(foot) // 2
+    end = foot.shape[1] - pad
     begin = end - round(window.bar / window.width * wide)
     foot[middle - rim : middle + rim, begin:end] = bar_colour
     text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))

@@ -63,9 +63,11 @@ def _starts(egl: ctypes.CDLL) -> bool:
     )
     query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     display_of = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
-    device, count = pointer(), ctypes.c_int()
+    device = pointer()
+    count = ctypes.c_int()
     # EGL's numbers for displays that are devices, and for OpenGL.
-    device_kind, opengl = 0x313F, 0x30A2
+    device_kind = 0x313F
+    opengl = 0x30A2
     if query and display_of:
         find = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
         if not find(1, ctypes.byref(device), ctypes.byref(count)) or not count.value:

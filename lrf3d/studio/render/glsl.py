@@ -61,7 +61,8 @@ def ground_of(ground: GroundPicture, cells: int) -> Single:
     Browsers give large triangles coarse depths, in which what lies on them sinks: so the picture
     has that many cells to a side. In films more of them only take time.
     """
-    low, high = ground.corner, ground.corner + ground.size
+    low = ground.corner
+    high = ground.corner + ground.size
     inside = np.linspace(low, high, cells + 1)
     return mesh(*np.concatenate([[low - LAND_REACH], inside, [high + LAND_REACH]]).T)
 
@@ -69,6 +70,10 @@ def ground_of(ground: GroundPicture, cells: int) -> Single:
 def mesh(x: Float, y: Float) -> Single:
     """Corners (6 c r, 2) of the triangles of a mesh between places x (c + 1,) and y (r + 1,)."""
     places = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
-    near, far = places[:-1], places[1:]
-    a, b, c, d = near[:, :-1], near[:, 1:], far[:, 1:], far[:, :-1]
+    near = places[:-1]
+    far = places[1:]
+    a = near[:, :-1]
+    b = near[:, 1:]
+    c = far[:, 1:]
+    d = far[:, :-1]
     return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 2)

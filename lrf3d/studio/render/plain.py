@@ -52,15 +52,18 @@ class PlainRenderer:
         self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
-        setting, ground = stage.structures.setting, stage.ground
+        setting = stage.structures.setting
+        ground = stage.ground
         self._surfaces = fill.Surfaces(
             self._corners,
             *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
             np.array([look.HAZE, look.ZENITH, setting.night, setting.cool]),
         )
-        times, self._mirrors = stage.exposure.texels, stage.mirrors
-        area, clock = np.array(stage.exposure.area), np.zeros(2)
+        times = stage.exposure.texels
+        self._mirrors = stage.mirrors
+        area = np.array(stage.exposure.area)
+        clock = np.zeros(2)
         self._laser = fill.LaserLight(times, np.zeros_like(times), area, clock)
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
@@ -120,7 +123,8 @@ class PlainRenderer:
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         if starts is None:
             met = np.full(self._size[::-1], -1, np.int32)
-            matrix, depths = lens.matrix[[0, 1, 3]], np.zeros(met.shape, np.float32)
+            matrix = lens.matrix[[0, 1, 3]]
+            depths = np.zeros(met.shape, np.float32)
             fill.number_nearest(self._surfaces.corners, matrix, met, depths)
             hits = met.ravel()
         else:
@@ -136,14 +140,19 @@ class PlainRenderer:
     ) -> None:
         """Continue rays through openings and glass; changes the colours and depths they met."""
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
-        (found, depth, lit), rest, left = met, np.arange(len(ways)), np.ones(len(ways), np.float32)
-        colours, near = found, depth
+        found, depth, lit = met
+        rest = np.arange(len(ways))
+        left = np.ones(len(ways), np.float32)
+        colours = found
+        near = depth
         for _ in range(_MOST_LAYERS):
             solid = _solid(seen, lens, ways[rest], near, lit)
             passes = np.flatnonzero((hits >= 0) & (solid < 1.0))
             if not len(passes):
                 break
-            rest, colours, solid = rest[passes], colours[passes], solid[passes, None]
+            rest = rest[passes]
+            colours = colours[passes]
+            solid = solid[passes, None]
             starts = single(lens.eye + (1.0 / near[passes] + _LIFTED)[:, None] * ways[rest])
             hits = self._rays.first(starts, ways[rest])
             behind, near, lit = fill.shade(ways[rest], hits, fixed, self._surfaces, self._laser)
@@ -152,7 +161,8 @@ class PlainRenderer:
             shown = solid * ghost + (1.0 - solid) * behind
             found[rest] += left[rest, None] * (shown - colours)
             left[rest] *= 1.0 - solid[:, 0]
-            colours, depth[rest] = behind, near
+            colours = behind
+            depth[rest] = near
 
     def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
         x, y, *along = reflection.uniforms["mirror"]
@@ -195,7 +205,8 @@ class PlainRenderer:
         """Nothing is held that needs to be freed."""
 
     def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
-        faces, turn = body.faces, body.pose[:3, :3]
+        faces = body.faces
+        turn = body.pose[:3, :3]
         colours = np.insert(faces.colours, 3, 1.0, axis=2)
         self._fill(canvas, lens, faces.corners @ turn.T + body.pose[:3, 3], colours, 0.0, True)
 
@@ -238,7 +249,8 @@ class PlainRenderer:
         way = (drawn[1][0] - drawn[0][0])[:, :2]
         across = way @ LEFT
         across /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-        wide, thick = max(lines.width * self._scale, 1.0), lines.thick * lens.focus
+        wide = max(lines.width * self._scale, 1.0)
+        thick = lines.thick * lens.focus
         corners = []
         for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True):
             half = 0.5 * np.maximum(wide, thick / place[:, 2:]) * across
@@ -254,7 +266,8 @@ def _before_eye(triangles: Float, lens: Lens) -> Float:
     """Triangles (t, 3, 3 + k), whose columns begin with places, cut off behind the eye."""
     depths = triangles[..., :3] @ lens.matrix[3, :3] + lens.matrix[3, 3] - 1.01 * _NEAR
     front = depths > 0.0
-    count, found = front.sum(axis=1), [triangles[front.all(axis=1)]]
+    count = front.sum(axis=1)
+    found = [triangles[front.all(axis=1)]]
     for ahead in (1, 2):
         # The corner that is alone on its side of the plane comes first.
         cut = np.flatnonzero(count == ahead)
@@ -295,7 +308,8 @@ def _ways(lens: Lens, size: tuple[int, int]) -> Single:
         return np.asarray(way / (lens.matrix[3, :3] @ way), np.float32)
 
     corner = ray(-1.0, -1.0)
-    across, down = (ray(1.0, -1.0) - corner) / size[0], (ray(-1.0, 1.0) - corner) / size[1]
+    across = (ray(1.0, -1.0) - corner) / size[0]
+    down = (ray(-1.0, 1.0) - corner) / size[1]
     rows, columns = (np.arange(side, dtype=np.float32) + 0.5 for side in size[::-1])
     # Whole rows at a time: NumPy adds long rows some times faster than threes.
     first = (corner + columns[:, None] * across).ravel()

@@ -68,7 +68,8 @@ class Renderer:
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
         self._sky = self._filled("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2))
         self._pavement = Texture(0, ground.picture)
-        exposure, self._mirrors = stage.exposure, stage.mirrors
+        exposure = stage.exposure
+        self._mirrors = stage.mirrors
         self._times, self._tints = (
             Texture(unit, texels)
             for unit, texels in ((2, exposure.texels), (3, np.zeros_like(exposure.texels)))
@@ -76,7 +77,8 @@ class Renderer:
         # The colours of the map on the same cells are drawn.
         self._tinting = GL.glGenFramebuffers(1)
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._tinting)
-        place, kind = GL.GL_COLOR_ATTACHMENT0, GL.GL_TEXTURE_2D
+        place = GL.GL_COLOR_ATTACHMENT0
+        kind = GL.GL_TEXTURE_2D
         GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, kind, self._tints.id, 0)
         self._tinted: Tints | None = None
         # What shaders that know of the laser's light read it with.
@@ -293,7 +295,8 @@ class _Parts:
     """
 
     def __init__(self, faces: Painted) -> None:
-        owners, self.count = faces.objects, int(faces.objects.max(initial=-1)) + 1
+        owners = faces.objects
+        self.count = int(faces.objects.max(initial=-1)) + 1
         order = np.argsort(owners, kind="stable")
         self._quads = quad_indices(len(owners)).reshape(-1, 6)[order]
         self._sizes = np.bincount(owners, minlength=self.count)
@@ -327,7 +330,8 @@ def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
     """A framebuffer, and the buffers of its colour and its depth; textures, if with samples."""
     frame = GL.glGenFramebuffers(1)
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    colour, depth = GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT
+    colour = GL.GL_COLOR_ATTACHMENT0
+    depth = GL.GL_DEPTH_ATTACHMENT
     made = (GL.glGenTextures if samples else GL.glGenRenderbuffers)(2).tolist()
     for each, kind, place in zip(
         made, (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24), (colour, depth), strict=True

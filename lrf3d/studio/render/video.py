@@ -69,11 +69,13 @@ def render_video(
     from lrf3d.studio.render.encode import encode, format_of
 
     expect(progress, Callable, "progress")
-    path, chosen = as_path(path), FilmOptions(**options).of(run)
+    path = as_path(path)
+    chosen = FilmOptions(**options).of(run)
     fps = number(fps, "fps", positive=True)
     if workers is not None:
         workers = whole_number(workers, "workers")
-    kind, times = format_of(path, chosen.size, fps), _frame_times(run, chosen, fps, part)
+    kind = format_of(path, chosen.size, fps)
+    times = _frame_times(run, chosen, fps, part)
     total = len(times)
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
     # Worked out here once, it goes with the run to all that draw.

@@ -26,14 +26,16 @@ class Window:
                 f"no window can be opened: matplotlib draws with {backend}; on a computer with a"
                 " screen install python3-tk, otherwise use render_mode='rgb_array'"
             )
-        self._title, self._pyplot = title, pyplot
+        self._title = title
+        self._pyplot = pyplot
         self._image: Any = None
 
     def show(self, picture: NDArray[np.uint8], seconds: float) -> None:
         """Show a picture (h, w, 3) uint8 for some seconds; a window that was closed stays so."""
         # Shortest time [s] that a window has to answer the mouse and be drawn; and what turns the
         # size of pictures into that of the window, which matplotlib takes in inches.
-        least_pause, dots_per_inch = 1e-3, 100.0
+        least_pause = 1e-3
+        dots_per_inch = 100.0
         if self._image is None:
             height, width = picture.shape[:2]
             inches = width / dots_per_inch, height / dots_per_inch

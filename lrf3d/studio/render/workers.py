@@ -56,7 +56,8 @@ def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None
         if "<" in mark.__qualname__ or mark.__module__ == "__main__":
             found = f"mark {name!r} of {mark.__module__}.{mark.__qualname__}"
             raise InputError(f"{found}: other processes draw films; define it in a module")
-    cores, total = core_count(), len(job.times)
+    cores = core_count()
+    total = len(job.times)
     count = min(workers or min(cores, math.ceil(total / _FRAMES_A_WORKER)), total)
     (scratch / "job").write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
     with ExitStack() as ended:

@@ -50,15 +50,14 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
     mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
-    (x, z, y), normals = (
-        mesh.vertices.T,
-        np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0],
-    )
+    x, z, y = mesh.vertices.T
+    normals = np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     size = _size(radius)
     low = min(size, 1.0)
     # Heights [m] of the laser's ring in the file, and of what carries the laser's column; above,
     # the column is stretched.
-    ring_height, deck = 0.495, 0.31
+    ring_height = 0.495
+    deck = 0.31
     stretch = max(0.3, (laser_height / low - deck) / (ring_height - deck))
     z = low * z + np.maximum(low * (z - deck), 0.0) * (stretch - 1.0)
     vertices = np.column_stack([size * x, -size * y, z])
@@ -83,7 +82,8 @@ def _lit(colours: Float, normals: Float) -> Float:
 def world_from_robot(pose: Float) -> Float:
     """The matrix (4, 4) of a pose x, y [m], theta [rad]."""
     x, y, theta = pose.tolist()
-    cos, sin = np.cos(theta), np.sin(theta)
+    cos = np.cos(theta)
+    sin = np.sin(theta)
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
@@ -97,8 +97,12 @@ def goal_disc(goal: Float) -> Soft:
     """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
     # Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in
     # outer ones, and its height over the ground [m].
-    goal_colour, opacities, ring_inside, above_ground = (0.10, 0.70, 0.36), (0.28, 0.9), 0.86, 0.04
-    (inside, ring), (x, y, radius) = opacities, goal.tolist()
+    goal_colour = (0.10, 0.70, 0.36)
+    opacities = (0.28, 0.9)
+    ring_inside = 0.86
+    above_ground = 0.04
+    inside, ring = opacities
+    x, y, radius = goal.tolist()
     outlines = [x, y] + radius * _circle(48) * np.array([0.0, ring_inside, 1.0])[:, None, None]
     return _rings(outlines, [[inside, inside], [ring, ring]], goal_colour, above_ground)
 
@@ -115,7 +119,8 @@ def _size(radius: float) -> float:
 
 def _shadow(outline: Float, pose: Float) -> Soft:
     """The shadow of a body with an outline (n, 2) at a pose: dark, fading out over an edge."""
-    corners, (edge, dark) = shapely.multipoints(_placed(outline, pose)), _SHADOW
+    corners = shapely.multipoints(_placed(outline, pose))
+    edge, dark = _SHADOW
     hull = shapely.get_coordinates(shapely.convex_hull(corners))[:-1]
     middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
     away = hull - middle
@@ -136,7 +141,8 @@ class Obstacles:
         self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
         self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
-        self._tops, self._bodies = [], list[Faces]()
+        self._tops = []
+        self._bodies = list[Faces]()
         for each, colour in zip(obstacles, self._colours, strict=True):
             top, _ = triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))
             self._tops.append(top)
@@ -161,7 +167,8 @@ class Obstacles:
 
     def plans(self, time: float, dart: float) -> list[Soft]:
         """The bodies from straight above, where robots are darts of a size [m]."""
-        plans, placed = list[Soft](), zip(self._obstacles, self._poses(time), strict=True)
+        plans = list[Soft]()
+        placed = zip(self._obstacles, self._poses(time), strict=True)
         for (each, pose), top, colour in zip(placed, self._tops, self._colours, strict=True):
             if each.is_robot:
                 plans.append(flat_dart(pose, dart, 0.0, paler(colour)))
@@ -181,7 +188,8 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         outline = outline[::-1]
     after = np.roll(outline, -1, axis=0)
     outward = -directions(np.hstack([outline, after])) @ LEFT
-    foot, up = min(_FOOT, 0.2 * height), np.array([0.0, 0.0, 1.0])
+    foot = min(_FOOT, 0.2 * height)
+    up = np.array([0.0, 0.0, 1.0])
     sides = np.stack([outline, after, after, outline, after, outline], axis=1).reshape(-1, 2)
     outward = np.insert(np.repeat(outward, 6, axis=0), 2, 0.0, axis=1)
     dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
@@ -220,7 +228,8 @@ def _rings(
 
     The opacities at both sides of each ring are given.
     """
-    inner, outer = outlines[:-1], outlines[1:]
+    inner = outlines[:-1]
+    outer = outlines[1:]
     quads = [inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)]
     corners = np.stack(quads, axis=2)[:, :, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
     alpha = np.array(opacities)[:, None, [0, 1, 1, 0, 1, 0]]

@@ -70,7 +70,8 @@ class Look:
         """The matrix (4, 4) that takes the camera's frame, which looks along −z, to the film's."""
         back = self.eye - self.target
         right = np.cross(np.array(self.up), back)
-        back, right = back / np.linalg.norm(back), right / np.linalg.norm(right)
+        back = back / np.linalg.norm(back)
+        right = right / np.linalg.norm(right)
         matrix = np.eye(4)
         matrix[:3] = np.column_stack([right, np.cross(back, right), back, self.eye])
         return matrix
@@ -82,10 +83,14 @@ class Look:
         """
         # Distance [m] from which on things are drawn, and the share of the distance to the target
         # that it is at the least: depths are then fine enough far away.
-        near_plane, near_share = 0.2, 0.004
-        tall, near = 1.0 / np.tan(0.5 * self.field), max(near_plane, near_share * self.away)
+        near_plane = 0.2
+        near_share = 0.004
+        tall = 1.0 / np.tan(0.5 * self.field)
+        near = max(near_plane, near_share * self.away)
         depth = (far + near) / (near - far), 2.0 * far * near / (near - far)
-        wide, up, deep = [tall / aspect, 0, 0, 0], [0, -tall, self.shift, 0], [0, 0, *depth]
+        wide = [tall / aspect, 0, 0, 0]
+        up = [0, -tall, self.shift, 0]
+        deep = [0, 0, *depth]
         return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
 
 
@@ -151,7 +156,8 @@ class Track(NamedTuple):
 
     def eyes(self) -> Float:
         """Where the eye is, (k, 3) [m]."""
-        level, up = np.cos(self.steeps), np.sin(self.steeps)
+        level = np.cos(self.steeps)
+        up = np.sin(self.steeps)
         back = np.column_stack([level * np.cos(self.turns), level * np.sin(self.turns), up])
         return np.asarray(self.middles + self.aways[:, None] * back)
 
@@ -161,7 +167,8 @@ class Track(NamedTuple):
         turn, steep, _, field, shift = (each.item() for each in now[2:])
         # What is up in the picture, also when it is seen from straight above.
         up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
-        (eye,), (middle,) = now.eyes(), now.middles
+        (eye,) = now.eyes()
+        (middle,) = now.middles
         return Look(eye, middle, field, up, shift, **others)
 
     def past_walls(
@@ -172,12 +179,15 @@ class Track(NamedTuple):
         The walls of rooms are all low, as they are cut.
         """
         tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)
-        steeps, aways = self.steeps.copy(), self.aways.copy()
+        steeps = self.steeps.copy()
+        aways = self.aways.copy()
         way = self.eyes()[:, :2] - robots
         # How far from the line to the eye walls count, as a share of its length; how far before
         # them the eye stays, and how near it comes to the robot [m]: nearer, the robot would fill
         # the picture.
-        aside_share, clearance, least_away = 0.12, 0.3, 1.6
+        aside_share = 0.12
+        clearance = 0.3
+        least_away = 1.6
         for aside in (-aside_share, 0.0, aside_share):
             ends = robots + way + aside * way @ LEFT
             ways = shapely.linestrings(np.stack([robots, ends], axis=1))
@@ -188,7 +198,8 @@ class Track(NamedTuple):
             low = tops[wall] <= _LOW
             np.maximum.at(steeps, number[low], np.minimum(needed[low], _STEEPEST))
             hides = ~low & (needed > self.steeps[number])
-            number, gap = number[hides], gap[hides] - clearance
+            number = number[hides]
+            gap = gap[hides] - clearance
             np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), least_away))
             # Where even that is too far, the eye looks down into the gap.
             down = np.arccos(np.clip(gap / least_away, np.cos(_STEEPEST), 1.0))

@@ -76,7 +76,8 @@ def chase(timeline: Timeline, structures: Structures) -> Tracked:
     Among houses the eye comes nearer where a wall hides the robot; in rooms walls are cut.
     """
     # Where there are mirrors walls are not cut, before a low eye.
-    path, mirrors = SmoothPath.of(timeline), structures.indoor and bool(structures.mirrors.any())
+    path = SmoothPath.of(timeline)
+    mirrors = structures.indoor and bool(structures.mirrors.any())
     track = behind(path, _CHASE_MIRRORS if mirrors else structures.setting.chase)
     standing = replace(structures, indoor=False) if mirrors else structures
     track = track.past_walls(standing, path.places)
@@ -119,7 +120,8 @@ class Fixed:
 
     def __init__(self, camera: FixedCamera, timeline: Timeline) -> None:
         place = np.array([*timeline.origin, 0.0])
-        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
+        eye = np.array(camera.position) - place
+        target = np.array(camera.target) - place
         east, north, high = target - eye
         # Straight down or up there is no side that is up but the north.
         level = np.hypot(east, north) > 1e-6 * abs(high)
@@ -133,10 +135,12 @@ class Fixed:
         if self._path is None:
             return self._look
         place = interpolated(np.array([time]), self._path.times, self._path.places)
-        eye, target = self._look.eye, np.append(place, AIM)
+        eye = self._look.eye
+        target = np.append(place, AIM)
         # Distance [m] from which on the field of a fixed camera that turns narrows, and its least
         # share of the full one: the robot stays in sight when it is far off.
-        calm, narrowest = 12.5, 0.15
+        calm = 12.5
+        narrowest = 0.15
         narrow = np.clip(calm / np.linalg.norm(target - eye), narrowest, 1.0)
         return replace(self._look, target=target, field=self._look.field * float(narrow))
 
@@ -189,9 +193,12 @@ def corners_of(timeline: Timeline, structures: Structures) -> Float:
     ends = structures.places
     # Worlds longer than this [m] are shown only as far as they were driven and seen, with this
     # margin around the path [m]; and the height up to which buildings are in the picture [m].
-    largest_world, drive_around, tallest_wall = 600.0, 60.0, 14.0
+    largest_world = 600.0
+    drive_around = 60.0
+    tallest_wall = 14.0
     if len(ends) and float(np.ptp(ends, axis=0).max()) > largest_world:
-        low, high = path.min(axis=0) - drive_around, path.max(axis=0) + drive_around
+        low = path.min(axis=0) - drive_around
+        high = path.max(axis=0) + drive_around
         ends = ends[((ends >= low) & (ends <= high)).all(axis=1)]
     # Streets reach past the houses.
     past = 0.5 if structures.indoor else 0.5 * STREET
@@ -222,9 +229,11 @@ def _fit(
         back = np.array([np.cos(turn) * level, np.sin(turn) * level, np.sin(steep)])
         right = np.array([-np.sin(turn), np.cos(turn), 0.0])
         axes = np.column_stack([right, np.cross(back, right)])
-        middle, away = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), 1.0
+        middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+        away = 1.0
         for _ in range(6):
-            local, near = (corners - middle) @ axes, (corners - middle) @ back
+            local = (corners - middle) @ axes
+            near = (corners - middle) @ back
             away = max(float(((np.abs(local) / room).max(axis=1) + near).max()), 1.0)
             # What is nearer is larger: the middle of the picture is not that of the box.
             seen = local / (away - near)[:, None]
@@ -241,13 +250,15 @@ class Story:
     """Shows a run in shots."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._timeline, self._structures = timeline, structures
+        self._timeline = timeline
+        self._structures = structures
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
         end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=end)
         followed = chase(timeline, structures)
-        self._chase, self._cuts_near = followed.track(1.0), followed.shown["cuts"]
+        self._chase = followed.track(1.0)
+        self._cuts_near = followed.shown["cuts"]
         turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
         self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]
         self._length = (timeline.end - timeline.start) / timeline.playback
@@ -264,7 +275,8 @@ class Story:
         # The end begins when the run has ended.
         last = len(self._shots) - 1 - (passed <= self._length)
         number = int(np.clip(np.searchsorted(self._cuts, passed, "right") - 1, 0, last))
-        shot, track = self._shots[number], self._track(number, aspect)
+        shot = self._shots[number]
+        track = self._track(number, aspect)
         if shot == "opening":
             return track.look(time, cuts=True, opens=passed > 0.0, shot="wave")
         if shot == "end":
@@ -279,10 +291,14 @@ class Story:
         begin, end = self._cuts[number : number + 2]
         passed = np.arange(begin, end + STEP, STEP)
         times = self._timeline.start + self._timeline.playback * passed
-        near, whole = self._chase.at(times), self._whole.track(aspect).at(times)
-        shot, path = self._shots[number], self._path
+        near = self._chase.at(times)
+        whole = self._whole.track(aspect).at(times)
+        shot = self._shots[number]
+        path = self._path
         places = interpolated(times, path.times, path.places)
-        (ahead, *_), (side, *_), (farthest, *_) = near.turns, whole.turns, whole.aways
+        ahead, *_ = near.turns
+        side, *_ = whole.turns
+        farthest, *_ = whole.aways
 
         def above(turns: Float, rig: Rig) -> Track:
             away = min(rig.away, _SHARE * float(farthest))
@@ -319,7 +335,8 @@ class Story:
         # The short way round as seen half-way, and for the whole shot: else the eye would leap.
         turned = far.turns - near.turns
         turned -= 2.0 * np.pi * np.round(turned[np.argmin(np.abs(share - 0.5))] / (2.0 * np.pi))
-        down, fields = np.sqrt(share), near.fields + share * (far.fields - near.fields)
+        down = np.sqrt(share)
+        fields = near.fields + share * (far.fields - near.fields)
         # Seen from above, the robot would soon leave a picture that is moved up.
         steeps, shifts = (
             a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))

@@ -51,7 +51,8 @@ def draw_beams(
     frame. The apex is where the robot stands now, a little past that pose: beams follow the robot
     while points stay on their walls. Points are coloured by their range or intensity.
     """
-    origin, hits = np.array([scan.pose.x, scan.pose.y]), scan.hits
+    origin = np.array([scan.pose.x, scan.pose.y])
+    hits = scan.hits
     # A beam without return goes as far as it can be measured; one too near ends at once.
     far = scan.range_max if np.isfinite(scan.range_max) else 100.0
     ranges = np.where(hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
@@ -67,12 +68,15 @@ def draw_beams(
     legs[: len(ends), :2] = apex
     # Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
     # more would run into one plane.
-    strength, line_width, most_drawn = 0.40, 1.1, 30
+    strength = 0.40
+    line_width = 1.1
+    most_drawn = 30
     step = max(1, round(len(ends) / most_drawn))
     chosen = np.isin(beams, np.arange((len(ends) - 1) % step // 2, len(ends), step))
     chosen &= (gone < reach) | (gone == 0.0)
     starts, stops = np.hsplit(legs[chosen], 2)
-    gone, length = gone[chosen, None], lengths(legs[chosen])[:, None]
+    gone = gone[chosen, None]
+    length = lengths(legs[chosen])[:, None]
     drawn = np.minimum(length, reach - gone)
     stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
     opacities = strength * (1.0 - np.hstack([gone, gone + drawn]) / reach)
@@ -87,7 +91,8 @@ def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
     It fades to nothing at a reach [m], and at the sides of the field of view.
     """
     step = max(1, len(legs) // _LAMP_BEAMS)
-    (starts, ends), angles = np.hsplit(legs[::step], 2), angles[::step]
+    starts, ends = np.hsplit(legs[::step], 2)
+    angles = angles[::step]
     away = lengths(legs[::step])
     far = np.minimum(away, reach)
     ends = starts + (far / np.maximum(away, 1e-9))[:, None] * (ends - starts)
@@ -148,25 +153,32 @@ class DrawnMap:
         """Its segments along the walls."""
         # Height of the map's lines along the walls, above the beams, how thick they are [m], and at
         # least [pixels of 720 lines]: they show from far away.
-        band, band_thick, band_pixels = 0.70, 0.06, 3.0
+        band = 0.70
+        band_thick = 0.06
+        band_pixels = 3.0
         return self.lines(band, band_pixels)._replace(thick=band_thick)
 
     def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
         """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""
-        tints, near = np.zeros((len(places), 3)), np.zeros(len(places), dtype=bool)
+        tints = np.zeros((len(places), 3))
+        near = np.zeros(len(places), dtype=bool)
         if len(self.segments):
             tree = shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
             found, segment = tree.query_nearest(
                 shapely.points(places), max_distance=tolerance, all_matches=False
             )
-            tints[found], near[found] = self.colours[segment], True
+            tints[found] = self.colours[segment]
+            near[found] = True
         return tints, near
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
         # Height of walls of the map that the world lacks [m], opacity at their foot, length of
         # pieces [m], and the most of a segment: some are as long as the world.
-        ghost_height, ghost_strength, ghost_step, most_pieces = 1.8, 0.55, 0.4, 500
+        ghost_height = 1.8
+        ghost_strength = 0.55
+        ghost_step = 0.4
+        most_pieces = 500
         pieces = np.ceil(lengths(self.segments) / ghost_step)
         count = np.clip(pieces, 1, most_pieces).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
@@ -222,7 +234,8 @@ def trail_lines(
 ) -> Lines:
     """The trail up to a time [s]; what is older is paler, after a time of fading [s]."""
     begun = min(len(keys.times) - 1, int(np.searchsorted(keys.times, now)))
-    places, times = keys.poses[: begun + 1, :2].copy(), keys.times[: begun + 1]
+    places = keys.poses[: begun + 1, :2].copy()
+    times = keys.times[: begun + 1]
     places[begun:] = interpolated(np.array([now]), keys.times, keys.poses[:, :2])
     old = np.clip((now - times) / fade, 0.0, 1.0)
     left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
@@ -263,7 +276,8 @@ class DrawnEstimate:
 
     def rings(self, time: float) -> Lines:
         """The ellipses that stay by a time, faded, and the one that is known now."""
-        times, now = self.keys.times[self.known], np.array([time])
+        times = self.keys.times[self.known]
+        now = np.array([time])
         rings = self.outlines()[times[self.kept] <= time]
         alpha = np.full((len(rings) * CORNERS, 2), look.ESTIMATE_FADED)
         if len(times):
@@ -271,7 +285,8 @@ class DrawnEstimate:
             shape = interpolated(now, times, self.shapes.reshape(-1, 4)).reshape(1, 2, 2)
             rings = np.concatenate([rings, outlines(place, shape)])
             alpha = np.concatenate([alpha, np.ones((CORNERS, 2))])
-        starts, ends = rings.reshape(-1, 2), np.roll(rings, -1, axis=1).reshape(-1, 2)
+        starts = rings.reshape(-1, 2)
+        ends = np.roll(rings, -1, axis=1).reshape(-1, 2)
         colours = np.tile(look.ESTIMATE_COLOUR, (len(alpha), 1))
         return level_lines(look.TRAIL_HEIGHT, starts, ends, colours, alpha, _RING_WIDTH)
 
@@ -292,7 +307,8 @@ def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
     steps = np.hypot(*np.diff(estimate.poses[:, :2], axis=0).T)
     driven = np.append(0.0, np.cumsum(steps))
     sizes = np.linalg.norm(estimate.ellipses, axis=(1, 2)).tolist()
-    kept, last = list[int](), -np.inf
+    kept = list[int]()
+    last = -np.inf
     for number, (place, size) in enumerate(zip(driven[estimate.known_scans], sizes, strict=True)):
         # The start is certain: a point, and no ellipse.
         if size > 0.0 and place - last >= max(steps.sum() / MOST_KEPT, size):

@@ -134,10 +134,12 @@ class Scene:
         return seen._replace(cut=look.SECTION) if cuts else seen
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
-        (wide, tall), (*_, eye_height) = size, view.eye.tolist()
+        wide, tall = size
+        *_, eye_height = view.eye.tolist()
         # Least distance at which half of what is seen is haze, in distances to what is looked at,
         # as the whole is seen through clear air; and the far plane of a high eye, in its heights.
-        clear, past_ground = 2.6, 3.0
+        clear = 2.6
+        past_ground = 3.0
         haze = max(self.structures.setting.haze, clear * view.away)
         return Lens(
             matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, past_ground * eye_height)),
@@ -194,7 +196,8 @@ class Scene:
         )
 
     def _drawn_trails(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
-        now, found = time - self.timeline.start, []
+        now = time - self.timeline.start
+        found = []
         fade = _TRAIL_FADE * self.timeline.playback
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
@@ -206,9 +209,11 @@ class Scene:
 
     def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points, Soft]:
         """Beams, hits and lamps of all lasers at a scan, from where the robot is now, if given."""
-        run, origin = self.run, np.array([*self.origin, 0.0])
+        run = self.run
+        origin = np.array([*self.origin, 0.0])
         robot = np.array(pose) if pose else run.trajectory.poses[number]
-        drawn, reach = [], min(run.lrf.range_max, self.structures.setting.beams)
+        drawn = []
+        reach = min(run.lrf.range_max, self.structures.setting.beams)
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
             apex = (lrf.placed(robot) - origin)[:2]
@@ -222,7 +227,8 @@ class Scene:
         return lines, points, light
 
     def _recent_hits(self, moment: Moment) -> Points:
-        times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
+        times = self.run.trajectory.times
+        lasting = _HITS_FADE * self.timeline.playback
         first = int(np.searchsorted(times, moment.time - lasting))
         last = moment.scan if moment.scanning else moment.mapped + 1
         first = min(first, last)
@@ -248,11 +254,14 @@ class Scene:
         pixel = min(size) / 720.0 * away / lens.focus
         # Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it,
         # whose unit is the third [pixels at 720 lines].
-        robot_size, least_robot, marker = 0.75, 26.0, 10.0
+        robot_size = 0.75
+        least_robot = 26.0
+        marker = 10.0
         if robot_size > least_robot * pixel:
             return None
         dart = marker * pixel
-        own, others = bodies.flat_dart(pose, dart, height), self.obstacles.plans(time, dart)
+        own = bodies.flat_dart(pose, dart, height)
+        others = self.obstacles.plans(time, dart)
         marks: Soft = together([own, *others])
         return marks._replace(on_top=True)
 
@@ -278,7 +287,8 @@ class Scene:
         """The window of the plan: the whole world or, in a large one, what is around the robot."""
         path = self.run.trajectory.poses[:, :2] - self.origin
         points = np.concatenate([self.structures.places, path])
-        low, high = points.min(axis=0), points.max(axis=0)
+        low = points.min(axis=0)
+        high = points.max(axis=0)
         # A room needs less of a rim than a city.
         wide, tall = 1.04 * (high - low) + 2.0 * np.minimum(1.0, (high - low) / 40.0)
         aspect = float(np.clip(tall / max(wide, 1e-9), *_PLAN_SHAPES))

@@ -71,7 +71,9 @@ def _reflected(run: Run, moment: Moment) -> str:
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    card_from, minutes = 0.9, 600.0  # A share of the glass, and when seconds are too many [s].
+    # A share of the glass, and when seconds are too many [s].
+    card_from = 0.9
+    minutes = 600.0
     if view.shot == "end" and view.glass >= card_from:
         return _card(run)
     line_map = run.map_after(moment.mapped)
@@ -114,7 +116,8 @@ def _card(run: Run) -> Label:
     near = shapely.union_all(shapely.buffer(mapped, _FOUND, cap_style="flat"))
     shapely.prepare(near)
     along = shapely.length(shapely.intersection(walls, near))
-    found, count = int((along >= _FOUND_SHARE * shapely.length(walls)).sum()), len(walls)
+    found = int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
+    count = len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
     rest = f"what was never seen is glass  ·  {objects}"
     return _label([(share, _INK), (rest, _PALE)], _SIZE)

@@ -192,7 +192,9 @@ def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
     lens = seen.lens
     nearer = 0.03  # How far before its wall a mirror stands [m].
     for x1, y1, x2, y2, high in mirrors.tolist():
-        top, start, along = min(high, seen.cut), np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
+        top = min(high, seen.cut)
+        start = np.array([x1, y1])
+        along = np.array([x2 - x1, y2 - y1])
         length = float(np.hypot(*along))
         along /= length
         normal = along @ LEFT

@@ -67,9 +67,11 @@ class Timeline:
         gaps = np.diff(times)
         gap = float(np.median(gaps)) if len(gaps) else np.inf
         self.dwells = gap > _STOP_GAP
-        self.start, self.end = float(times.min()), float(times.max())
+        self.start = float(times.min())
+        self.end = float(times.max())
         # Times of the film, and those of the drive that are shown then.
-        self.keys, self._shown = times, times
+        self.keys = times
+        self._shown = times
         if self.dwells:
             # The last stop is looked at as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
@@ -87,7 +89,8 @@ class Timeline:
             margins: How long the film goes on before and after the run [s of the film]; there the
                 run stands still, and only the camera moves.
         """
-        step, (before, after) = self.playback / fps, margins
+        step = self.playback / fps
+        before, after = margins
         last = np.floor((self.end - self.start) / step + after * fps + 1e-6)
         frames = np.arange(-np.floor(before * fps), last + 1.0)
         return self.start + step * frames
@@ -98,12 +101,14 @@ class Timeline:
 
     def moment(self, time: float) -> Moment:
         """What is to be seen at a time [s]; before the start it is the start, and so at the end."""
-        times, now = self.run.trajectory.times, time
+        times = self.run.trajectory.times
+        now = time
         time = min(max(time, self.start), self.end)
         scan = max(int(np.searchsorted(times, time + 1e-9, side="right")) - 1, 0)
         before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
         step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
-        since, until = time - times[scan], times[scan + 1 : scan + 2] - times[scan]
+        since = time - times[scan]
+        until = times[scan + 1 : scan + 2] - times[scan]
         scanning = not (self.dwells and bool((since > _STANDING * until).any()))
         scanning &= now >= self.start - 1e-9
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
@@ -151,7 +156,8 @@ class DriveKeys(NamedTuple):
 
         The path, and the distance over time, are simplified (Douglas and Peucker, 1973).
         """
-        times, places = self.times, self.poses[:, :2]
+        times = self.times
+        places = self.poses[:, :2]
         if len(times) < 3:
             return self
         path = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))

@@ -116,7 +116,8 @@ def feature_of(item: object) -> Feature:
     held = {key for key, value in properties.items() if value not in (None, "", "no", False)}
     if held & FLAT and not held & STANDS:
         return Feature((), flat=True)
-    number, name = properties.get("object"), properties.get("name")
+    number = properties.get("object")
+    name = properties.get("name")
     colours = (properties.get(key) for key in ("colour", "building:colour", "color"))
     return Feature(
         tuple(_shapes(item if bare else item.get("geometry"))),
@@ -205,7 +206,8 @@ def metres_of(text: str) -> float | None:
 def looks_geographic(features: Sequence[Feature]) -> bool:
     """Whether the coordinates of features are in degrees and not in metres."""
     shapes = [shape for feature in features for shape in feature.shapes]
-    points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
+    points = shapely.get_coordinates(shapes)
+    boxes = shapely.bounds(shapes)
     if (np.abs(points) > [180.0, 90.0]).any():
         return False
     sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
@@ -218,7 +220,8 @@ def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]
     """Features in degrees laid flat around their middle (2,) [°], and their largest extent [°]."""
     points = shapely.get_coordinates([shape for feature in features for shape in feature.shapes])
     local = _from(points, points[0])
-    low, high = local.min(axis=0), local.max(axis=0)
+    low = local.min(axis=0)
+    high = local.max(axis=0)
     longitude, latitude = points[0] + 0.5 * (low + high)
     centre = np.array([(longitude + 180.0) % 360.0 - 180.0, latitude])
     flat = moved(features, partial(lay_flat, centre=centre))
@@ -276,7 +279,8 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     tall = np.array([part.heights.max() for part in alone])
     corners = shapely.get_coordinates(polygons)
     origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
-    source, number = cKDTree(corners - origin), 0
+    source = cKDTree(corners - origin)
+    number = 0
     local = shapely.transform(polygons, lambda xy: xy - origin)
     # An outline that crosses itself is made valid; lines there and back enclose nothing.
     crossed = ~shapely.is_valid(local)
@@ -291,7 +295,8 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
             gaps, nearest = map(np.asarray, source.query(points))
             exact = np.where((gaps <= 0.002)[:, None], corners[nearest], points + origin)
             once = (exact != np.roll(exact, 1, axis=0)).any(axis=1)
-            exact, points = exact[once], points[once]
+            exact = exact[once]
+            points = points[once]
             if len(points) < 3:
                 continue
             ring = shapely.linearrings(points)

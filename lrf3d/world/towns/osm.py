@@ -52,7 +52,8 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
     """
-    extract, left_out = _read(path), Counter[str]()
+    extract = _read(path)
+    left_out = Counter[str]()
     features = [feature for feature in _buildings(extract, left_out) if feature.shapes]
     if not features:
         raise WorldError("holds no whole building, so there is no wall")
@@ -125,7 +126,8 @@ class _Extract:
 
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
-    extract, elements = _Extract(), ElementTree.iterparse(path, events=("start", "end"))
+    extract = _Extract()
+    elements = ElementTree.iterparse(path, events=("start", "end"))
     try:
         _, root = next(elements)
         if root.tag != "osm":
@@ -157,7 +159,9 @@ def _place(element: Element) -> Place:
 
 def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
     """The buildings, in degrees of longitude and latitude; counts those that are left out."""
-    outlines, found, ways = set[int](), list[tuple[Tags, Any]](), extract.ways
+    outlines = set[int]()
+    found = list[tuple[Tags, Any]]()
+    ways = extract.ways
     for members, tags in extract.relations.values():
         if tags.get("type") not in ("multipolygon", "building"):
             continue
@@ -193,7 +197,8 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
         for tags, area in found
         if "building" not in tags and encloses(area)
     ]
-    tree, pairs = shapely.STRtree([area for _, area in parts]), 0
+    tree = shapely.STRtree([area for _, area in parts])
+    pairs = 0
     for tags, area in found:
         own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
         if (pairs := pairs + len(own)) > MOST_PAIRS:
@@ -265,7 +270,8 @@ def trunk_radius(tags: Tags) -> float:
 
 def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
     """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
-    radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
+    radii = np.array([trunk_radius(each) for each in tags])
+    points = shapely.points(places)
     # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
     near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]

@@ -74,8 +74,10 @@ class LitScans:
     """The last kept scans: their places (k, 2) [m], and :data:`RAY` (k, n) by rising angle."""
 
     def __init__(self) -> None:
-        self._places, self._rays = np.zeros((MOST_SCANS, 2)), np.zeros((MOST_SCANS, 0), RAY)
-        self._last, self._usual = np.full(3, np.inf), 0.0
+        self._places = np.zeros((MOST_SCANS, 2))
+        self._rays = np.zeros((MOST_SCANS, 0), RAY)
+        self._last = np.full(3, np.inf)
+        self._usual = 0.0
         self._fitting = self._pairs = self._count = 0
         self._warned = False
 
@@ -111,17 +113,21 @@ class LitScans:
         more = max(len(light) - self._rays.shape[1], 0)
         self._rays = np.pad(self._rays, ((0, 0), (0, more))) if more else self._rays
         row = self._count % MOST_SCANS
-        self._places[row], self._rays[row], self._last = pose[:2], 0, np.array(pose)
+        self._places[row] = pose[:2]
+        self._rays[row] = 0
+        self._last = np.array(pose)
         rays = self._rays[row, : len(light)]
         rays["ux"], rays["uy"] = units.T
-        rays["range"], rays["free"] = ranges, np.abs(free)
+        rays["range"] = ranges
+        rays["free"] = np.abs(free)
         rays["deviation"] = np.sqrt(noise.variance(ranges))
         rays["bright"] = light / np.exp(self._usual)
         self._read_reflectances(rays, light, walls)
         self._count += 1
         # [share, pairs] Intensities are light if this share of at least this many pairs fits: metal
         # and glass never do.
-        least_fitting, least_pairs = 0.5, 100
+        least_fitting = 0.5
+        least_pairs = 100
         are_light = self._fitting >= least_fitting * self._pairs
         if self._pairs >= least_pairs and not are_light and not self._warned:
             self._warned = True
@@ -136,20 +142,27 @@ class LitScans:
         if not len(walls):
             return
         lit = np.flatnonzero(light)
-        along, units = directions(walls), np.column_stack([rays["ux"], rays["uy"]])[lit, None]
+        along = directions(walls)
+        units = np.column_stack([rays["ux"], rays["uy"]])[lit, None]
         off = units * rays["range"][lit, None, None] - walls[:, :2]
-        station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
+        station = (off * along).sum(axis=2)
+        cosines = np.abs(cross(along, units))
         on = (np.abs(cross(along, off)) < CELL) & (cosines > LEAST_INCIDENCE)
         on &= (station > -CELL) & (station < lengths(walls) + CELL)
-        there, wall = on.any(axis=1), on.argmax(axis=1)
-        lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
+        there = on.any(axis=1)
+        wall = on.argmax(axis=1)
+        lit = lit[there]
+        cosine = cosines[there, wall[there]]
+        wall = wall[there]
         rays["reflectance"][lit] = reflectance = light[lit] / cosine
         # [share, log] Distance in the scan, and difference by the laser equation, from which on two
         # returns of a wall are compared.
-        farther_apart, least_change = 0.05, 0.2
+        farther_apart = 0.05
+        least_change = 0.2
         # Adjacent returns differ too little to be compared.
         apart = int(farther_apart * len(rays)) + 1
-        expected, found = np.log(cosine / rays["range"][lit] ** 2), np.log(reflectance)
+        expected = np.log(cosine / rays["range"][lit] ** 2)
+        found = np.log(reflectance)
         change = np.abs(expected[apart:] - expected[:-apart])
         compared = (wall[apart:] == wall[:-apart]) & (change > least_change)
         # [share] Largest relative error of that difference. Light that falls with the range alone
@@ -164,11 +177,13 @@ class Optics:
     """The glass and mirrors that the scans so far have shown."""
 
     def __init__(self) -> None:
-        self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
+        self._scans = LitScans()
+        self._ground = np.zeros(0, PATCH)
         most_lines = 256  # [lines] Number of lines that are kept.
         # Each line has a unit normal, distance and middle (see `count_rays`), votes, and the class
         # of its pieces: glass or mirror.
-        self._lines, self._votes = np.zeros((most_lines, 4)), np.zeros(most_lines, VOTES)
+        self._lines = np.zeros((most_lines, 4))
+        self._votes = np.zeros(most_lines, VOTES)
         self._pieces = np.zeros((most_lines, PIECES), np.bool_)
         self.surfaces = np.zeros((0, 5))
         """Glass and mirrors (s, 5) [m] in the map's frame, and whether each is a mirror."""
@@ -180,7 +195,8 @@ class Optics:
         if scan.intensities is None or not len(self.surfaces):
             return scan
         turned = np.zeros(len(scan.angles), np.bool_)
-        ranges, headings = np.array(scan.ranges), scan.angles + heading
+        ranges = np.array(scan.ranges)
+        headings = scan.angles + heading
         find_turned(np.array(place), headings, ranges, self.surfaces, turned)
         if not turned.any():
             return scan
@@ -205,7 +221,8 @@ class Optics:
             self._ground = np.pad(self._ground, (0, missing))
         places, rays = self._scans.rows(newest=True)
         turn_rays(places, rays, self.surfaces, cells, self._ground, table)
-        place, bright = places[0], rays["bright"][0]
+        place = places[0]
+        bright = rays["bright"][0]
         peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
         normals = -np.column_stack([rays["ux"][0, peaks], rays["uy"][0, peaks]])
         flashes = np.column_stack([normals, normals @ place - rays["range"][0, peaks]])
@@ -217,7 +234,8 @@ class Optics:
         for row in np.argsort(-self._votes["new"], kind="stable")[: 1 + peaks.any()].tolist():
             votes = self._votes[row]
             if votes.new >= LEAST_VOTES:
-                counts, votes.new = np.zeros(PIECES, COUNTS), 0.0
+                counts = np.zeros(PIECES, COUNTS)
+                votes.new = 0.0
                 count_rays(self._lines[row], places, rays, cells, self._ground, counts)
                 self._pieces[row], votes.kind = find_pieces(counts, known[row], votes.kind)
         if not np.array_equal(known, self._pieces):
@@ -231,7 +249,8 @@ class Optics:
         """
         distances = line_distances(place, self._lines, lines)
         for line, apart in zip(lines, distances, strict=True):
-            row, own = int(apart.argmin()), self._lines[apart.argmin()]
+            row = int(apart.argmin())
+            own = self._lines[apart.argmin()]
             if apart[row] >= CELL:
                 row = int(np.where(self._votes["kind"], np.inf, self._votes["last"]).argmin())
                 self._votes[row] = 0
@@ -248,13 +267,15 @@ class Optics:
     def _stretches(self) -> Float:
         """The stretches (s, 5) [m] of all lines by their pieces, and whether each is a mirror."""
         rows, places = np.nonzero(np.diff(self._pieces, axis=1, prepend=False, append=False))
-        rows, ends = rows[::2], places.reshape(-1, 2)
+        rows = rows[::2]
+        ends = places.reshape(-1, 2)
         mirror = self._votes["kind"][rows] == IS_MIRROR
         # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
         ends = ends + np.where(mirror, 0.0, 0.5)[:, None] * [1.0, -1.0] - PIECES // 2
         nx, ny, distance, middle = self._lines[rows].T[..., None]
         along = middle + PIECE_LENGTH * ends
-        x, y = distance * nx + along * ny, distance * ny - along * nx
+        x = distance * nx + along * ny
+        y = distance * ny - along * nx
         found = np.column_stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1], mirror])
         shortest = 0.6  # [m] Least length of a pane or a mirror.
         solid: Bool = along[:, 1] - along[:, 0] > shortest
@@ -266,7 +287,8 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
 
     They are unit normals towards the laser's place (2,) and distances from the origin [m].
     """
-    along, units = directions(walls), directions(segments)
+    along = directions(walls)
+    units = directions(segments)
     # The normals of the two walls, (−y, x): a mirror turns both directions and sides.
     turn = along[:, None] - units
     # [sine] Twice the sine of half the least angle between a wall and its image: walls at right
@@ -278,13 +300,18 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     apart = cross(along, walls[:, :2])[wall] - cross(units, segments[:, :2])[real]
     distances = apart / (2.0 * cross(along[wall], normals))
     ahead = normals @ place - distances
-    normals, distances = np.sign(ahead)[:, None] * normals, np.sign(ahead) * distances
+    normals = np.sign(ahead)[:, None] * normals
+    distances = np.sign(ahead) * distances
     ends = walls[wall].reshape(-1, 2, 2)
     behind = (ends * normals[:, None]).sum(axis=2) - distances[:, None]
     rows = np.flatnonzero((np.abs(ahead) >= FREE_DEPTH) & (behind <= FREE_DEPTH).all(axis=1))
-    wall, real, normals, distances = wall[rows], real[rows], normals[rows], distances[rows]
+    wall = wall[rows]
+    real = real[rows]
+    normals = normals[rows]
+    distances = distances[rows]
     images = ends[rows] - 2.0 * behind[rows, :, None] * normals[:, None]
-    off, unit = images - segments[real, None, :2], units[real, None]
+    off = images - segments[real, None, :2]
+    unit = units[real, None]
     stations = (off * unit).sum(axis=2)
     high = np.minimum(stations.max(axis=1), lengths(segments)[real])
     shared = high - stations.min(axis=1).clip(0.0)
@@ -293,7 +320,8 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
     # [lines] Largest numbers of lines of a scan that count, those that most of its walls support;
     # and of images that are compared for this, those that share most with a wall.
-    lines_a_scan, most_a_scan = 8, 64
+    lines_a_scan = 8
+    most_a_scan = 64
     lines = np.column_stack([normals, distances])[rows[:most_a_scan]]
     same = line_distances(place, lines, lines) < CELL
     weights = same @ shared[rows[:most_a_scan]]
@@ -319,12 +347,17 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     """A map with surfaces (s, 4) [m], mirrors (s,) or glass, in place of segments along them."""
     if not len(surfaces):
         return line_map
-    segments, objects = line_map.segments, line_map.objects
-    along, size, length = directions(surfaces), lengths(surfaces), lengths(segments)[:, None]
+    segments = line_map.segments
+    objects = line_map.objects
+    along = directions(surfaces)
+    size = lengths(surfaces)
+    length = lengths(segments)[:, None]
     # Where both ends (m, 2) of each segment lie along each surface (s,), and beside it.
     off = segments.reshape(-1, 2, 1, 2) - surfaces[:, :2]
-    stations, aside = (off * along).sum(axis=3), cross(along, off)
-    low, high = stations.min(axis=1), stations.max(axis=1)
+    stations = (off * along).sum(axis=3)
+    aside = cross(along, off)
+    low = stations.min(axis=1)
+    high = stations.max(axis=1)
     part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * length
     part &= np.abs(aside).max(axis=1) < CELL
     # Surfaces become as long as what they take in.
@@ -334,7 +367,8 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
         along, 2
     )
     kept = ~part.any(axis=1)
-    segments, objects = segments[kept], objects[kept]
+    segments = segments[kept]
+    objects = objects[kept]
     owners = objects.max(initial=-1) + 1 + np.arange(len(ends))
     joins = 0.4  # [m] A pane or mirror belongs to the object of a wall whose end is this close.
     if len(segments):

@@ -65,7 +65,8 @@ COUNTS = record(
 @borrower
 def _patch_at(cells: Cells, x: float, y: float) -> int:
     """The row of the patch of a point [m], 0 where there is none."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    column = int(np.floor(x / CELL))
+    row = int(np.floor(y / CELL))
     half = SIDE // 2 - 1
     block = block_at(cells, column, row)
     inside = (((row >> 1) & half) << (SIDE_BITS - 1)) + ((column >> 1) & half)
@@ -78,8 +79,10 @@ def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[fl
     first = turn = np.inf
     edge = 0.3  # [m] Beams that pass a mirror by less may have met it.
     for x1, y1, x2, y2, mirror in surfaces:
-        dx, dy = x2 - x1, y2 - y1
-        across, size = ux * dy - uy * dx, np.hypot(dx, dy)
+        dx = x2 - x1
+        dy = y2 - y1
+        across = ux * dy - uy * dx
+        size = np.hypot(dx, dy)
         if across == 0.0:
             continue
         way = ((x1 - x) * dy - (y1 - y) * dx) / across
@@ -98,7 +101,8 @@ def find_turned(
 ) -> None:
     """Mark the beams (n,) that continue behind surfaces (s, 5), which may have turned them."""
     for beam in range(len(headings)):
-        ux, uy = np.cos(headings[beam]), np.sin(headings[beam])
+        ux = np.cos(headings[beam])
+        uy = np.sin(headings[beam])
         _, turn = _ways(place[0], place[1], ux, uy, surfaces)
         turned[beam] = turn < ranges[beam] - FREE_DEPTH
 
@@ -125,9 +129,12 @@ def turn_rays(
                 continue
             sign = 1.0 if direct else -1.0
             ray.direct += sign
-            x2, y2, light = x + reach * ray.ux, y + reach * ray.uy, ray.reflectance
+            x2 = x + reach * ray.ux
+            y2 = y + reach * ray.uy
+            light = ray.reflectance
             for corner in range(4):
-                dx, dy = CELL * (corner // 2 * 2 - 1), CELL * (corner % 2 * 2 - 1)
+                dx = CELL * (corner // 2 * 2 - 1)
+                dy = CELL * (corner % 2 * 2 - 1)
                 patch = ground[_patch_at(cells, x2 + dx, y2 + dy)]
                 patch.returns += sign
                 patch.lights += sign * (light > 0.0)
@@ -202,7 +209,8 @@ def count_rays(
                 count.missing += cos > FLASHING
             if ray.range > 0.0 and farther > FREE_DEPTH:
                 # Mirrored back to the side that it came from.
-                px, py = x + ray.range * ray.ux, y + ray.range * ray.uy
+                px = x + ray.range * ray.ux
+                py = y + ray.range * ray.uy
                 behind = 2.0 * (nx * px + ny * py) - 2.0 * distance
                 reflectance = _reflectance_at(cells, ground, px - behind * nx, py - behind * ny)
                 count.images += reflectance >= 0.0
@@ -215,13 +223,16 @@ def count_rays(
 
 def glass_pieces(pieces: Records) -> Bool:
     """Which pieces (PIECES,) of a line are glass."""
-    shown, passed, flashed = pieces["shown"], pieces["passed"], pieces["flashed"]
+    shown = pieces["shown"]
+    passed = pieces["passed"]
+    flashed = pieces["flashed"]
     found = np.zeros(PIECES, np.bool_)
     if not flashed.any():
         return found
     # [share, share] Largest share of returns as of a wall at a piece of glass; and least share of
     # the pieces of a pane that beams pass.
-    most_opaque, passed_share = 0.3, 0.6
+    most_opaque = 0.3
+    passed_share = 0.6
     good = (shown + passed > 0) & (pieces["opaque"] <= most_opaque * (shown + passed))
     good &= (pieces["missing"] == 0) | (shown > 0)
     good |= flashed > 0
@@ -236,11 +247,15 @@ def glass_pieces(pieces: Records) -> Bool:
 
 def mirror_pieces(pieces: Records) -> Bool:
     """Which pieces (PIECES,) of a line are a mirror."""
-    opaque, images, wrong = pieces["opaque"], pieces["images"], pieces["wrong"]
-    known, alike = pieces["lit"], pieces["alike"]
+    opaque = pieces["opaque"]
+    images = pieces["images"]
+    wrong = pieces["wrong"]
+    known = pieces["lit"]
+    alike = pieces["alike"]
     # [beams, share] Least number of images of walls of known reflectance, and least share of them
     # that are as bright as in a mirror: others are of metal, or at an edge of two walls.
-    least_lit, alike_share = 16, 0.85
+    least_lit = 16
+    alike_share = 0.85
     if alike.sum() < least_lit:
         return np.zeros(PIECES, np.bool_)
     image_factor = 3.0  # [factor] Least ratio of images to other returns at a piece of a mirror.
@@ -270,7 +285,8 @@ def find_pieces(pieces: Records, former: Bool, kind: int) -> tuple[Bool, int]:
     belied = pieces["opaque"] > pieces["shown"] + pieces["passed"] + SEEN
     # What is seen through glass is darker as well.
     if kind == IS_MIRROR or not (found.any() or kind):
-        found, kind = mirror_pieces(pieces), IS_MIRROR
+        found = mirror_pieces(pieces)
+        kind = IS_MIRROR
         belied = pieces["opaque"] + pieces["wrong"] > pieces["images"] + SEEN
     found |= former & ~belied
     return found, max(kind, IS_GLASS) if found.any() else 0

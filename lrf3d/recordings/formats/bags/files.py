@@ -56,7 +56,8 @@ def bag_files(path: Path) -> list[Path]:
     for ending in FILES:
         if files := [part for part in parts if ending in part.suffixes[-2:]]:
             return sorted(files, key=lambda file: (len(file.name), file.name))
-    known, there = ", ".join(FILES), one_line(", ".join(part.name for part in parts), 90)
+    known = ", ".join(FILES)
+    there = one_line(", ".join(part.name for part in parts), 90)
     found = f" ({there})" if there else ""
     raise InputError(f"{path}: a folder without {known} or run.npz{found}, expected a log")
 
@@ -105,7 +106,8 @@ def unpacked(packing: str, data: bytes) -> bytes:
         "lz4": LZ4FrameDecompressor,
         "bz2": bz2.BZ2Decompressor,
     }
-    parts, left = [], MOST_UNPACKED
+    parts = []
+    left = MOST_UNPACKED
     while data:
         check()
         unpacker = kinds[packing]()
@@ -176,7 +178,11 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
 
 def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, Topic]) -> Iterator[Packet]:
     # Kinds of records of MCAP that are read, and the one after the last of the data.
-    schema, channel, message, chunk, data_end = 3, 4, 5, 6, 15
+    schema = 3
+    channel = 4
+    message = 5
+    chunk = 6
+    data_end = 15
     while len(head := stream.read(9)) == 9 and head[0] != data_end:
         size = int.from_bytes(head[1:], "little")
         if head[0] not in (schema, channel, message, chunk):
@@ -207,7 +213,10 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 
 
 def _of_ros1(stream: Any, topics: dict[bytes, Topic]) -> Iterator[Packet]:
-    old_message, old_chunk, old_connection = 2, 5, 7  # Kinds of records of ROS 1 that are read.
+    # Kinds of records of ROS 1 that are read.
+    old_message = 2
+    old_chunk = 5
+    old_connection = 7
     while header := _block(stream):
         fields = _fields(header)
         kind = int.from_bytes(fields.get(b"op", b""), "little")
@@ -236,7 +245,8 @@ def _block(stream: Any) -> bytes:
 
 
 def _fields(header: bytes) -> dict[bytes, bytes]:
-    stream, fields = io.BytesIO(header), {}
+    stream = io.BytesIO(header)
+    fields = {}
     while each := _block(stream):
         name, _, fields[name] = each.partition(b"=")
     return fields

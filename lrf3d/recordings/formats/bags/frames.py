@@ -37,7 +37,9 @@ class Track:
     """
 
     def __init__(self, *, is_static: bool = False) -> None:
-        self._stamps, self._rows, self.is_static = array("q"), array("d"), is_static
+        self._stamps = array("q")
+        self._rows = array("d")
+        self.is_static = is_static
 
     def __len__(self) -> int:
         return len(self._stamps) // 3
@@ -132,13 +134,15 @@ class Motion:
             matrices = np.tile(_matrices(self.rows[:1]), (len(times), 1, 1))
         else:
             # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
-            own, asked = 1e-9 * (self.times - first), 1e-9 * (np.clip(times, first, last) - first)
+            own = 1e-9 * (self.times - first)
+            asked = 1e-9 * (np.clip(times, first, last) - first)
             between = np.column_stack([np.interp(asked, own, each) for each in self.rows.T[:3]])
             turns = Slerp(own, Rotation.from_quat(self.rows[:, 3:]))(asked)
             matrices = _matrices(np.column_stack([between, turns.as_quat()]))
             matrices[(times < first) | (times > last)] = np.nan
             # Poses are unknown in a gap of this time [ns] and of this factor of the usual interval.
-            gap, gaps = 1e9, 5.0
+            gap = 1e9
+            gaps = 5.0
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times
@@ -192,7 +196,8 @@ class Frames:
         return np.linalg.inv(self._up(other, common, times)) @ self._up(frame, common, times)
 
     def _up(self, frame: str, above: str, times: Int) -> Float:
-        result, chain = np.tile(np.eye(4), (len(times), 1, 1)), self.chain(frame)
+        result = np.tile(np.eye(4), (len(times), 1, 1))
+        chain = self.chain(frame)
         for child in chain[: chain.index(above)]:
             result = self._edges[child][1].at(times) @ result
         return result

@@ -47,7 +47,9 @@ class Stream:
         """Add a message; an error says why it cannot be used."""
         scan = LaserScan.from_ros(message)
         first, last = scan.angles[[0, -1]].tolist()
-        low, high, step = message.angle_min, message.angle_max, message.angle_increment
+        low = message.angle_min
+        high = message.angle_max
+        step = message.angle_increment
         # How far the last bearing may differ from what the message says [rad]: two beams, or .01.
         apart = abs(high - last) > max(0.01, 2.0 * abs(step))
         if not abs(step * (len(scan.angles) - 1) - (last - first)) < 0.01:
@@ -95,7 +97,8 @@ class Contents:
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
             edges = self.edges[topic.rpartition("/")[0]]
             for each in message.transforms:
-                child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
+                child = _frame(each.child_frame_id)
+                above = _frame(each.header.frame_id)
                 track = Track(is_static=topic.endswith(STATIC_FRAMES))
                 parent, track = edges.setdefault(child, (above, track))
                 # A frame has one parent; if programs publish different ones, the first counts.
@@ -146,7 +149,9 @@ STANDING = np.eye(4)
 
 def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     """The scans of the robot of the first stream, with the poses of the wanted source."""
-    first, path, notes = contents.streams[0], contents.intake.path, contents.intake.notes
+    first = contents.streams[0]
+    path = contents.intake.path
+    notes = contents.intake.notes
     robot = _Robot(contents, first, _part(contents, first, part), wanted)
     if doubt := robot.doubt():
         notes.append(f"{doubt}: times of receipt count")
@@ -185,7 +190,8 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
 
 def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
     """The part that was chosen, or the longest one, of a recording whose stamps go back."""
-    path, notes = contents.intake.path, contents.intake.notes
+    path = contents.intake.path
+    notes = contents.intake.notes
     sent, _, numbers = stream.track.stamps
     back = np.flatnonzero(np.diff(sent) < -BACK) + 1
     count = len(back) + 1
@@ -217,12 +223,15 @@ class _Robot:
     """
 
     def __init__(self, contents: Contents, stream: Stream, part: Part, wanted: str) -> None:
-        self.part, self._stream, self._contents = part, stream, contents
+        self.part = part
+        self._stream = stream
+        self._contents = contents
         edges = _edges(contents, stream.topic)
         self._edges = {child: track for child, (_, track) in edges.items()}
         moving = {child: (parent, track.within(part)) for child, (parent, track) in edges.items()}
         self._frames = Frames({k: (above, m) for k, (above, m) in moving.items() if m is not None})
-        self._children, self._tracks = contents.children, contents.tracks
+        self._children = contents.children
+        self._tracks = contents.tracks
         chain = self._frames.chain(stream.frame)
         moves = [self._frames.moves(frame) for frame in chain]
         drifting = next((frame for frame in chain if basename(frame) == DRIFTING), "")
@@ -233,7 +242,8 @@ class _Robot:
         if not driven and drifting and any(moves[: chain.index(drifting)]):
             driven = [drifting]
         odom, *self.unused = driven or drives or [""]
-        truth, tree = "".join(truths[:1]), chain[-1] if any(moves[:-1]) else ""
+        truth = "".join(truths[:1])
+        tree = chain[-1] if any(moves[:-1]) else ""
         sources = {"truth": truth, "tf": tree, "odom": odom}
         self.there = [name for name, found in sources.items() if found]
         name = self.there[0] if wanted == "auto" and self.there else wanted
@@ -244,7 +254,9 @@ class _Robot:
 
     def _own(self, contents: Contents) -> list[str]:
         """The topics of poses that may be this robot's, the likeliest first."""
-        frame, topic, frames = self._stream.frame, self._stream.topic, self._frames
+        frame = self._stream.frame
+        topic = self._stream.topic
+        frames = self._frames
         own = []
         aims = ("goal", "initialpose")  # Words in the names of topics of poses where no robot is.
         for name, child in contents.children.items():
@@ -260,15 +272,19 @@ class _Robot:
                 own.append(name)
 
         def rank(name: str) -> tuple[bool, bool, int, bool, str]:
-            linked, fused = frames.carries(contents.children[name], frame), "filtered" in name
-            near, usual = len(commonpath([name, topic])), basename(name) == DRIFTING
+            linked = frames.carries(contents.children[name], frame)
+            fused = "filtered" in name
+            near = len(commonpath([name, topic]))
+            usual = basename(name) == DRIFTING
             return not linked, not fused, -near, not usual, name
 
         return sorted(own, key=rank)
 
     def _carrier(self) -> tuple[str, str]:
         """The frame that the source gives the poses of, and the source in words."""
-        frame, frames, source = self._stream.frame, self._frames, self.source
+        frame = self._stream.frame
+        frames = self._frames
+        source = self.source
         base = frames.base(frame)
         if source not in self._tracks:
             return base, f"/tf, {frame} in {source}"
@@ -329,7 +345,8 @@ class _Robot:
 
     def placed(self, stream: Stream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
-        intake, frames = self._contents.intake, self._frames
+        intake = self._contents.intake
+        frames = self._frames
         times, inside = stream.track.times(self.part)
         mounted = frames.poses(stream.frame, self._base, times)
         if not self.source:
@@ -342,7 +359,9 @@ class _Robot:
             laser = frames.poses(stream.frame, self.source, times)
         # The cosine of the tilt is 1 for an upright laser and −1 for one upside down.
         mounts = in_the_plane(mounted)
-        poses, upright, known = in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
+        poses = in_the_plane(laser)
+        upright = laser[:, 2, 2]
+        known = np.isfinite(laser[:, 0, 0])
         askew = np.abs(upright[known & inside & ~(np.abs(upright) >= LEAST_UPRIGHT)])
         if len(askew):
             tilt = np.degrees(np.arccos(min(askew[0], 1.0)))

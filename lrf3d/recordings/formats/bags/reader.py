@@ -43,12 +43,15 @@ def load_bag(
     intake: Intake, *, poses: str = "auto", scan_topic: str | None = None, part: int | None = None
 ) -> LaserLog:
     """Read the scans of a ROS bag; see `load_log`."""
-    path, contents, number = intake.path, Contents(intake), 0
+    path = intake.path
+    contents = Contents(intake)
+    number = 0
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise missing_rosbags(path) from None
-    new, old = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
+    new = get_typestore(Stores.ROS2_HUMBLE)
+    old = get_typestore(Stores.ROS1_NOETIC)
     for name in (TRANSFORMS, OLD_TRANSFORMS):
         old.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     deserialized = {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}

@@ -136,7 +136,8 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     steps = np.diff(times, append=times[-1])
     # The last scan is as far from a next one as the others are.
     steps[-1:] = steps[-2:-1] if len(steps) > 1 else 0.0
-    here, start = Pose(0.0, 0.0, 0.0), Stamp.of(float(times[0]))
+    here = Pose(0.0, 0.0, 0.0)
+    start = Stamp.of(float(times[0]))
     fixed = [transform(start, BASE, each.name, each.mount, each.height) for each in run.lasers]
     if run.estimate is None and run.wheels is None:
         fixed.append(transform(start, MAP, WORLD, here))
@@ -146,7 +147,8 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
         world = World(run.map.segments, free=free)
         yield GRID, start, occupancy_grid(world, free.resolution, start, path)
     snapshots = dict(zip(run.snapshot_scans, range(len(run.maps)), strict=True))
-    simulated, inertial = _is_simulated(run), 0
+    simulated = _is_simulated(run)
+    inertial = 0
     rows = zip(times.tolist(), run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
     for number, (time, wheels, speed, step) in enumerate(rows):
         while run.imu is not None and inertial < len(run.imu.times):
@@ -155,7 +157,8 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
             values = run.imu.turn_rates[inertial], *run.imu.accelerations[inertial]
             yield "/imu", Stamp.of(at), imu_fields(Stamp.of(at), *map(float, values))
             inertial += 1
-        stamp, measured = Stamp.of(time), Pose(*wheels.tolist())
+        stamp = Stamp.of(time)
+        measured = Pose(*wheels.tolist())
         yield CLOCK, stamp, {"clock": time_fields(stamp)}
         # The pose of the laser comes before what it measured from there.
         moved = [transform(stamp, WORLD, BASE, measured)]
@@ -182,7 +185,9 @@ def _latched(topic: str) -> list[Any]:
 
     if topic not in (STATIC_FRAMES, GRID, LINES):
         return []
-    kept, reliable = ros.QosHistory.KEEP_LAST, ros.QosReliability.RELIABLE
-    local, alive = ros.QosDurability.TRANSIENT_LOCAL, ros.QosLiveliness.AUTOMATIC
+    kept = ros.QosHistory.KEEP_LAST
+    reliable = ros.QosReliability.RELIABLE
+    local = ros.QosDurability.TRANSIENT_LOCAL
+    alive = ros.QosLiveliness.AUTOMATIC
     for_ever = ros.QosTime(9223372036, 854775807)
     return [ros.Qos(kept, 1, reliable, local, for_ever, for_ever, alive, for_ever, False)]

@@ -53,12 +53,14 @@ class Form:
     def __init__(self, path: Path) -> None:
         lines = (text for _, text in texts_of(Intake(path)) if text)
         # Lines that say what the others are like; of lines with few words, many.
-        sample, many = 60, 4000
+        sample = 60
+        many = 4000
         texts = list(islice(lines, sample))
         if texts and len(texts[-1].split()) < SHORT:
             texts += islice(lines, many)
         body = [text for text in texts if not text.startswith("#")]
-        joined, words = "".join(body), "".join(body).split()
+        joined = "".join(body)
+        words = "".join(body).split()
         self.labelled = sum(len(LABELS.findall(text)) > 1 for text in body) > 0.5 * len(body)
         marks = [mark for mark in "\t;" if joined.count(mark) >= len(body) > 0]
         self.decimal_commas = "," in joined
@@ -72,7 +74,8 @@ class Form:
         numeric = [words for words in rows if mostly_numbers(words)]
         if not numeric:
             raise InputError(f"{path}: no lines of numbers; expected a scan a line")
-        begin, self.header = rows.index(numeric[0]), list[str]()
+        begin = rows.index(numeric[0])
+        self.header = list[str]()
         if self.labelled:
             self.header = [name.lower() for name, _ in LABELS.findall(body[-1])]
             self.header += [found[1].lower() for found in LISTED.finditer(body[-1])]

@@ -108,7 +108,8 @@ class Layout:
         base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
         at = self.columns.get("ranges")
         if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):
-            self.columns["ranges"], self.beams = places[0], len(places)
+            self.columns["ranges"] = places[0]
+            self.beams = len(places)
             units |= {"ranges": unit} if (unit := meaning(base)[1]) else {}
             bearings = np.array([labels[place] for place in places])
             counts = bearings[0] in (0.0, 1.0) and np.ptp(bearings) == len(bearings) - 1
@@ -135,17 +136,22 @@ class Layout:
         if form.header:
             self.by_header(form.header, length)
         if self.beams is None or (self.beams == 1 and "angles" not in self.columns):
-            self.table.units, self.table.values = {}, {}
-            self.columns, self.beams, self.reason = _by_count(form.sample), None, "a count"
+            self.table.units = {}
+            self.table.values = {}
+            self.columns = _by_count(form.sample)
+            self.beams = None
+            self.reason = "a count"
         if not self.columns:
             self.columns, self.beams = _by_echo(form.sample)
             self.reason = "the layout of ros2 topic echo --csv"
         if not self.columns and fixed:
             self.columns = _by_sweep(form.sample, length)
-            self.reason, self.beams = "the bearings, which go round", 1
+            self.reason = "the bearings, which go round"
+            self.beams = 1
         if not self.columns and fixed:
             self.columns = _by_length(form.sample, length)
-            self.reason, self.beams = "the number of columns", None
+            self.reason = "the number of columns"
+            self.beams = None
         if not self.columns:
             such = "angles:deg@1, ranges:mm@2"
             if length > SHORT:
@@ -172,9 +178,11 @@ class Layout:
 
     def read(self, form: Form) -> list[Float]:
         """Read the numbers of the lines of a file into the table, and return the ranges of each."""
-        ranges, one = list[Float](), self.beams == 1 and "angles" in self.columns
+        ranges = list[Float]()
+        one = self.beams == 1 and "angles" in self.columns
         rows: dict[str, Any] = {role: array("d") for role in self.columns}
-        begun, intake = False, self.table.intake
+        begun = False
+        intake = self.table.intake
         for number, text in texts_of(intake):
             for words in form.rows(text):
                 if not text or text.startswith("#") or not form.has(words):
@@ -244,7 +252,8 @@ def _by_count(sample: list[list[str]]) -> dict[str, int]:
 
 def _by_echo(sample: list[list[str]]) -> tuple[dict[str, int], int | None]:
     """The columns of messages that ROS 2 prints as CSV, and the number of their ranges."""
-    roles, counts = {"stamp": 0, "nanosec": 1, "first": 3, "last": 4, "step": 5, "ranges": 10}, []
+    roles = {"stamp": 0, "nanosec": 1, "first": 3, "last": 4, "step": 5, "ranges": 10}
+    counts = []
     for words in sample:
         if len(words) < 12 or is_number(words[2]) or not all(map(is_number, words[3:10])):
             return {}, None
@@ -267,7 +276,8 @@ def _by_sweep(sample: list[list[str]], length: int) -> dict[str, int]:
         np.array([float(w) if is_number(w) else np.nan for w in c]) for c in zip(*rows, strict=True)
     ]
     for place, column in enumerate(columns):
-        wide, steps = np.ptp(column), np.diff(column)
+        wide = np.ptp(column)
+        steps = np.diff(column)
         back = np.abs(steps) > 0.5 * wide
         turn = 2.0 * np.pi if wide < 7.0 else 360.0
         if not (0.3 * turn < wide <= 1.01 * turn) or not 1 <= back.sum() < 0.1 * len(steps):

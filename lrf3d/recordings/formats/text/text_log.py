@@ -34,9 +34,13 @@ SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 
 def text_table(intake: Intake, format: str | None) -> Table:
     """The table of a text file."""
-    path, notes, form, table = intake.path, intake.notes, Form(intake.path), Table(intake, {})
+    path = intake.path
+    notes = intake.notes
+    form = Form(intake.path)
+    table = Table(intake, {})
     preset = (format or preset_of(form)).strip()
-    spec, layout = PRESETS.get(preset, format), Layout(table)
+    spec = PRESETS.get(preset, format)
+    layout = Layout(table)
     if format is None and preset:
         notes.append(f"read as --format {preset}, by its columns")
     if spec:
@@ -45,13 +49,15 @@ def text_table(intake: Intake, format: str | None) -> Table:
         layout.find(form)
     if "ranges" not in layout.columns:
         raise InputError(f"--format: {shown(spec)}: no column of ranges; expected 'ranges'")
-    ranges, values = layout.read(form), table.values
+    ranges = layout.read(form)
+    values = table.values
     if not ranges and "ranges" not in values:
         raise InputError(
             f"{path}: no scan in it, expected a scan of numbers a line{intake.first_bad}"
         )
     if "angles" in layout.columns:
-        angles, stamps = values["angles"], values.get("stamp", np.empty(0))
+        angles = values["angles"]
+        stamps = values.get("stamp", np.empty(0))
         # A scan begins with another stamp, or where the bearings start again.
         again = np.abs(np.diff(angles)) > 0.5 * np.ptp(angles)
         if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
@@ -75,7 +81,9 @@ def add_partner(table: Table, spec: str = "") -> None:
 
     Its poses are those at the stamps of the scans; without stamps, there is one for each.
     """
-    path, values, notes = table.intake.path, table.values, table.intake.notes
+    path = table.intake.path
+    values = table.values
+    notes = table.intake.notes
     found = SCANS.search(path.name)
     names = [path.name.replace(found[0], word) for word in PARTNERS] if found else []
     partner = next((path.with_name(name) for name in names if path.with_name(name).exists()), None)
@@ -87,7 +95,8 @@ def add_partner(table: Table, spec: str = "") -> None:
     if is_records(partner):
         other = Table.named(other.intake, records(other.intake))
     else:
-        form, layout = Form(partner), Layout(other)
+        form = Form(partner)
+        layout = Layout(other)
         if spec:
             layout.parse(spec, [])
         else:
@@ -98,7 +107,8 @@ def add_partner(table: Table, spec: str = "") -> None:
         notes.append(f"{partner.name} beside it holds no poses that are understood: not used")
         return
     if "stamp" in other.values and "stamp" in values:
-        at, own = table.times(), other.times()
+        at = table.times()
+        own = other.times()
         poses[:, 2] = np.unwrap(poses[:, 2])
         poses = np.column_stack([np.interp(at, own, column) for column in poses.T])
         reach = 0.5 * float(np.median(np.diff(own))) if len(own) > 1 else 0.0
@@ -115,7 +125,8 @@ def add_partner(table: Table, spec: str = "") -> None:
         notes.append(f"{partner.name} beside it has {len(poses)} poses and no stamps: not used")
         return
     for role, column in zip(("x", "y", "theta"), poses.T, strict=True):
-        values[role], table.units[role] = column, next(iter(ROLES[role]))
+        values[role] = column
+        table.units[role] = next(iter(ROLES[role]))
     table.settings |= other.settings
     notes.append(f"odometry from {partner.name}")
 

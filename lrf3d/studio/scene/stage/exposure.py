@@ -94,7 +94,8 @@ class Exposure:
 
     def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
         """Paint a value into a picture where the beams of a scan in the film's frame pass."""
-        draw, ways = ImageDraw.Draw(picture), beam_directions(scan.pose.theta, scan.angles)
+        draw = ImageDraw.Draw(picture)
+        ways = beam_directions(scan.pose.theta, scan.angles)
         place = np.array([scan.pose.x, scan.pose.y])
 
         def fill(corners: Float) -> None:
@@ -107,7 +108,8 @@ class Exposure:
             legs, beams, gone = folded(place, place + reach[:, None] * ways, mirrors)
             for one, other in pairwise(legs.reshape(-1, 2, 2)):
                 # Behind a mirror neighbouring beams light what lies between them.
-                (a, b), (c, d) = one, other
+                a, b = one
+                c, d = other
                 if np.hypot(*(a - c)) < 1.0 and not (a == place).all():
                     fill(np.array([a, b, d, c]))
             first = np.argsort(beams[gone == 0.0])
@@ -117,7 +119,8 @@ class Exposure:
         one = (scan.walls[:-1] == scan.walls[1:]) & (scan.walls[:-1] >= 0)
         one |= np.abs(np.diff(reach)) < 2.0 * self.cell
         low = np.minimum(reach[:-1], reach[1:])
-        right, left = np.where(one, reach[:-1], low), np.where(one, reach[1:], low)
+        right = np.where(one, reach[:-1], low)
+        left = np.where(one, reach[1:], low)
         ends = np.stack([right[:, None] * ways[:-1], left[:, None] * ways[1:]], axis=1)
         # A single beam has no neighbour: it lights a line.
         ends = ends.reshape(-1, 2) if len(ways) > 1 else reach[:, None] * ways
@@ -147,11 +150,15 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     far = float(np.max(run.ranges, initial=FARTHEST, where=np.isfinite(run.ranges)))
     low = np.maximum(low, poses[:, :2].min(axis=0) - far - 2.0)
     high = np.maximum(np.minimum(high, poses[:, :2].max(axis=0) + far + 2.0), low + 1.0)
-    bare, times = unexposed(structures, low, high), run.trajectory.times
-    start, length = float(times.min()), max(float(np.ptp(times)), 1e-3)
+    bare = unexposed(structures, low, high)
+    times = run.trajectory.times
+    start = float(times.min())
+    length = max(float(np.ptp(times)), 1e-3)
     exposure = replace(bare, start=start, length=length)
-    size, cells = bare.times.shape[::-1], bare.times
-    first, mirrors = Image.new("I", size), structures.segments[structures.mirrors]
+    size = bare.times.shape[::-1]
+    cells = bare.times
+    first = Image.new("I", size)
+    mirrors = structures.segments[structures.mirrors]
     # From the last scan to the first: what was seen first lies on top.
     step = 1 + (len(poses) - 1) // _MOST_SCANS
     for number in range(0, len(poses), step)[::-1]:
@@ -207,7 +214,8 @@ class LiveExposure:
             self._light(replace(scan, pose=as_pose(pose)), time)
 
     def _light(self, scan: LaserScan, time: float) -> None:
-        place, whole = np.array(scan.pose[:2]), self.exposure
+        place = np.array(scan.pose[:2])
+        whole = self.exposure
         mirrors = self._structures.segments[self._structures.mirrors]
         far = (
             np.max(scan.ranges, initial=min(scan.range_max, FARTHEST), where=scan.hits) + whole.cell
@@ -225,7 +233,8 @@ class LiveExposure:
         part.fan(scan, mirrors, picture, 255)
         cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
         first = (cover > 0.0) & (times["sure"] == 0.0)
-        times["seen"][first], times["mapped"][first] = time, time + _GAP
+        times["seen"][first] = time
+        times["mapped"][first] = time + _GAP
         times["delay"][first] = wave(part, place, self._structures.setting.light)[first]
         np.maximum(times["sure"], cover, out=times["sure"])
         before, after = self._fresh or (low, high)
@@ -235,7 +244,8 @@ class LiveExposure:
         """The part of the times (h, w, 4) that changed since the last call, and its first cell."""
         if self._fresh is None:
             return None
-        (low, high), self._fresh = self._fresh, None
+        low, high = self._fresh
+        self._fresh = None
         return texels_of(self.exposure.times[_box(low, high)]), low.tolist()
 
 
@@ -253,7 +263,8 @@ def soft_rim(seen: Bool) -> Float:
 
 def wave(exposure: Exposure, places: Float, speed: float) -> Single:
     """The delay (h, w) of light of a speed [m/s] from places (h, w, 2) or (2,) [s of the film]."""
-    (left, low), (rows, columns) = exposure.corner, exposure.times.shape
+    left, low = exposure.corner
+    rows, columns = exposure.times.shape
     x = left + (np.arange(columns, dtype=np.float32) + 0.5) * exposure.cell
     y = low + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
     from_x, from_y = np.moveaxis(places, -1, 0)

@@ -63,7 +63,8 @@ def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
     most_mirrors = 4  # Most walls that show reflections: each takes the time of a picture.
     longest = np.argsort(-lengths(walls), kind="stable")[:most_mirrors]
     mirrors = np.column_stack([walls, tops])[longest]
-    faces, ground = lay_faces(structures, exposure), paint_ground(structures, canvas)
+    faces = lay_faces(structures, exposure)
+    ground = paint_ground(structures, canvas)
     return Stage(structures, faces, ground, exposure, mirrors)
 
 
@@ -77,7 +78,8 @@ def _free_walls(structures: Structures) -> tuple[Int, Float]:
     later, other = structures.tree.query(lines[free], predicate="dwithin", distance=_APART)
     ranks = np.argsort(np.lexsort([np.arange(len(lines)), -structures.heights]))
     hides = ranks[other] < ranks[free[later]]
-    later, other = later[hides], other[hides]
+    later = later[hides]
+    other = other[hides]
     strips = shapely.buffer(lines[other], _APART, cap_style="flat")
     along = shapely.length(shapely.intersection(lines[free[later]], strips)) > _TOGETHER
     hidden = np.full(len(free), shapely.Polygon(), dtype=object)
@@ -99,7 +101,9 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
     number = np.concatenate([solid, free, free])
     segments = np.concatenate([structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]])
     along = directions(segments)
-    off, (*_, sun_up), (even, sunny, foot) = -along @ LEFT, SUN, WALL_LIGHT
+    off = -along @ LEFT
+    *_, sun_up = SUN
+    even, sunny, foot = WALL_LIGHT
     apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
     level = segments.reshape(-1, 2, 2)[:, [0, 1, 1, 0]] + (apart * off)[:, None]
     high = structures.heights[number, None] * [0.0, 0.0, 1.0, 1.0]
@@ -113,7 +117,8 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         structures.objects[number],
     )
     corners, owner = triangles(structures.solids)
-    level, count = corners[:, [0, 1, 2, 2]], len(corners)
+    level = corners[:, [0, 1, 2, 2]]
+    count = len(corners)
     high = np.broadcast_to(structures.solid_heights[owner, None], (count, 4))
     light = even + sunny * sun_up
     objects = structures.solid_objects[owner]
@@ -164,7 +169,8 @@ class Canvas(NamedTuple):
         """How much of each pixel polygons cover, with smooth edges."""
         # Pixels to a side that shapes are painted with in place of one, and how far they are
         # smoothed [pixels]: steps in their edges would show.
-        finer, blur = 2, 0.6
+        finer = 2
+        blur = 0.6
         fine = Image.new("L", [finer * side for side in self.size])
         draw = ImageDraw.Draw(fine)
         parts = shapely.get_parts(polygons)
@@ -184,7 +190,8 @@ def canvas_of(structures: Structures) -> Canvas:
     ends = structures.places if len(structures.places) else np.zeros((1, 2))
     if structures.indoor:
         ends = np.concatenate([ends, structures.path])
-    low, high = ends.min(axis=0) - setting.margin, ends.max(axis=0) + setting.margin
+    low = ends.min(axis=0) - setting.margin
+    high = ends.max(axis=0) + setting.margin
     pixels = 2048  # Longest side of the picture [pixels].
     pixel = max(float((high - low).max()) / pixels, setting.pixel)
     width, height = np.ceil((high - low) / pixel).astype(int).tolist()
@@ -193,15 +200,19 @@ def canvas_of(structures: Structures) -> Canvas:
 
 def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
     """Paint the ground of a world: asphalt and pavements, or the floor of a house."""
-    indoor, land = structures.indoor, structures.setting.land
+    indoor = structures.indoor
+    land = structures.setting.land
     cover = Image.new("L", canvas.size, land)
     walls = shapely.buffer(structures.tree.geometries, 2.0 * canvas.pixel)
     # Brightness, 0…255, of pavements, tiles of a floor, and the joints between them.
-    paved, tile, joint = 134, 178, 160
+    paved = 134
+    tile = 178
+    joint = 160
     if indoor:
         tiles = canvas.mask(_floor(structures))
         cover.paste(tile, mask=tiles)
-        (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
+        left, low = canvas.corner
+        right, high = canvas.corner + canvas.extent
         half = 0.5 * canvas.pixel
         x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
         across = shapely.box(left, y - half, right, y + half)
@@ -217,7 +228,8 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
     shade = np.asarray(near.resize(canvas.size, Image.Resampling.BILINEAR)) / np.float32(255.0)
     # Share of light that is lost next to walls, and the share of the picture, at its edges, in
     # which the ground fades into the land around.
-    shaded, fade = 0.45, 0.06
+    shaded = 0.45
+    fade = 0.06
     seen = np.asarray(cover) * (1.0 - shaded * shade)
     # At the edges it goes over into the land.
     fading = (
@@ -234,7 +246,9 @@ def _floor(structures: Structures) -> Any:
     """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
     # A floor closes openings in walls of up to twice the first, goes past them by the second, and
     # lies so far round the path of a robot where there are no rooms [m].
-    hole, rim, around = 4.0, 0.1, 1.6
+    hole = 4.0
+    rim = 0.1
+    around = 1.6
     filled = filled_between(structures.segments, hole)
     rooms = shapely.union_all(shapely.buffer(filled, rim - hole, join_style="mitre"))
     shapely.prepare(rooms)

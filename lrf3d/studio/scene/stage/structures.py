@@ -41,7 +41,8 @@ class Sight(NamedTuple):
             return cls(world, world.origin)
         stands = [np.reshape([c.position[:2], c.target[:2]], (2, 2)) for c in world.cameras]
         places = np.concatenate([path, *stands])
-        low, high = places.min(axis=0), places.max(axis=0)
+        low = places.min(axis=0)
+        high = places.max(axis=0)
         world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
         there = len(world.segments) > 0
         return cls(world, world.origin if there else np.round(0.5 * (low + high)))
@@ -133,7 +134,8 @@ class Structures:
         What cannot be seen from the path is left out; all is there where no path is given.
         """
         sight = Sight.of(world, path)
-        world, origin = sight.world, sight.origin
+        world = sight.world
+        origin = sight.origin
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
         areas = np.full(world.object_count, None, dtype=object)
@@ -144,7 +146,9 @@ class Structures:
         areas[solid] = built[solid]
         areas[_rooms(areas, segments, world.objects, path)] = None
         left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
-        closed, turned, facing = left != right, right & ~left, segments.copy()
+        closed = left != right
+        turned = right & ~left
+        facing = segments.copy()
         facing[turned] = segments[turned][:, [2, 3, 0, 1]]
         indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT) or _enclosed(
             segments, world.heights, closed, path
@@ -193,7 +197,9 @@ def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Floa
 
     Returns also the beam (l,) of each, and how far it has gone where the leg begins (l,) [m].
     """
-    going, start, end = np.arange(len(ends)), np.tile(origin, (len(ends), 1)), ends
+    going = np.arange(len(ends))
+    start = np.tile(origin, (len(ends), 1))
+    end = ends
     gone = np.zeros(len(ends))
     found: list[tuple[Float, Int, Float]] = []
     while len(going) and len(found) < _MOST_LEGS:
@@ -203,7 +209,9 @@ def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Floa
         found.append((np.hstack([start, place]), going, gone))
         turned = mirror >= 0
         gone = (gone + share * np.hypot(*path.T))[turned]
-        going, start, end = going[turned], place[turned], end[turned]
+        going = going[turned]
+        start = place[turned]
+        end = end[turned]
         along = directions(mirrors[mirror[turned]])
         end = end - 2.0 * cross(along, end - start)[:, None] * along @ LEFT
     legs, beams, distances = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -215,11 +223,13 @@ def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, 
 
     The share is 1 and the mirror −1 where a path meets none.
     """
-    path, along = (ends - starts)[:, None], mirrors[:, 2:] - mirrors[:, :2]
+    path = (ends - starts)[:, None]
+    along = mirrors[:, 2:] - mirrors[:, :2]
     offset = mirrors[:, :2] - starts[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = cross(path, along)
-        share, place = cross(offset, along) / turn, cross(offset, path) / turn
+        share = cross(offset, along) / turn
+        place = cross(offset, path) / turn
     meets = (share > _LEAST_LEG) & (share < 1.0) & (place >= 0.0) & (place <= 1.0)
     share = np.column_stack([np.ones(len(starts)), np.where(meets, share, np.inf)])
     nearest = np.argmin(share, axis=1)
@@ -236,7 +246,8 @@ def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
     c, d = (end + np.minimum(tops, cut)[:, None] * [0.0, 0.0, 1.0] for end in (b, a))
     corners = np.stack([a, b, c, a, c, d], axis=1)[clear].reshape(-1, 3, 3)
     tints = np.full((*corners.shape[:2], 4), (*look.MATERIAL_COLOURS["glass"], look.PANE))
-    starts, ends = np.concatenate([a, b, d]), np.concatenate([d, c, c])
+    starts = np.concatenate([a, b, d])
+    ends = np.concatenate([d, c, c])
     colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
     full = np.ones((len(starts), 2), np.float32)
     edges = Lines(single(starts), single(ends), colours, full, 2.0 * _OUTLINE_WIDTH)
@@ -245,21 +256,27 @@ def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
 
 def outlines_of(structures: Structures) -> Lines:
     """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
-    walls, tops = structures.segments, structures.heights
+    walls = structures.segments
+    tops = structures.heights
     if structures.indoor:
         tops = np.minimum(tops, SECTION)
-        storeys, levels = walls[:0], tops[:0]
+        storeys = walls[:0]
+        levels = tops[:0]
     else:
-        walls, tops = walls[structures.closed], tops[structures.closed]
+        walls = walls[structures.closed]
+        tops = tops[structures.closed]
         count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
-        storeys, levels = np.repeat(walls, count, axis=0), _STOREY * number
+        storeys = np.repeat(walls, count, axis=0)
+        levels = _STOREY * number
     (a, b), (c, d) = (
         [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
         for lines, high in ((walls, tops), (storeys, levels))
     )
-    starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
-    counts, strong = [len(walls), len(walls), len(storeys)], look.OUTLINE_STRENGTH
+    starts = np.concatenate([a, a * [1.0, 1.0, 0.0], c])
+    ends = np.concatenate([b, a, d])
+    counts = [len(walls), len(walls), len(storeys)]
+    strong = look.OUTLINE_STRENGTH
     strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
     opacities = single(np.repeat(strengths, counts, axis=0))
     colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
@@ -293,7 +310,8 @@ def filled_between(segments: Float, reach: float) -> NDArray[Any]:
 def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """The walls (count,) of each object, and what they enclose; None for objects without walls."""
     lines = shapely.linestrings(segments.reshape(-1, 2, 2))
-    order, groups = np.argsort(objects, kind="stable"), np.full(count, None, dtype=object)
+    order = np.argsort(objects, kind="stable")
+    groups = np.full(count, None, dtype=object)
     groups = shapely.multilinestrings(lines[order], indices=objects[order], out=groups)
     # Areas need an end wherever walls touch or cross, and one wall where two lie on each other.
     # Ends a millimetre apart are one corner: files round their coordinates.
@@ -303,7 +321,8 @@ def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[A
 
 def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
     """Which areas (k,) are rooms: the robot was inside, or all walls of another object are."""
-    tree, count = shapely.STRtree(areas), len(areas)
+    tree = shapely.STRtree(areas)
+    count = len(areas)
     _, rooms = tree.query(shapely.points(path), "within")
     middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
     wall, area = tree.query(middles, predicate="within")
