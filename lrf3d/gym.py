@@ -37,18 +37,20 @@ try:
 except ModuleNotFoundError:
     raise missing_extra("environments need Gymnasium", "gym") from None
 
+# The identifier of the environment in Gymnasium.
 ID = "lrf3d/Drive-v0"
-"""The identifier of the environment in Gymnasium."""
 
+# Default number of steps after which an episode is truncated.
 MAX_STEPS = 500
-"""Default number of steps after which an episode is truncated."""
 
-GOAL_NEAR, GOAL_FAR, GOAL_RADIUS = 5.0, 20.0, 0.5
-"""Least and largest distance of a goal from the start [m], in a world large enough, and that at
-which a robot has arrived."""
+# Least and largest distance of a goal from the start [m], in a world large enough, and that at
+# which a robot has arrived.
+GOAL_NEAR = 5.0
+GOAL_FAR = 20.0
+GOAL_RADIUS = 0.5
 
+# Clearance of a robot from walls at its start, in addition to its radius [m].
 GOAL_MARGIN = 0.1
-"""Clearance of a robot from walls at its start, in addition to its radius [m]."""
 
 Observation = dict[str, NDArray[np.float32]]
 Array = NDArray[Any]

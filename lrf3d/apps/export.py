@@ -9,6 +9,7 @@ from lrf3d.base.files import as_path, replacing
 from lrf3d.geometry.lines import whole_number
 from lrf3d.simulation.run import Run
 
+# The formats, with default names of their files; what follows the first dot is the ending.
 EXPORTERS = {
     "carmen": "run.log.gz",
     "mcap": "run.mcap",
@@ -16,7 +17,6 @@ EXPORTERS = {
     "glb": "run.glb",
     "html": "run.html",
 }
-"""The formats, with default names of their files; what follows the first dot is the ending."""
 
 
 def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:

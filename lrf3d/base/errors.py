@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from typing import Any
 
+# Largest number of characters of a message: some lines of a terminal.
 LONGEST_MESSAGE = 600
-"""Largest number of characters of a message: some lines of a terminal."""
 
 
 def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:

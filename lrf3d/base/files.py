@@ -18,14 +18,14 @@ from typing import BinaryIO
 from lrf3d.base.errors import InputError, OutputError, shown
 from lrf3d.base.interrupts import unfinished as unfinished_paths
 
+# Largest text file [bytes]: about two million walls as TOML.
 LARGEST_TEXT = 1 << 28
-"""Largest text file [bytes]: about two million walls as TOML."""
 
+# File names that say only what kind of file it is; the name of the folder is put before them.
 GENERAL = frozenset(
     "building data drawing export floorplan grid journal log map model plan run scan scene"
     " sweep untitled world".split()
 )
-"""File names that say only what kind of file it is; the name of the folder is put before them."""
 
 
 def as_path(path: object) -> Path:

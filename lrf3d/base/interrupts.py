@@ -17,23 +17,25 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from types import FrameType
 
+# Called with the number of finished steps, and the number of all.
 Progress = Callable[[int, int], None]
-"""Called with the number of finished steps, and the number of all."""
 
+# Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed.
 SIGNALS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
-"""Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed."""
 
-_asked, _since, _reads = 0, 0.0, False
-"""The signal that asked to stop, 0 for none, when it came [s], and whether a file is being read."""
+# The signal that asked to stop, 0 for none, when it came [s], and whether a file is being read.
+_asked = 0
+_since = 0.0
+_reads = False
 
+# What is kept if the program ends now, innermost last.
 _kept: list[Callable[[], str]] = []
-"""What is kept if the program ends now, innermost last."""
 
+# Folders and files that are removed however the program ends.
 unfinished: set[str] = set()
-"""Folders and files that are removed however the program ends."""
 
+# Held by whoever ends the program: the main thread or the one that waits for signals.
 _end = threading.Lock()
-"""Held by whoever ends the program: the main thread or the one that waits for signals."""
 
 
 def silent(done: int, total: int) -> None:

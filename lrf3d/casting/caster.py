@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from lrf3d.casting.light import Lighting
 
 
+# Largest number of beams of a scan that are cast one by one: a fan would take longer.
 FEW = 20
-"""Largest number of beams of a scan that are cast one by one: a fan would take longer."""
 
+# Number of rays that are prepared together: 160 kB, which stay in the cache of a core.
 AT_ONCE = 4_000
-"""Number of rays that are prepared together: 160 kB, which stay in the cache of a core."""
 
+# Heights of lasers whose walls are kept in trees.
 MOST_TREES = 8
-"""Heights of lasers whose walls are kept in trees."""
 
+# Number of rays above which all cores cast them: threads would take longer to start.
 MANY = 4096
-"""Number of rays above which all cores cast them: threads would take longer to start."""
 
 
 class PlanarCaster:

@@ -20,8 +20,8 @@ from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.world import World
 
+# Height of robots [m] as others see them.
 ROBOT_HEIGHT = 1.0
-"""Height of robots [m] as others see them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,15 +23,16 @@ from lrf3d.laser.range_finder import within_limits
 from lrf3d.world import World
 from lrf3d.world.mesh import extrude
 
+# Largest difference [m] of two ranges that agree.
 AGREEMENT = 1e-9
-"""Largest difference [m] of two ranges that agree."""
 
+# Sine of the angle between beam and wall below which intersecting a plane in float64 is less
+# accurate than 1e-9 m; below 1e-5 trimesh misses the wall.
 GRAZING = 1e-4
-"""Sine of the angle between beam and wall below which intersecting a plane in float64 is less
-accurate than 1e-9 m; below 1e-5 trimesh misses the wall."""
 
 UNEXPLAINED = "unexplained"
 
+# Why the two differ for a beam, and what that means; of several the first counts.
 CAUSES = {
     "range limit": "the wall is just at the limit of the range",
     "laser at a wall": "the laser touches a wall, and float32 may put it on either side",
@@ -42,7 +43,6 @@ CAUSES = {
     "seam": "the beam slips between the two triangles of a wall",
     UNEXPLAINED: "no cause is known",
 }
-"""Why the two differ for a beam, and what that means; of several the first counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -23,14 +23,14 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 from lrf3d.world.materials import BUILT_IN, PLAIN, Material
 
+# What kernels call the choices of `LaserRangeFinder.echo`.
 CHOICES = {"first": FIRST, "last": LAST, "strongest": STRONGEST}
-"""What kernels call the choices of `LaserRangeFinder.echo`."""
 
+# No obstacles, as kernels take them.
 NOBODY = tuple(np.empty(0, kind) for kind in (MOVER, CORNER, LEG))
-"""No obstacles, as kernels take them."""
 
+# What obstacles are made of.
 OBSTACLES = BUILT_IN["dark cloth"]
-"""What obstacles are made of."""
 
 
 class Lighting:

@@ -32,11 +32,11 @@ from lrf3d.base.files import replacing
 
 VERSIONS = (numba.__version__, np.__version__)
 
+# Kinds of functions and types that their names determine, at given versions of the packages.
 _NAMED = (type, BuiltinFunctionType, np.ufunc, type(np.where))
-"""Kinds of functions and types that their names determine, at given versions of the packages."""
 
+# Kinds of constants that their texts determine.
 _SCALARS = (bool, int, float, complex, str, bytes, type(None), np.dtype, types.Type)
-"""Kinds of constants that their texts determine."""
 
 
 def stamp_of(kernel: Callable[..., Any], *compilers: Callable[..., Any]) -> str:

@@ -18,13 +18,13 @@ from lrf3d.compiling.cache import KernelCache
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
+# The version of numba whose internals `_InnerLibrary` depends on. With others inner kernels are
+# compiled by numba's default, which takes longer and computes the same.
 _LINKED_NUMBA = (0, 68)
-"""The version of numba whose internals `_InnerLibrary` depends on. With others inner kernels are
-compiled by numba's default, which takes longer and computes the same."""
 
+# Address space [bytes] that compiling and running the kernels takes; a program with less is ended
+# by LLVM in the middle of a run, without a message that helps.
 LEAST_ADDRESSES = 1_200_000_000
-"""Address space [bytes] that compiling and running the kernels takes; a program with less is ended
-by LLVM in the middle of a run, without a message that helps."""
 
 
 def _check_memory() -> None:
@@ -121,6 +121,7 @@ class _InnerCompiler(Compiler):  # type: ignore[misc]
         super().__init__(typing, target, _InnerLibrary(target.codegen(), "inner"), *rest)
 
 
+# The functions that decide how a kernel is compiled.
 _COMPILERS = tuple(
     function
     for function in (
@@ -130,4 +131,3 @@ _COMPILERS = tuple(
     )
     if isinstance(function, FunctionType)
 )
-"""The functions that decide how a kernel is compiled."""

@@ -14,25 +14,25 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from lrf3d.base.errors import InputError, shown
 
+# Rows of fields with names, as kernels take them.
 Float = NDArray[np.float64]
 Single = NDArray[np.float32]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 Records = NDArray[Any]
-"""Rows of fields with names, as kernels take them."""
+# An angle, which files give in degrees.
 Radians = Annotated[float, "rad"]
-"""An angle, which files give in degrees."""
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
+# Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres.
 LARGEST_COORDINATE = 1e9
-"""Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres."""
 
+# Sizes below this count as 0: products of smaller numbers would underflow in exact decisions.
 TINY = 1e-44
-"""Sizes below this count as 0: products of smaller numbers would underflow in exact decisions."""
 
+# Turns rows of vectors to the left by a right angle: ``vectors @ LEFT``.
 LEFT = np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Turns rows of vectors to the left by a right angle: ``vectors @ LEFT``."""
 
 
 def sealed(array: AnyArray) -> AnyArray:

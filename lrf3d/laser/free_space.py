@@ -11,14 +11,14 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.laser.scan import LaserScan, reflection_points
 from lrf3d.world.free_cells import FreeCells
 
+# Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart.
 SIGHT = 15.0
-"""Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart."""
 
+# Distance [m] before a return, besides a cell, that is not marked free: the noise.
 MARGIN = 0.1
-"""Distance [m] before a return, besides a cell, that is not marked free: the noise."""
 
+# Radius [m] around each pose that is free, because the robot was there.
 DRIVEN = 0.2
-"""Radius [m] around each pose that is free, because the robot was there."""
 
 
 def distinct_poses(poses: Float) -> Int:

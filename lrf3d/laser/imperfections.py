@@ -29,8 +29,8 @@ from lrf3d.laser.noise import (
 from lrf3d.laser.range_finder import ECHO_CHOICES, LaserRangeFinder
 from lrf3d.laser.scan import LaserScan, ScanBatch
 
+# Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed.
 Echo = tuple[float, float, int]
-"""Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +243,8 @@ def _mixed(lrf: LaserRangeFinder | None, width: float) -> Noise:
     return MixedPixels(_degrees(width, "beam_deg"), **light)
 
 
+# The kinds of noise in physical order: what makes one of a range finder, which may be unknown, and
+# the values of its keys in a world file. Others may be entered, which world files then have, too.
 NOISES: dict[tuple[str, ...], Callable[..., Noise]] = {
     ("angle_deg",): lambda lrf, sigma: AngleNoise(_degrees(sigma, "angle_deg")),
     ("beam_deg",): _mixed,
@@ -251,8 +253,6 @@ NOISES: dict[tuple[str, ...], Callable[..., Noise]] = {
     ("sigma",): lambda lrf, sigma: ProportionalNoise(sigma),
     ("resolution",): lambda lrf, step: Quantised(step),
 }
-"""The kinds of noise in physical order: what makes one of a range finder, which may be unknown, and
-the values of its keys in a world file. Others may be entered, which world files then have, too."""
 
 
 def imperfect(sigma: float, lrf: LaserRangeFinder | None = None, **values: float) -> Noise:

@@ -22,16 +22,16 @@ from lrf3d.geometry.lines import (
 )
 from lrf3d.geometry.pose import Pose, as_pose, between, compose
 
+# Which echo of a beam may be its range.
 ECHO_CHOICES = ("first", "last", "strongest")
-"""Which echo of a beam may be its range."""
 
 Number = TypeVar("Number", float, Float)
 
+# The mount of a laser in the middle of its robot, facing ahead.
 CENTRE = Pose(0.0, 0.0, 0.0)
-"""The mount of a laser in the middle of its robot, facing ahead."""
 
+# Largest angle [rad] of a beam: ten turns. Far beyond it float64 does not resolve beams.
 LARGEST_ANGLE = 63.0
-"""Largest angle [rad] of a beam: ten turns. Far beyond it float64 does not resolve beams."""
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ from lrf3d.laser.range_finder import (
 )
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 
+# What a scan has of the light: the number of axes, and what stands for nothing, by attribute.
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
-"""What a scan has of the light: the number of axes, and what stands for nothing, by attribute."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)

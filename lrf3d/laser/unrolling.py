@@ -17,8 +17,8 @@ from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.scan import LIGHT, LaserScan
 
+# Scans that are farther apart [s] say nothing of how the robot moved during one of them.
 LONGEST_GAP = 1.0
-"""Scans that are farther apart [s] say nothing of how the robot moved during one of them."""
 
 
 def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:

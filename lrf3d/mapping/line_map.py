@@ -23,14 +23,14 @@ from lrf3d.geometry.lines import (
 )
 from lrf3d.world.free_cells import FreeCells
 
+# What a segment of a map may be.
 WALL, GLASS, MIRROR = KINDS = ("wall", "glass", "mirror")
-"""What a segment of a map may be."""
 
+# The type of an array of kinds.
 KIND = np.dtype("<U6")
-"""The type of an array of kinds."""
 
+# The kind of all segments of a map of walls alone.
 WALLS = np.array(WALL, KIND)
-"""The kind of all segments of a map of walls alone."""
 
 
 @dataclass(frozen=True, eq=False)

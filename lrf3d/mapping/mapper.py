@@ -50,14 +50,14 @@ def _robust(limits: Thresholds) -> Any:
     return RobustMapper(extract, limits.merge_length, limits.merge_distance, limits.min_points)
 
 
+# The modes of the mapper; others may be entered, which world files and sweeps then have, too.
 MODES = {"paper": Mode(_paper, 0.1, 0.5, 2), "robust": Mode(_robust, 0.5, 0.0, 4)}
-"""The modes of the mapper; others may be entered, which world files and sweeps then have, too."""
 
+# Largest values [m] of the settings: larger ones would merge all walls of a place.
 MOST = {
     "gap": 1e6, "split": 1e6, "merge_length": 100.0, "merge_distance": 10.0, "floor": 1e3,
     "sigma": 1e3,
 }  # fmt: skip
-"""Largest values [m] of the settings: larger ones would merge all walls of a place."""
 
 
 class LineMapper:

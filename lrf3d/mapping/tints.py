@@ -24,9 +24,9 @@ class _Palette(NamedTuple):
     step: float = 0.5698402910
 
 
+# Those of figures, legible on white, and those of films, legible in the dark.
 _ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
 _ON_DARK = _Palette(0.189, 0.1, np.array([0.66, 0.78, 0.70, 0.83, 0.74]), 0.105)
-"""Those of figures, legible on white, and those of films, legible in the dark."""
 
 _LMS_FROM_LAB = np.array(
     [

@@ -11,12 +11,12 @@ import shapely
 from lrf3d.geometry.lines import Float, Int, lengths, sealed
 from lrf3d.mapping.line_map import LineMap
 
+# How far a segment may have moved from one map to the next [m]: walls that face each other are
+# farther apart, and what noise moves a segment by is less.
 _NEAR = 0.5
-"""How far a segment may have moved from one map to the next [m]: walls that face each other are
-farther apart, and what noise moves a segment by is less."""
 
+# Where along a segment it is compared, as shares: off its ends, where others begin.
 _PLACES = np.array([1.0, 3.0, 5.0]) / 6.0
-"""Where along a segment it is compared, as shares: off its ends, where others begin."""
 
 
 class ObjectTracker:

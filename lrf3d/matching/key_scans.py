@@ -31,20 +31,21 @@ from lrf3d.matching.surface import (
     thinned,
 )
 
+# Weight of the past in running means, at each scan.
 FORGETTING = 0.98
-"""Weight of the past in running means, at each scan."""
 
+# How a key scan sees a point. Of several lasers the highest value counts.
 OUT_OF_VIEW, HIDDEN, PASSED, HIT = range(4)
-"""How a key scan sees a point. Of several lasers the highest value counts."""
 
-BEHIND, AT = 0.3, 0.05
-"""A beam passed a point if it ends this far behind it [m], and hit it if within the second [m]."""
+# A beam passed a point if it ends this far behind it [m], and hit it if within the second [m].
+BEHIND = 0.3
+AT = 0.05
 
+# Largest share of points that beams may pass through: doors open and people walk.
 MOST_THROUGH = 0.04
-"""Largest share of points that beams may pass through: doors open and people walk."""
 
+# The scans of all lasers at one moment.
 Moment = tuple[LaserScan, ...]
-"""The scans of all lasers at one moment."""
 
 
 class Fans(NamedTuple):

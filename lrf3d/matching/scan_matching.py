@@ -19,21 +19,22 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry.lines import Float, Records
 from lrf3d.matching.surface import ALONG, SurfaceGrid, placement
 
+# Least cosine between the normals of a point and of the wall that it is matched to.
 ALIGNED = 0.85
-"""Least cosine between the normals of a point and of the wall that it is matched to."""
 
-FIRST_SCALE, LAST_SCALE = 0.15, 0.05
-"""Scale of the robust weight [m] in the first iteration and in the last: at first the guess is off;
-in the end what lies farther off has moved or is not in the map."""
+# Scale of the robust weight [m] in the first iteration and in the last: at first the guess is off;
+# in the end what lies farther off has moved or is not in the map.
+FIRST_SCALE = 0.15
+LAST_SCALE = 0.05
 
+# Standard deviations at which the weight of the guess has halved.
 PRIOR_SCALE = 4.0
-"""Standard deviations at which the weight of the guess has halved."""
 
+# Standard deviation of a point's distance to its wall [m]. The noise of a range is about 0.01 m,
+# but points of one wall share the errors of its normal and of the map.
 SIGMA = 0.06
-"""Standard deviation of a point's distance to its wall [m]. The noise of a range is about 0.01 m,
-but points of one wall share the errors of its normal and of the map."""
+# An iteration that moves the pose by less [m, rad] is the last.
 STEP = 1e-4
-"""An iteration that moves the pose by less [m, rad] is the last."""
 
 
 class Match(NamedTuple):

@@ -19,24 +19,25 @@ from lrf3d.matching.key_scans import BEHIND, Fans, Key, all_fans, evidence, same
 from lrf3d.matching.scan_matching import Match, match_scan
 from lrf3d.matching.surface import SurfaceGrid, concatenated, grid_of, moved, placement
 
+# Side of a cell [m]: matching converges from one and a half of them.
 CELL = 0.15
-"""Side of a cell [m]: matching converges from one and a half of them."""
 
+# Size of a window in standard deviations to each side.
 DEVIATIONS = 3.0
-"""Size of a window in standard deviations to each side."""
 
-WALL, FREE = 2, -2
-"""Score of a hit in the cell of a wall, and in a free one. It falls by one for each cell away from
-a wall, which therefore reaches `WALL` cells to each side."""
+# Score of a hit in the cell of a wall, and in a free one. It falls by one for each cell away from a
+# wall, which therefore reaches `WALL` cells to each side.
+WALL = 2
+FREE = -2
 
+# Prior of the refinement of a peak: 0.5 m and 0.2 rad, which hardly constrain it.
 LOOSE = np.diag([4.0, 4.0, 25.0])
-"""Prior of the refinement of a peak: 0.5 m and 0.2 rad, which hardly constrain it."""
 
+# Prior of a peak that would slide away: 1 mm and 0.3 mrad.
 HELD = np.diag([1e6, 1e6, 1e7])
-"""Prior of a peak that would slide away: 1 mm and 0.3 mrad."""
 
+# Margin of the evidence by which a place must beat all others elsewhere.
 CLEARLY = 0.8
-"""Margin of the evidence by which a place must beat all others elsewhere."""
 
 
 class Field(NamedTuple):

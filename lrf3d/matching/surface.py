@@ -15,27 +15,31 @@ from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
+# A point [m] and the unit normal there, which is zero where there is none.
 SURFACE = record(x=float, y=float, nx=float, ny=float)
-"""A point [m] and the unit normal there, which is zero where there is none."""
 
+# Range [m] from which baseline and straightness grow: beams fan out.
 FAR_OFF = 8.0
-"""Range [m] from which baseline and straightness grow: beams fan out."""
 
-CONNECTED, CONNECTED_GROWTH, CONNECTED_SPACING, CONNECTED_NOISE = 0.2, 0.1, 3.0, 5.0
-"""Largest gap between adjacent points of one surface: in metres, as a share of the range, in beam
-spacings, and in standard deviations of the range noise."""
+# Largest gap between adjacent points of one surface: in metres, as a share of the range, in beam
+# spacings, and in standard deviations of the range noise.
+CONNECTED = 0.2
+CONNECTED_GROWTH = 0.1
+CONNECTED_SPACING = 3.0
+CONNECTED_NOISE = 5.0
 
+# Least cosine between beam and normal: a line along the beam joins two surfaces.
 FLATTEST = 0.1
-"""Least cosine between beam and normal: a line along the beam joins two surfaces."""
 
+# Distance along a wall over which a map point supports it [m].
 ALONG = 0.25
-"""Distance along a wall over which a map point supports it [m]."""
 
-CELL, MOST_CELLS = 0.3, 4_000_000
-"""Least side of a grid cell [m], and most cells of a grid; lookups read 3 by 3 cells."""
+# Least side of a grid cell [m], and most cells of a grid; lookups read 3 by 3 cells.
+CELL = 0.3
+MOST_CELLS = 4_000_000
 
+# Least standard deviation of the range noise that is assumed [m].
 LEAST_NOISE = 0.01
-"""Least standard deviation of the range noise that is assumed [m]."""
 
 
 class Placement(NamedTuple):

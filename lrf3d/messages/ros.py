@@ -20,16 +20,18 @@ from lrf3d.simulation.run import Run
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
 
-MAP, WORLD, BASE = "map", "odom", "base_link"
-"""The frames of the map and of the world, which are the same, and of the robot."""
+# The frames of the map and of the world, which are the same, and of the robot.
+MAP = "map"
+WORLD = "odom"
+BASE = "base_link"
 
+# Types of messages that are written and read.
 SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
-"""Types of messages that are written and read."""
 
+# The topic of constant transforms; a robot's namespace may come before it.
 STATIC_FRAMES = "/tf_static"
-"""The topic of constant transforms; a robot's namespace may come before it."""
 
 Fields = dict[str, Any]
 

@@ -2,5 +2,5 @@
 
 from typing import Literal
 
+# Side of the walls: inside, among them, or outside of them.
 Side = Literal["inside", "outside"]
-"""Side of the walls: inside, among them, or outside of them."""

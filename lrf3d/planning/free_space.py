@@ -24,20 +24,22 @@ from lrf3d.world.grid_walls import grown, on_border, parts_of
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pieces import groups
 
-WIDEST_DOOR, DOORWAY = 2.5, 1.3
-"""Widths [m] of an opening above which the space behind it is outside, like the land around; and up
-to which it is a door between two rooms."""
+# Widths [m] of an opening above which the space behind it is outside, like the land around; and up
+# to which it is a door between two rooms.
+WIDEST_DOOR = 2.5
+DOORWAY = 1.3
 
+# Least length of the walls along rooms, as a share of those along the outside, for the robot to
+# drive inside.
 SUBSTANTIAL = 0.7
-"""Least length of the walls along rooms, as a share of those along the outside, for the robot to
-drive inside."""
 
-MARGIN, COMFORT = 0.05, 0.3
-"""Distances [m] of the robot from walls: the least, for what the follower is off the route, and
-that which is kept where there is room."""
+# Distances [m] of the robot from walls: the least, for what the follower is off the route, and that
+# which is kept where there is room.
+MARGIN = 0.05
+COMFORT = 0.3
 
+# Radius [m] of the smallest usual robot, for which sides of walls and rooms are looked for.
 THINNEST = 0.12
-"""Radius [m] of the smallest usual robot, for which sides of walls and rooms are looked for."""
 
 
 class Ground:

@@ -14,8 +14,8 @@ from lrf3d.robot.kinematics import RADIUS
 from lrf3d.world import World
 from lrf3d.world.pieces import groups
 
+# Radii of common robots [m], of which one is tried or proposed.
 USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
-"""Radii of common robots [m], of which one is tried or proposed."""
 
 
 def true_rooms(ground: Ground, inside: Bool) -> Int:
@@ -130,11 +130,12 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
     return notes
 
 
-REACHED, SHUT = -1, -2
-"""Markers of a room whose path has no narrow place, and of one without a path."""
+# Markers of a room whose path has no narrow place, and of one without a path.
+REACHED = -1
+SHUT = -2
 
+# Distance [m] from a narrow place within which the posts of its door are looked for.
 POSTS = 1.5
-"""Distance [m] from a narrow place within which the posts of its door are looked for."""
 
 
 def _widest_ways(ground: Ground, rooms: Int, reached: Bool) -> Int:

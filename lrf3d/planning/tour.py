@@ -13,8 +13,9 @@ from lrf3d.planning.free_space import COMFORT, FreeSpace
 from lrf3d.planning.rooms import true_rooms
 from lrf3d.world import World
 
-BEAMS, HEADINGS = 360, 8
-"""Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
+# Number of beams all around, and of headings for which the view of a laser with 180° is stored.
+BEAMS = 360
+HEADINGS = 8
 
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:

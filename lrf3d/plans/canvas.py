@@ -15,17 +15,18 @@ from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
 from lrf3d.world.pieces import check_crossings
 
+# Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005
-"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
 
-MOST_MARKS, MOST_POINTS = 150_000, 2_000_000
-"""Largest numbers of marks and of points: of larger drawings, blocks that hold each other."""
+# Largest numbers of marks and of points: of larger drawings, blocks that hold each other.
+MOST_MARKS = 150_000
+MOST_POINTS = 2_000_000
 
+# Contrast below which a mark has the colour of the paper.
 PALEST = 0.08
-"""Contrast below which a mark has the colour of the paper."""
 
+# Distance [m] within an area from which on a line is hidden: on its edge it is half seen.
 HIDDEN = 0.002
-"""Distance [m] within an area from which on a line is hidden: on its edge it is half seen."""
 
 
 class Mark(NamedTuple):

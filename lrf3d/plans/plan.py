@@ -27,18 +27,19 @@ from lrf3d.plans.rules.symbols import SIDE, Door, Strokes, cleared, find_doors, 
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
 
+# Height of furniture [m]: that of tables and of kitchen units.
 FURNITURE_HEIGHT = 0.8
-"""Height of furniture [m]: that of tables and of kitchen units."""
 
+# Largest thickness [m] of what is left of a wall beside a doorway that is painted on it.
 SLIVER = 0.02
-"""Largest thickness [m] of what is left of a wall beside a doorway that is painted on it."""
 
-THICKEST, PALE = 0.6, 0.25
-"""Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
-below which one that parts a dark wall is a doorway."""
+# Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
+# below which one that parts a dark wall is a doorway.
+THICKEST = 0.6
+PALE = 0.25
 
+# The roles of what stands; lines of ``other`` layers are walls, too.
 STANDS = ("wall", "window", "other", "furniture")
-"""The roles of what stands; lines of ``other`` layers are walls, too."""
 
 
 class Layer(NamedTuple):

@@ -217,26 +217,29 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     return angles, resampled
 
 
+# Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
+# then report about 81.9 m or 50 m, and none of them measures as far.
 LARGEST_RANGE = 50.0
-"""Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
-then report about 81.9 m or 50 m, and none of them measures as far."""
 
+# Largest number of readings in memory: 400 MB. Scans and poses count as some more.
 MOST_READINGS = 50_000_000
-"""Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
 
-A_MESSAGE, A_POSE, A_VALUE = 64, 8, 4
-"""Memory of a message as an object, of a packed pose, and of a value of a line, in readings:
-a gigabyte of a text with a reading a line is two million lines."""
+# Memory of a message as an object, of a packed pose, and of a value of a line, in readings: a
+# gigabyte of a text with a reading a line is two million lines.
+A_MESSAGE = 64
+A_POSE = 8
+A_VALUE = 4
 
-MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
-"""Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
-for each of its own; a day's log has a tenth."""
+# Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
+# for each of its own; a day's log has a tenth.
+MOST_LINES = 10_000_000
+LARGEST_LOG = 1 << 31
 
+# Time between scans that have no stamp [s].
 UNTIMED = 0.1
-"""Time between scans that have no stamp [s]."""
 
+# First bytes of gzipped files, whatever their name is.
 GZIPPED = b"\x1f\x8b"
-"""First bytes of gzipped files, whatever their name is."""
 
 
 @dataclass

@@ -17,9 +17,10 @@ from lrf3d.recordings.formats.text.text_log import add_partner, text_table
 from lrf3d.recordings.log import GZIPPED, Intake, LaserLog
 from lrf3d.world import world_names
 
+# Endings of CARMEN logs; the last two are what the University of Freiburg calls them.
 CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
-"""Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
 
+# What files look like that are no text of a log, by their first bytes.
 LOOKS = {
     b"PK": "arrays of NumPy or a zip: name it .npz", b"\x93NUMPY": "an array: name it .npy",
     b"\xff\xfe": "text in UTF-16: save it as UTF-8",
@@ -27,13 +28,12 @@ LOOKS = {
     b"LASF": "a point cloud without scans", b"# .PCD": "a point cloud without scans",
     b"\x89PNG": "a picture", b"<": "XML", b"%PDF": "a document",
 }  # fmt: skip
-"""What files look like that are no text of a log, by their first bytes."""
 
+# Endings of files of arrays.
 ARRAYS = (".npz", ".npy", ".mat")
-"""Endings of files of arrays."""
 
+# Bytes at the beginning of a file that say what it is.
 HEAD = 1 << 16
-"""Bytes at the beginning of a file that say what it is."""
 
 
 def is_run(name: str) -> bool:

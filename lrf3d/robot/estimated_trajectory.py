@@ -9,12 +9,14 @@ from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float, Int, Value, sealed
 from lrf3d.geometry.pose import as_poses
 
+# Half axes of the ellipse that holds a position with 95 % probability, in standard deviations: χ²
+# of two degrees of freedom is −2 ln(1 − p).
 CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
-"""Half axes of the ellipse that holds a position with 95 % probability, in standard deviations:
-χ² of two degrees of freedom is −2 ln(1 − p)."""
 
-NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
-NO_SCANS, NO_COVARIANCES = sealed(np.empty(0, np.int64)), sealed(np.empty((0, 3, 3)))
+NO_PAIRS = sealed(np.empty((0, 2), np.int64))
+NO_POSES = sealed(np.empty((0, 3)))
+NO_SCANS = sealed(np.empty(0, np.int64))
+NO_COVARIANCES = sealed(np.empty((0, 3, 3)))
 
 
 @dataclass(frozen=True, eq=False)

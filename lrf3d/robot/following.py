@@ -16,24 +16,24 @@ from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.kinematics import Unicycle, sinc
 from lrf3d.robot.trajectory import Trajectory
 
+# Time that each command of the follower is held [s]: 20 Hz, as on a real robot.
 CONTROL_STEP = 0.05
-"""Time that each command of the follower is held [s]: 20 Hz, as on a real robot."""
 
+# Speed of a drive [m/s] if none is given.
 SPEED = 3.0
-"""Speed of a drive [m/s] if none is given."""
 
+# Default look-ahead along the route [m]: about three radii of the robot, so that it cuts corners by
+# no more than the clearance of planned routes.
 LOOKAHEAD = 1.0
-"""Default look-ahead along the route [m]: about three radii of the robot, so that it cuts corners
-by no more than the clearance of planned routes."""
 
+# Time between two scans [s] if none is given.
 SCAN_INTERVAL = 0.25
-"""Time between two scans [s] if none is given."""
 
+# Fastest turn that the follower commands [rad/s].
 MAX_TURN_RATE = 1.5
-"""Fastest turn that the follower commands [rad/s]."""
 
+# Samples of the route between which the nearest one to the robot is looked for.
 SAMPLES = np.arange(33.0)
-"""Samples of the route between which the nearest one to the robot is looked for."""
 
 
 def follow_route(

@@ -17,17 +17,17 @@ from lrf3d.geometry.lines import Float, is_finite, number, numbers
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 
+# Radius of the robot's round body [m] if none is given.
 RADIUS = 0.35
-"""Radius of the robot's round body [m] if none is given."""
 
+# Largest number of poses of a drive.
 MOST_POSES = 10_000_000
-"""Largest number of poses of a drive."""
 
+# Speeds ahead and to the left [m/s], and about itself [rad/s].
 Twist = tuple[float, float, float]
-"""Speeds ahead and to the left [m/s], and about itself [rad/s]."""
 
+# A speed over time: a number, one number for each time interval, or a function of time [s].
 Input = float | ArrayLike | Callable[[float], float]
-"""A speed over time: a number, one number for each time interval, or a function of time [s]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.geometry.lines import Float, Value, as_rows, is_finite, number
 from lrf3d.geometry.pose import between, compose
 
+# [m/s²] What the vertical accelerometer of a robot at rest measures.
 GRAVITY = 9.80665
-"""[m/s²] What the vertical accelerometer of a robot at rest measures."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from lrf3d.base.interrupts import check
 from lrf3d.ros.stream import Encoded, Settings, Stream
 from lrf3d.simulation.scenario import Scenario
 
+# The port that Foxglove opens by default.
 PORT = 8765
-"""The port that Foxglove opens by default."""
 
 
 class Channels:

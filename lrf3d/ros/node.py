@@ -14,16 +14,17 @@ from lrf3d.base.interrupts import asked, check
 from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
 from lrf3d.simulation.scenario import Scenario
 
+# The error if another clock is found at the start, and the warning if it is found later.
 SECOND_CLOCK = (
     f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"
 )
-"""The error if another clock is found at the start, and the warning if it is found later."""
 
-CHECKED_EVERY, SAID_EVERY = 2.0, 5.0
-"""Wall time from a check of foreign topics to the next, and from a warning to the same one [s]."""
+# Wall time from a check of foreign topics to the next, and from a warning to the same one [s].
+CHECKED_EVERY = 2.0
+SAID_EVERY = 5.0
 
+# Types of commands that are obeyed.
 COMMANDS = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-"""Types of commands that are obeyed."""
 
 
 class SecondClockError(InputError):

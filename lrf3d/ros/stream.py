@@ -24,14 +24,14 @@ from lrf3d.simulation.live import LiveRobot, live_fleet
 from lrf3d.simulation.loop import line_mapper, update_mapper
 from lrf3d.simulation.scenario import Scenario
 
+# Simulated time from one line map to the next [s].
 LINES_EVERY = 1.0
-"""Simulated time from one line map to the next [s]."""
 
+# The command of a robot at rest.
 REST = (0.0, 0.0)
-"""The command of a robot at rest."""
 
+# Reports a message at a level: ``info``, ``warning`` or ``error``.
 Say = Callable[[str, str], None]
-"""Reports a message at a level: ``info``, ``warning`` or ``error``."""
 
 
 class Topic(NamedTuple):

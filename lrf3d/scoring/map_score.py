@@ -15,12 +15,12 @@ from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.simulation.run import Run
 from lrf3d.world.pieces import joined_objects
 
+# Length [m] above which the visible part of a wall counts.
 LEAST_VISIBLE = 0.5
-"""Length [m] above which the visible part of a wall counts."""
 
+# Largest number of scans from which visible walls are computed: a random sample of a long run shows
+# as much of the walls, and the time does not grow with the run.
 MOST_JUDGED = 2000
-"""Largest number of scans from which visible walls are computed: a random sample of a
-long run shows as much of the walls, and the time does not grow with the run."""
 
 
 class Report:

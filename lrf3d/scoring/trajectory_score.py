@@ -16,8 +16,8 @@ from lrf3d.geometry.pose import Pose, as_poses, between, compose
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.map_score import Report
 
+# Largest difference of two stamps [s] that are taken for one, as in evo.
 MATCHED = 0.01
-"""Largest difference of two stamps [s] that are taken for one, as in evo."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

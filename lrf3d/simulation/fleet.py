@@ -35,11 +35,11 @@ from lrf3d.simulation.sensor import caster_of
 from lrf3d.simulation.steering import ControlledDrive, Controller, trajectory_of
 from lrf3d.world import World
 
+# Room [m] between two robots at the ends of their parts of a route: they cut corners.
 APART = 0.5
-"""Room [m] between two robots at the ends of their parts of a route: they cut corners."""
 
+# The twist of a robot at rest.
 STILL = (0.0, 0.0, 0.0)
-"""The twist of a robot at rest."""
 
 
 @stoppable()

@@ -30,9 +30,9 @@ from lrf3d.world.pieces import joined_objects
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
+# Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
+# some hundredths of a second.
 MAP_SNAPSHOTS = 100
-"""Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
-some hundredths of a second."""
 
 
 @dataclass(frozen=True, eq=False)

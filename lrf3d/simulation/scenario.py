@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from lrf3d.simulation.sensor import Caster
     from lrf3d.simulation.steering import Controller
 
+# Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each.
 MOST_SCANS = 10_000_000
-"""Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each."""
 
 
 @dataclass(frozen=True, eq=False)

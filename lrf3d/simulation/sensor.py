@@ -44,8 +44,8 @@ class Moving(Protocol):
         ...
 
 
+# Casters by name.
 CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar": PlanarCaster}
-"""Casters by name."""
 
 
 class Sensor:

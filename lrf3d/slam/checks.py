@@ -22,14 +22,15 @@ from lrf3d.laser.range_finder import beam_directions
 from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
 from lrf3d.slam.motion import size_of
 
+# Key scans up to this far apart [m] are compared: most of what they see is the same.
 NEAR = 3.0
-"""Key scans up to this far apart [m] are compared: most of what they see is the same."""
 
+# Least path length [m] between key scans that are compared: adjacent ones agree in any case.
 LATER = 20.0
-"""Least path length [m] between key scans that are compared: adjacent ones agree in any case."""
 
-PAIRS, LEAST_PAIRS = 60, 5
-"""Most and least pairs of scans that are compared."""
+# Most and least pairs of scans that are compared.
+PAIRS = 60
+LEAST_PAIRS = 5
 
 
 class SelfCheck(NamedTuple):

@@ -27,32 +27,35 @@ from lrf3d.slam.front_end import (
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.pose_graph import GraphPaths, edges_of
 
+# Least path length [m] over which a loop is closed, and between the old places that are tried.
 LEAST_DISTANCE = 6.0
-"""Least path length [m] over which a loop is closed, and between the old places that are tried."""
 
+# Largest distance between key scans that show the same walls [m].
 NEAR = 4.0
-"""Largest distance between key scans that show the same walls [m]."""
 
-DRIFT, DRIFT_TURN = 0.01, 0.0015
-"""Drift of the front end [m], [rad] per metre: twice the usual drift."""
+# Drift of the front end [m], [rad] per metre: twice the usual drift.
+DRIFT = 0.01
+DRIFT_TURN = 0.0015
 
-LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
-"""Bounds of the standard deviations [m], [rad] of the window that is searched."""
+# Bounds of the standard deviations [m], [rad] of the window that is searched.
+LEAST_SPREAD = np.array([0.1, 0.1, 0.02])
+MOST_SPREAD = np.array([10.0, 10.0, 0.3])
 
-AGREEING, AGREEING_IN_THE_END = 3, 2
-"""Closures that must agree before any of them is accepted: while the robot drives, and when the
-drive is over, if they are more than twice as many as contradict them."""
+# Closures that must agree before any of them is accepted: while the robot drives, and when the
+# drive is over, if they are more than twice as many as contradict them.
+AGREEING = 3
+AGREEING_IN_THE_END = 2
 
+# Closures are compared if the old key scans of both are this near along the graph [m], and the new
+# ones along the drive.
 STRETCH = 2.0 * LEAST_DISTANCE
-"""Closures are compared if the old key scans of both are this near along the graph [m], and the new
-ones along the drive."""
 
+# Factor on the information that matching gives an edge: the scan and the map come from the same
+# drifting front end, and are slightly bent.
 MATCHING_SHARE = 0.3
-"""Factor on the information that matching gives an edge: the scan and the map come from the same
-drifting front end, and are slightly bent."""
 
+# Least information of a closure in any direction: 10 m and 1 rad, the size of the window.
 FLOOR = np.diag([0.01, 0.01, 1.0])
-"""Least information of a closure in any direction: 10 m and 1 rad, the size of the window."""
 
 
 @dataclass(frozen=True, eq=False)

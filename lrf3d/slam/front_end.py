@@ -29,32 +29,37 @@ from lrf3d.matching.search import CLEARLY, Submap, clearest
 from lrf3d.matching.surface import SURFACE, concatenated, moved, thinned
 from lrf3d.slam.motion import DOUBTFUL, Coasting, Prediction, Wheels, size_of
 
-KEY_DISTANCE, KEY_TURN = 0.5, 0.5
-"""Distance [m] or turn [rad] to the next key scan. Errors hardly change from 0.4 to 0.6 m."""
+# Distance [m] or turn [rad] to the next key scan. Errors hardly change from 0.4 to 0.6 m.
+KEY_DISTANCE = 0.5
+KEY_TURN = 0.5
 
+# The last key scans, with which a scan is matched: more cost time, fewer let the robot drift.
 LOCAL_KEYS = 8
-"""The last key scans, with which a scan is matched: more cost time, fewer let the robot drift."""
 
-TRACKED_SHARE, FOUND_SHARE, CERTAIN_SHARE = 0.1, 0.3, 0.6
-"""Minimum inlier ratios: of a match near the prediction, of one that a search for a known place
-found (in woods the right one has hardly half), and of one that is beyond doubt."""
+# Minimum inlier ratios: of a match near the prediction, of one that a search for a known place
+# found (in woods the right one has hardly half), and of one that is beyond doubt.
+TRACKED_SHARE = 0.1
+FOUND_SHARE = 0.3
+CERTAIN_SHARE = 0.6
 
+# Fewest points of a scan for which a window is searched: among trees and cars it has a dozen.
 LEAST_POINTS = 8
-"""Fewest points of a scan for which a window is searched: among trees and cars it has a dozen."""
 
-ENOUGH, RECENT = 150, 32
-"""Points that show walls well; a key scan with fewer adds those of some of the last scans."""
+# Points that show walls well; a key scan with fewer adds those of some of the last scans.
+ENOUGH = 150
+RECENT = 32
 
-WATCHED, THROUGH = 12, 2
-"""A point belongs to a dynamic obstacle if beams of at least the second number of the last key
-scans, of which the first number is kept, passed it."""
+# A point belongs to a dynamic obstacle if beams of at least the second number of the last key
+# scans, of which the first number is kept, passed it.
+WATCHED = 12
+THROUGH = 2
 
+# Standard deviations of a match from the prediction beyond which the places around are searched: a
+# slip turns the robot, which walls show, and moves it aside, which they may not.
 SLIP_LIMIT = 3.0
-"""Standard deviations of a match from the prediction beyond which the places around are searched: a
-slip turns the robot, which walls show, and moves it aside, which they may not."""
 
+# Information [1/m²] below which scans leave a direction to the odometry: 0.02 m.
 WEAK = 2500.0
-"""Information [1/m²] below which scans leave a direction to the odometry: 0.02 m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,24 +18,26 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.matching.key_scans import FORGETTING
 
-WINDOW, WINDOW_SHARE = np.array([0.4, 0.4, 0.7]), 0.3
-"""Largest slip of wheels between two scans [m], [rad], and the share of their step that is added to
-it: the window that is searched. A bump turns a robot by half a radian."""
+# Largest slip of wheels between two scans [m], [rad], and the share of their step that is added to
+# it: the window that is searched. A bump turns a robot by half a radian.
+WINDOW = np.array([0.4, 0.4, 0.7])
+WINDOW_SHARE = 0.3
 
+# Least share of a scan that a match must explain; otherwise the places around it are searched.
 DOUBTFUL = 0.65
-"""Least share of a scan that a match must explain; otherwise the places around it are searched."""
 
+# Standard deviations of a, b [rad/m] and c before anything was driven.
 EXPECTED = np.array([0.05, 0.05, 0.03])
-"""Standard deviations of a, b [rad/m] and c before anything was driven."""
 
+# Standard deviations of an increment's place [m] and turn [rad]: a constant, even of wheels that
+# stand still, and for each metre and each radian, as wheels slip on carpets and sills.
 NOISE = np.array([[0.005, 0.05, 0.05], [0.003, 0.02, 0.05]])
-"""Standard deviations of an increment's place [m] and turn [rad]: a constant, even of wheels that
-stand still, and for each metre and each radian, as wheels slip on carpets and sills."""
 
-ROUGH, ROUGH_STRETCHES = 9.0, 20.0
-"""Prior of the heading noise as a variance in units of that of good wheels, and its weight in
-stretches. Small robots slip two to four times as much; taken for good ones, their noise looks like
-a turn per metre, which bends a hall by ten degrees."""
+# Prior of the heading noise as a variance in units of that of good wheels, and its weight in
+# stretches. Small robots slip two to four times as much; taken for good ones, their noise looks
+# like a turn per metre, which bends a hall by ten degrees.
+ROUGH = 9.0
+ROUGH_STRETCHES = 20.0
 
 
 class Prediction(NamedTuple):

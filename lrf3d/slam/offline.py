@@ -39,9 +39,9 @@ from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.places.joining import joined
 from lrf3d.slam.solution import SolvedLog, maps_of, run_of
 
+# Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a loop
+# of 460 m, driven with wheels 15 % off, closes with a tenth of the error.
 CALIBRATED = 400
-"""Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
-loop of 460 m, driven with wheels 15 % off, closes with a tenth of the error."""
 
 
 @stoppable()

@@ -18,6 +18,7 @@ from lrf3d.compiling import compiled, record
 from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import between
 
+# A relative pose between two key scans.
 EDGE = np.dtype(
     [
         ("first", np.int64), ("second", np.int64),  # the numbers of two key scans
@@ -27,10 +28,9 @@ EDGE = np.dtype(
         ("robust", bool),  # whether it may be wrong, as a closure may
     ]
 )  # fmt: skip
-"""A relative pose between two key scans."""
 
+# Scale of Cauchy's weight of closures, in standard deviations.
 ROBUST_SCALE = 3.0
-"""Scale of Cauchy's weight of closures, in standard deviations."""
 
 
 def edges_of(
@@ -148,8 +148,8 @@ def pose_covariances(poses: Float, edges: Records, numbers: Int, variance: float
     return found
 
 
+# A step of a path between two key scans, the older one first, and its length [m].
 LINK = record(first=int, second=int, length=float)
-"""A step of a path between two key scans, the older one first, and its length [m]."""
 
 
 class GraphPaths:

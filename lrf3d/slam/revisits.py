@@ -25,12 +25,12 @@ from lrf3d.slam.front_end import (
     weakest_direction,
 )
 
+# Longest path along the graph [m] over which the relative pose of a robot is certain: it drifts
+# less than it may be off.
 CERTAIN = 10.0
-"""Longest path along the graph [m] over which the relative pose of a robot is certain: it drifts
-less than it may be off."""
 
+# Largest error of the expected pose [m], [rad], and its standard deviations in matching.
 OFF = np.array([0.3, 0.3, 0.06])
-"""Largest error of the expected pose [m], [rad], and its standard deviations in matching."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,15 +19,18 @@ from lrf3d.robot import EstimatedTrajectory
 from lrf3d.simulation.run import Run
 from lrf3d.slam.slam import Slam
 
-COVARIANCE_INTERVAL, COVARIANCE_SHARE = 4, 32
-"""Scans from one covariance that is kept to the next: the first number, or this part of the drive
-so far. Each takes a step over the whole pose graph, so that on a long drive they come more seldom.
-"""
+# Scans from one covariance that is kept to the next: the first number, or this part of the drive so
+# far. Each takes a step over the whole pose graph, so that on a long drive they come more seldom.
+COVARIANCE_INTERVAL = 4
+COVARIANCE_SHARE = 32
 
-SLIP, POSITION, HEADING, TURN_PER_METRE = 0.03, 0.005, 0.003, 0.0007
-"""Errors of calibrated wheels: standard deviations of the distance and of the turn as shares of
-them, of each increment [m] and of its turn [rad], and a turn that is not made for each metre
-[rad/m]. After some hundred metres their poses are off by 1 to 5 % of the distance."""
+# Errors of calibrated wheels: standard deviations of the distance and of the turn as shares of
+# them, of each increment [m] and of its turn [rad], and a turn that is not made for each metre
+# [rad/m]. After some hundred metres their poses are off by 1 to 5 % of the distance.
+SLIP = 0.03
+POSITION = 0.005
+HEADING = 0.003
+TURN_PER_METRE = 0.0007
 
 
 def calibrated_wheels(increment: Float, rng: np.random.Generator) -> Float:

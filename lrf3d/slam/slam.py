@@ -35,9 +35,9 @@ from lrf3d.slam.pose_graph import (
 )
 from lrf3d.slam.revisits import Anchor, in_known_place
 
+# Key scans that may be drawn again for each new scan, on average: this takes as long as tracking
+# the robot. On a long drive the map lags behind the poses by some seconds.
 REDRAWN_PER_SCAN = 2
-"""Key scans that may be drawn again for each new scan, on average: this takes as long as tracking
-the robot. On a long drive the map lags behind the poses by some seconds."""
 
 
 class Slam:

@@ -33,9 +33,9 @@ from lrf3d.slam.closures import Refusal
 from lrf3d.slam.places.joining import Joined
 from lrf3d.world import World
 
+# Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
+# along the walls grows with each scan.
 MOST_UNSURE = 0.4
-"""Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
-along the walls grows with each scan."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from lrf3d.base.errors import WorldError, check_names, expect, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, is_finite, number
 
+# Names of the cameras that every world has; they follow the robot or show everything.
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
-"""Names of the cameras that every world has; they follow the robot or show everything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +86,8 @@ class FilmPlan:
         return max(4.0, duration / 31.0) if self.playback is None else self.playback
 
 
+# The default settings of films without others.
 USUAL_FILM = FilmPlan()
-"""The default settings of films without others."""
 
 
 def check_view(view: str, cameras: Sequence[FixedCamera]) -> None:

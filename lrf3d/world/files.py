@@ -13,9 +13,14 @@ from lrf3d.base.interrupts import reading
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
 
-DRAWINGS, PICTURES = (".dxf", ".svg", ".pdf"), (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
-"""Endings of what becomes a plan, and then a world."""
+# Endings of what becomes a plan, and then a world.
+DRAWINGS = (".dxf", ".svg", ".pdf")
+PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
 
+# What reads a world from a path, a function or ``module:function``, and the largest file [bytes].
+#
+# Others may be entered by their endings. Installed packages enter theirs by entry points of the
+# group ``lrf3d.world.readers``, whose names are endings.
 READERS: dict[str, tuple[str | Callable[..., Any], int]] = {
     ".toml": ("lrf3d.world.toml_file:read_toml", 1 << 28),
     **dict.fromkeys((".geojson", ".json"), ("lrf3d.world.towns.geojson:read_geojson", 1 << 28)),
@@ -27,12 +32,8 @@ READERS: dict[str, tuple[str | Callable[..., Any], int]] = {
         (".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), ("lrf3d.world.mesh:read_mesh", 1 << 27)
     ),
 }
-"""What reads a world from a path, a function or ``module:function``, and the largest file [bytes].
 
-Others may be entered by their endings. Installed packages enter theirs by entry points of the group
-``lrf3d.world.readers``, whose names are endings.
-"""
-
+# Endings of the files for which an option is.
 OPTIONS = {
     "trees": (".osm",),
     "resolution": PICTURES,
@@ -40,15 +41,14 @@ OPTIONS = {
     "page": (".pdf",),
     **dict.fromkeys(("layers", "without"), DRAWINGS),
 }
-"""Endings of the files for which an option is."""
 
+# The module and the function that write a world, by the ending of the file.
 WRITERS = {
     ".toml": "lrf3d.world.toml_file:write_toml",
     ".geojson": "lrf3d.world.towns.geojson:write_geojson",
     ".yaml": "lrf3d.world.ros_map:write_ros_map",
     ".glb": "lrf3d.world.mesh:write_glb",
 }
-"""The module and the function that write a world, by the ending of the file."""
 
 
 def load_world(

@@ -9,8 +9,8 @@ from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Bool, Float, number, numbers, sealed
 from lrf3d.geometry.pose import as_pose
 
+# Largest number of cells of a grid in a file: 400 m by 400 m at 5 cm.
 MOST_CELLS = 1 << 26
-"""Largest number of cells of a grid in a file: 400 m by 400 m at 5 cm."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,12 +16,13 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
 
-WIDEST, OVERSHOOT = 0.4, 0.3
-"""Widest gap [m] that is closed, half of a door, and largest end of a wall beyond its corner [m],
-which is cut off."""
+# Widest gap [m] that is closed, half of a door, and largest end of a wall beyond its corner [m],
+# which is cut off.
+WIDEST = 0.4
+OVERSHOOT = 0.3
 
+# Distance [m] between the points of a closing piece that are compared with the free cells.
 STEP = 0.05
-"""Distance [m] between the points of a closing piece that are compared with the free cells."""
 
 
 def world_of_map(mapped: World, free: FreeCells | None = None) -> World:

@@ -18,17 +18,21 @@ from lrf3d.geometry.lines import Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 
-THICKNESS, DOOR = 0.2, 2.2
-"""Thickness of walls, and clear width of a door [m]: three robots of usual size."""
+# Thickness of walls, and clear width of a door [m]: three robots of usual size.
+THICKNESS = 0.2
+DOOR = 2.2
 
-CORRIDOR, ROOM_DEPTH, ROOM_WIDTHS = 2.6, 5.0, (3.8, 6.0)
-"""Width of an office's corridor, depth of its rooms, and their least and largest width [m]."""
+# Width of an office's corridor, depth of its rooms, and their least and largest width [m].
+CORRIDOR = 2.6
+ROOM_DEPTH = 5.0
+ROOM_WIDTHS = (3.8, 6.0)
 
-BLOCK_SIDE, PASSAGE = 20.0, 2.6
-"""Distances between the centres of buildings, and between neighbouring walls of a maze [m]."""
+# Distances between the centres of buildings, and between neighbouring walls of a maze [m].
+BLOCK_SIDE = 20.0
+PASSAGE = 2.6
 
+# The left, lower, right and upper side of a part of a plan [m].
 Box = tuple[float, float, float, float]
-"""The left, lower, right and upper side of a part of a plan [m]."""
 
 
 class FloorPlan:
@@ -270,10 +274,10 @@ def maze(size: float, seed: int) -> World:
     return plan.world(f"maze {seed}")
 
 
+# The function that makes each kind of world from its size [m] and a seed, and the default size.
 KINDS: dict[str, tuple[Callable[[float, int], World], float]] = {
     "city": (city, 160.0),
     "maze": (maze, 32.0),
     "office": (office, 40.0),
     "rooms": (rooms, 28.0),
 }
-"""The function that makes each kind of world from its size [m] and a seed, and the default size."""

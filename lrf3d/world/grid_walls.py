@@ -29,8 +29,8 @@ from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
 
+# Rows and columns to the neighbours of a cell, counter-clockwise from the east.
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
-"""Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
 
 def parts_of(cells: Bool) -> tuple[Int, int]:

@@ -93,6 +93,7 @@ LIMITS = dict.fromkeys(("diffuse", "specular", "lobe_deg", "transmission"), 1.0)
 LIMITS |= {"lobe_deg": 90.0, "index": 10.0, "retro": 1e6}
 """Largest value of each field but the name."""
 
+# The materials that every world knows, by name: round numbers, typical of new and dry surfaces.
 BUILT_IN = {
     material.name: material
     for material in (
@@ -107,10 +108,9 @@ BUILT_IN = {
         Material("retro-reflector", diffuse=0.2, retro=300.0),
     )
 }
-"""The materials that every world knows, by name: round numbers, typical of new and dry surfaces."""
 
+# The material of walls without one.
 PLAIN = BUILT_IN["plaster"]
-"""The material of walls without one."""
 
 
 def named(value: object, own: Iterable[Material] = (), place: str = "material") -> Material:

@@ -26,8 +26,8 @@ from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repe
 if TYPE_CHECKING:
     import trimesh
 
+# From z up to y up, as in glTF.
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""From z up to y up, as in glTF."""
 
 
 def read_mesh(path: Path, cut: float = 0.5) -> World:

@@ -26,11 +26,12 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked
 from lrf3d.world.schema import MOST_OBJECTS, check_unique
 
+# Height of a wall [m] if none is given: a room's storey.
 DEFAULT_HEIGHT = 2.5
-"""Height of a wall [m] if none is given: a room's storey."""
 
-LEAST, SHEET = 0.5, 2.0
-"""Sides [m] below which there is no room for a robot, and below which a plan may be on paper."""
+# Sides [m] below which there is no room for a robot, and below which a plan may be on paper.
+LEAST = 0.5
+SHEET = 2.0
 
 
 def check_scale(factor: float) -> None:

@@ -15,12 +15,13 @@ from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
 
-MOST_PAIRS, MOST_BOXES = 1_000_000, 100_000_000
-"""Largest numbers of pairs of shapes that touch, beyond four of each, and of pairs of boxes that
-do: seconds of work. A town with 100,000 buildings has some 200,000."""
+# Largest numbers of pairs of shapes that touch, beyond four of each, and of pairs of boxes that do:
+# seconds of work. A town with 100,000 buildings has some 200,000.
+MOST_PAIRS = 1_000_000
+MOST_BOXES = 100_000_000
 
+# Largest gap [m] between walls that touch: no beam can separate them, so they are one object.
 TOUCHING = 0.001
-"""Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
 
 
 class Part(NamedTuple):

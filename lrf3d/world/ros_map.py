@@ -30,15 +30,18 @@ from lrf3d.world.pieces import connected
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import Converter, accepting, row, text
 
-OCCUPIED, UNKNOWN, FREE = 0, 205, 254
-"""Values of the pixels of cells as map_saver writes them."""
+# Values of the pixels of cells as map_saver writes them.
+OCCUPIED = 0
+UNKNOWN = 205
+FREE = 254
 
+# Width of the free space [m] around the walls.
 FREE_MARGIN = 1.0
-"""Width of the free space [m] around the walls."""
 
+# Largest number of cells of a written map.
 MOST_WRITTEN = 1 << 25
-"""Largest number of cells of a written map."""
 
+# The keys of a description that are read, and the converters of their values.
 KEYS: Mapping[str, Converter] = {
     "image": text(),
     "resolution": partial(number, positive=True, most=1e4),
@@ -47,7 +50,6 @@ KEYS: Mapping[str, Converter] = {
     "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
     "mode": text("trinary", "scale", "raw"),
 }
-"""The keys of a description that are read, and the converters of their values."""
 
 
 def read_ros_map(path: Path) -> World:

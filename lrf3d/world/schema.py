@@ -24,8 +24,8 @@ from lrf3d.geometry.pose import Pose
 
 Converter = Callable[[Any, str], Any]
 
+# Largest number of an object: a name and a colour are stored for every number up to it.
 MOST_OBJECTS = 1_000_000
-"""Largest number of an object: a name and a colour are stored for every number up to it."""
 
 
 def accepting(
@@ -186,8 +186,8 @@ ROBOT: Mapping[str, Converter] = {
     **_each(_LENGTH, "speed", "scan_interval", "lookahead", "radius"),
 }
 
+# The tables of settings, in the order in which they are checked.
 TABLES = ("robot", "laser", "noise", "odometry", "imu", "mapper", "film")
-"""The tables of settings, in the order in which they are checked."""
 
 _BY_TYPE: Mapping[type, Converter] = {
     float: partial(number, least=-LARGEST_COORDINATE, most=LARGEST_COORDINATE),

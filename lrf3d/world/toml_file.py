@@ -27,6 +27,7 @@ from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, runs_of, walls, world_of_parts
 
+# The keys and the tables of a world file, in the order in which they are checked.
 KEYS: Mapping[str, schema.Converter] = {
     "name": schema.text(),
     "place": schema.row("longitude", "latitude"),
@@ -38,7 +39,6 @@ KEYS: Mapping[str, schema.Converter] = {
     "material": schema.tables(schema.made(Material)),
     "free": lambda found, key: FreeCells.from_dict(found, key),
 }
-"""The keys and the tables of a world file, in the order in which they are checked."""
 
 
 @dataclass(frozen=True)

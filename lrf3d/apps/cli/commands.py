@@ -53,13 +53,13 @@ Film:
 --renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.
 --panel short|full = short: What the panel says: three facts, or all numbers."""
 
+# A list that all commands have.
 OUTPUT = """\
 Output:
 --json: Print one JSON object and nothing else.
 -q --quiet: Print no summary, notes and progress.
 -v --verbose: Print all figures, too, as JSON.
 -h --help: Show this page and exit."""
-"""A list that all commands have."""
 
 COMMANDS = {
     "run": f"""\

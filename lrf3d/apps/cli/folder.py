@@ -14,8 +14,8 @@ from lrf3d.base.files import folder_name, locked, make_folder, read_text, write_
 from lrf3d.base.interrupts import check, noting
 from lrf3d.world import world_names
 
+# The file of a picture, and the function that draws it.
 Drawing = tuple[str, Callable[[Path], object]]
-"""The file of a picture, and the function that draws it."""
 
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 

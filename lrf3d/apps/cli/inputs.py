@@ -29,8 +29,8 @@ from lrf3d.world.files import find_world, is_plan
 from lrf3d.world.model import size_problem
 from lrf3d.world.toml_file import WorldFile
 
+# A map, and the log of a drive on it.
 MapAndLog = tuple[Run | World, LaserLog]
-"""A map, and the log of a drive on it."""
 
 
 def refuse(args: Namespace, flags: str, why: str) -> None:
@@ -53,11 +53,11 @@ def refuse_twice(args: Namespace) -> None:
                 raise InputError(f"{' '.join([*flags, f'--{name} {key}'])}: given twice")
 
 
+# Options of a simulated drive.
 DRIVE = "--set --inside --outside --ignore-collisions"
-"""Options of a simulated drive."""
 
+# Options of how a world is read.
 READING = "--scale --resolution --threshold --page --layers --without"
-"""Options of how a world is read."""
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -182,12 +182,12 @@ def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
     return scenario
 
 
+# The method that each kind of plug-in must have, and its form.
 FORMS = {
     "mapper": ("update", "a method update(scan)"),
     "controller": ("command", "a method command(time, pose, scan) -> (v, w)"),
     "noise": ("__call__", "a function of (scan, rng) that returns a scan"),
 }
-"""The method that each kind of plug-in must have, and its form."""
 
 
 def load_plugin(kind: str, name: str) -> Any:
@@ -231,6 +231,8 @@ def made(found: Any) -> Any:
     return found() if isinstance(found, type | partial) else found
 
 
+# What reads the input of a command, and the module and the function of the command, which gets it
+# with the options and the report.
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
     "render": (lambda args: load_run(args.run), "runs:render"),
@@ -248,8 +250,6 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
 }
-"""What reads the input of a command, and the module and the function of the command, which gets it
-with the options and the report."""
 
 
 def start(args: Namespace) -> int | None:

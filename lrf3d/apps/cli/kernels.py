@@ -16,8 +16,8 @@ from typing import Any
 from lrf3d.base.cores import core_count, process_pool
 from lrf3d.base.interrupts import Progress, check
 
+# The file of the kernel that takes longest: where there is one, kernels have been compiled.
 FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
-"""The file of the kernel that takes longest: where there is one, kernels have been compiled."""
 
 
 def start_compiling(slam: bool = False) -> "Popen[bytes] | None":

@@ -190,6 +190,7 @@ def _mapper(word: str) -> str:
     return word
 
 
+# What reads a value, and what it expects, by what a help page calls it; others are texts.
 KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     "N": _number(int, 1),
     "SEED": _number(int, 0),
@@ -215,7 +216,6 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
         "I/N, such as 2/8 for the second of eight jobs",
     ),
 }
-"""What reads a value, and what it expects, by what a help page calls it; others are texts."""
 
 
 def lists(name: str) -> Iterator[tuple[str, list[Option]]]:

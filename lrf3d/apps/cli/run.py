@@ -34,8 +34,8 @@ from lrf3d.slam.simulated import SlamMapper
 from lrf3d.studio.figures.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.world import World
 
+# The note on a run that is stopped after its last scan.
 KEPT = "all scans kept; go on with --resume"
-"""The note on a run that is stopped after its last scan."""
 
 
 def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report) -> None:

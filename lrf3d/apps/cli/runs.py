@@ -17,8 +17,9 @@ from lrf3d.recordings import load_run
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 
-_LARGE, _SMALL = (1280, 720), (640, 360)
-"""Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
+# Sizes [pixels] of films for players, and of films that are drawn slowly or shared.
+_LARGE = (1280, 720)
+_SMALL = (640, 360)
 
 
 def render(run: Run, args: Namespace, report: Report) -> None:

@@ -21,17 +21,19 @@ from lrf3d.simulation.scenario import Scenario, scenario_of
 from lrf3d.world.schema import read_settings
 from lrf3d.world.toml_file import WorldFile
 
-SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
-"""The settings that have an option of their own."""
+# The settings that have an option of their own.
+SIGMA = "noise.sigma"
+MODE = "mapper.mode"
+BEAMS = "laser.beams"
 
+# Default noises [m]: those of the paper's figures, and some between.
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
-"""Default noises [m]: those of the paper's figures, and some between."""
 
+# Default mappers: both modes of the LineMapper.
 USUAL = {"robust": "robust", "paper": "paper"}
-"""Default mappers: both modes of the LineMapper."""
 
+# Columns of the table for the settings that every sweep lists; others keep their names.
 COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
-"""Columns of the table for the settings that every sweep lists; others keep their names."""
 
 SettingValue = float | int | str | bool
 Row = dict[str, Any]

@@ -29,8 +29,8 @@ from lrf3d.scoring import buildings_seen, score_run, visible_walls
 from lrf3d.simulation.scenario import read_scenario_file
 from lrf3d.world.pieces import joined_objects
 
+# Name of a file of rows, with the number of the job that writes it.
 ROWS = "sweep{}.jsonl"
-"""Name of a file of rows, with the number of the job that writes it."""
 
 
 @stoppable()
@@ -272,5 +272,5 @@ def _row(planned: PlannedRun) -> Row:
     }
 
 
+# The caster of a world: runs that are sent together share their world.
 _caster = lru_cache(maxsize=1)(PlanarCaster)
-"""The caster of a world: runs that are sent together share their world."""

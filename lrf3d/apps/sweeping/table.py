@@ -16,9 +16,10 @@ from lrf3d.base.errors import one_line
 from lrf3d.base.files import folder_name, write_text
 from lrf3d.base.text import counted, table
 
+# Probability that an interval contains the mean.
 CONFIDENCE = 0.95
-"""Probability that an interval contains the mean."""
 
+# The measures that are averaged: their headings, the factors of their values, their decimals.
 MEASURES = {
     "length_f1": ("length F1", 1.0, 3),
     "segment_f1": ("segment F1", 1.0, 3),
@@ -27,10 +28,9 @@ MEASURES = {
     "object_purity": ("purity", 1.0, 3),
     "object_ratio": ("objects", 1.0, 2),
 }
-"""The measures that are averaged: their headings, the factors of their values, their decimals."""
 
+# Labels of the axes of figures.
 AXIS_LABELS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
-"""Labels of the axes of figures."""
 
 
 def mean_of(values: Sequence[float | None]) -> dict[str, float | int | None]:
@@ -158,12 +158,12 @@ def _in_latex(words: str) -> str:
     return one_line(words, len(words)).translate(_LATEX)
 
 
+# The characters that mean something to LaTeX, and what prints them.
 _LATEX = str.maketrans(
     {each: rf"\{each}" for each in "&%$#_{}"}
     | {each: f"{{{each}}}" for each in "[]*"}  # Behind a row's end they are an argument.
     | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 )
-"""The characters that mean something to LaTeX, and what prints them."""
 
 
 def _write_csv(lines: Sequence[Row], path: str | Path) -> None:

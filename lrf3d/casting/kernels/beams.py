@@ -42,29 +42,31 @@ from lrf3d.casting.kernels.tree import (
 from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
+# A beam with its own origin [m], direction, and time [s].
 RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
-"""A beam with its own origin [m], direction, and time [s]."""
 
+# Bound on the relative rounding error of a length, in addition to cancellation.
 LENGTH_SLACK = 16.0 * 2.0**-53
-"""Bound on the relative rounding error of a length, in addition to cancellation."""
 
+# Relative error of a length up to which the sign of its float64 value is trusted.
 CLEAR_LENGTH = 1e-6
-"""Relative error of a length up to which the sign of its float64 value is trusted."""
 
-MISSED, TAKEN, OPEN = 0, 1, 2
-"""Verdicts about a wall: not met before the nearest so far, met, or left open by float64."""
+# Verdicts about a wall: not met before the nearest so far, met, or left open by float64.
+MISSED = 0
+TAKEN = 1
+OPEN = 2
 
+# In place of the row of a wall where float64 leaves open which one it is.
 UNDECIDED = -2
-"""In place of the row of a wall where float64 leaves open which one it is."""
 
+# Rays that are followed before their lengths are computed.
 BLOCK = 64
-"""Rays that are followed before their lengths are computed."""
 
+# Walls of a leaf that are sifted together, in whole vectors.
 SIFTED = (SMALL + LANES - 1) // LANES * LANES
-"""Walls of a leaf that are sifted together, in whole vectors."""
 
+# Limit [m] in place of infinity, which times a slope of zero were no number.
 FARTHEST = 1e100
-"""Limit [m] in place of infinity, which times a slope of zero were no number."""
 
 
 class Nearest(NamedTuple):
@@ -85,8 +87,8 @@ class Block(NamedTuple):
     sifted: Float  # (SIFTED,) room for the walls of a leaf.
 
 
+# In place of guesses, where there are none.
 NO_GUESSES = np.empty(0, np.int32)
-"""In place of guesses, where there are none."""
 
 
 @compiled

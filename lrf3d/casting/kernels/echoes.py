@@ -20,22 +20,24 @@ import numpy as np
 from lrf3d.compiling import borrower, record
 from lrf3d.geometry.lines import Float, Int
 
+# Distance [m] up to which intensities do not depend on the distance.
 CLOSEST = 0.01
-"""Distance [m] up to which intensities do not depend on the distance."""
 
+# Least share of the light, there and back, with which a beam goes on: less is lost in the noise of
+# all but the strongest echoes.
 LEAST_SHARE = 0.01
-"""Least share of the light, there and back, with which a beam goes on: less is lost in the noise of
-all but the strongest echoes."""
 
+# Number of walls on the path of a beam, those that it passes through included.
 MOST_WALLS = 16
-"""Number of walls on the path of a beam, those that it passes through included."""
 
-FIRST, LAST, STRONGEST = 0, 1, 2
-"""Which echo is the range of a beam."""
+# Which echo is the range of a beam.
+FIRST = 0
+LAST = 1
+STRONGEST = 2
 
+# The optics of a material, and whether beams go on mirrored, 0 or 1.
 SHARES = ("diffuse", "specular", "lobe", "transmission", "index", "retro", "mirrors")
 SURFACE = record(**dict.fromkeys(SHARES, float))
-"""The optics of a material, and whether beams go on mirrored, 0 or 1."""
 
 
 class Receiver(NamedTuple):

@@ -36,29 +36,29 @@ from lrf3d.casting.kernels.tree import ROOM, STACK, Tree, column_at, whole
 from lrf3d.compiling import inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
+# Bound on the error of a bearing [rad]: 1.7e-6 of the polynomial, and ample room for rounding.
 BEARING_SLACK = 4e-6
-"""Bound on the error of a bearing [rad]: 1.7e-6 of the polynomial, and ample room for rounding."""
 
+# Bound on the rounding of 1 / t in parts of the sum of its terms: at most eight for each.
 DEPTH_SLACK = 16.0 * 2.0**-53
-"""Bound on the rounding of 1 / t in parts of the sum of its terms: at most eight for each."""
 
+# Cancellation in a wall's area from which on plain float64 is too coarse for the depths.
 CLEAR_AREA = 1e-7
-"""Cancellation in a wall's area from which on plain float64 is too coarse for the depths."""
 
 TURN = 2.0 * np.pi
 
+# Fans not wider than this [rad] are decided beam by beam.
 NARROW = 1e-9
-"""Fans not wider than this [rad] are decided beam by beam."""
 
 UNCLEAR = -1
 
+# Walls or boxes whose bearings are taken together.
 BATCH = 32
-"""Walls or boxes whose bearings are taken together."""
 
+# Where the columns of a sketch begin: offsets from a, b to the laser [m], the line of depths and
+# its slack [1/m], bearings [rad]. One array with fixed places shows the compiler that no two of
+# them overlap, and it takes four walls at a time.
 AX, AY, BX, BY, U, V, SLACK, START, WIDTH = (index_of(k * BATCH) for k in range(9))
-"""Where the columns of a sketch begin: offsets from a, b to the laser [m], the line of depths and
-its slack [1/m], bearings [rad]. One array with fixed places shows the compiler that no two of
-them overlap, and it takes four walls at a time."""
 
 SKETCH = 9 * BATCH
 
@@ -85,9 +85,9 @@ class Buffer(NamedTuple):
     contested: Int  # Room for the beams that `draw` leaves to `settle`.
 
 
+# A box that waits on the path through the tree: its node, the first and the end of the beams that
+# may meet it, and a bound on 1 / distance [1/m]. The nearest is on top.
 WAITING = record(node=int, first=int, stop=int, near=float)
-"""A box that waits on the path through the tree: its node, the first and the end of the beams that
-may meet it, and a bound on 1 / distance [1/m]. The nearest is on top."""
 
 
 @inner

@@ -30,20 +30,21 @@ from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Float, Int, Records
 
+# How often mirrors turn a beam; at the next one it ends.
 MOST_TURNS = 8
-"""How often mirrors turn a beam; at the next one it ends."""
 
-NEAR, NEAR_SHARE = 1e-9, 2.0**-50
-"""Walls so near [m] to the place from which a ray goes on, or so near in parts of its coordinates,
-count as holding it: more than rounding, less than any gap."""
+# Walls so near [m] to the place from which a ray goes on, or so near in parts of its coordinates,
+# count as holding it: more than rounding, less than any gap.
+NEAR = 1e-9
+NEAR_SHARE = 2.0**-50
 
+# A ray that goes on: its place, in plan seen from the laser so that no digits are lost far away,
+# and its direction; the direction in plan with which it arrived there, the way so far [m], its
+# share of the light, its turns, its walls, how many of these it met at this very place, and as bits
+# which it passed through.
 NUMBERS = ("x", "y", "z", "dx", "dy", "dz", "came_x", "came_y", "way", "gain")
 COUNTS = ("turns", "count", "here", "passed")
 LEFT = record(**dict.fromkeys(NUMBERS, float), **dict.fromkeys(COUNTS, int))
-"""A ray that goes on: its place, in plan seen from the laser so that no digits are lost far away,
-and its direction; the direction in plan with which it arrived there, the way so far [m], its share
-of the light, its turns, its walls, how many of these it met at this very place, and as bits which
-it passed through."""
 
 
 class Optics(NamedTuple):

@@ -26,35 +26,34 @@ from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import TINY, Float, Int, Records
 
-ROWS, MEASURES = (
-    ("first", "stop", "leg", "last"),
-    ("reach", "height", "period", "fastest", "rim", "disc"),
-)
+ROWS = ("first", "stop", "leg", "last")
+MEASURES = ("reach", "height", "period", "fastest", "rim", "disc")
+# An obstacle: its corners and the legs of its path, from the first to before the last; its largest
+# distance from its origin to a corner [m] and its height [m]; after which time its path begins
+# again [s], 0 for never; the largest speeds of its origin and of a corner [m/s]; and its radius [m]
+# if it touches others as a disc, or 0.
 MOVER = record(**dict.fromkeys(ROWS, int), **dict.fromkeys(MEASURES, float))
-"""An obstacle: its corners and the legs of its path, from the first to before the last; its largest
-distance from its origin to a corner [m] and its height [m]; after which time its path begins again
-[s], 0 for never; the largest speeds of its origin and of a corner [m/s]; and its radius [m] if it
-touches others as a disc, or 0."""
 
+# A corner [m] in the frame of its obstacle.
 CORNER = record(x=float, y=float)
-"""A corner [m] in the frame of its obstacle."""
 
-STAMPED, RATES = ("time", "x", "y", "theta"), ("ahead", "left", "turn")
+# A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
+# itself [rad/s] that are held from then on, where the period of the obstacle is HELD.
+STAMPED = ("time", "x", "y", "theta")
+RATES = ("ahead", "left", "turn")
 LEG = record(**dict.fromkeys((*STAMPED, *RATES), float))
-"""A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
-itself [rad/s] that are held from then on, where the period of the obstacle is HELD."""
 
+# A pose x, y [m], theta [rad].
 Pose = tuple[float, float, float]
-"""A pose x, y [m], theta [rad]."""
 
+# The period of an obstacle that holds its speeds.
 HELD = -1.0
-"""The period of an obstacle that holds its speeds."""
 
+# The origin of an obstacle at a moment [m], and its reach.
 PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
-"""The origin of an obstacle at a moment [m], and its reach."""
 
+# A side of an obstacle in the world [m].
 SIDE = record(**dict.fromkeys(("px", "py", "qx", "qy"), float))
-"""A side of an obstacle in the world [m]."""
 
 
 class Movers(NamedTuple):

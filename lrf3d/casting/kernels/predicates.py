@@ -26,32 +26,32 @@ import numpy as np
 from lrf3d.compiling import borrower, inner
 from lrf3d.geometry.lines import Float
 
+# 2²⁷ + 1: multiplying by it cuts a float64 into two halves of 26 bits.
 SPLITTER = 134217729.0
-"""2²⁷ + 1: multiplying by it cuts a float64 into two halves of 26 bits."""
 
+# Bound on the relative error of a·b − c·d against |a·b| + |c·d|, where a and c are rounded
+# differences and b and d are too: (1 + 2⁻⁵³)⁴ − 1, and what the bound's own rounding takes.
 FILTER = 5.0 * 2.0**-53
-"""Bound on the relative error of a·b − c·d against |a·b| + |c·d|, where a and c are rounded
-differences and b and d are too: (1 + 2⁻⁵³)⁴ − 1, and what the bound's own rounding takes."""
 
+# Least |a·b − c·d| / (|a·b| + |c·d|) at which double-double still gives 70 good bits.
 SAFE_CANCELLATION = 2.0**-32
-"""Least |a·b − c·d| / (|a·b| + |c·d|) at which double-double still gives 70 good bits."""
 
+# Most float64 numbers that a vector register holds. Loops over whole vectors are rounded up to a
+# multiple of it, and their arrays have room for that.
 LANES = 8
-"""Most float64 numbers that a vector register holds. Loops over whole vectors are rounded up to a
-multiple of it, and their arrays have room for that."""
 
+# Indices of this type are never negative, which spares each access in a hot loop the question
+# whether it counts from the end.
 index_of = np.uint64
-"""Indices of this type are never negative, which spares each access in a hot loop the question
-whether it counts from the end."""
 
+# Bound on the relative error of a quotient of two such double-doubles, generously.
 DOUBLE_DOUBLE = 2.0**-65
-"""Bound on the relative error of a quotient of two such double-doubles, generously."""
 
+# In place of a sign that float64 does not show.
 AMBIGUOUS = 2
-"""In place of a sign that float64 does not show."""
 
+# A rounded number and the rest of it.
 Double = tuple[float, float]
-"""A rounded number and the rest of it."""
 
 Vector = tuple[float, float]
 

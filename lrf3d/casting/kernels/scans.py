@@ -16,8 +16,8 @@ from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
 
+# How many numbers beyond the last beam `lengths` may read and write.
 PADDING = LANES - 1
-"""How many numbers beyond the last beam `lengths` may read and write."""
 
 
 class Laser(NamedTuple):

@@ -27,22 +27,23 @@ from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
+# Depth up to which a body that meets something does not touch it [m]: more than rounding.
 GRAZE = 1e-9
-"""Depth up to which a body that meets something does not touch it [m]: more than rounding."""
 
+# Depth at which it is decided on which side of a corner a point has passed [m].
 DEEPER = 1e-6
-"""Depth at which it is decided on which side of a corner a point has passed [m]."""
 
+# Longest turn that is decided at once [rad]: w is finite up to half a turn.
 LONGEST_TURN = 1.5
-"""Longest turn that is decided at once [rad]: w is finite up to half a turn."""
 
+# Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed.
 STEP = 2e-5
-"""Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed."""
 
-ENDS, INWARD = ("px", "py", "qx", "qy"), ("inner_x", "inner_y", "notch", "next_notch")
+# A side of a body [m]; at the corner where it begins, the direction into the body, and whether it
+# is a notch, 0 or 1; and whether the next corner is.
+ENDS = ("px", "py", "qx", "qy")
+INWARD = ("inner_x", "inner_y", "notch", "next_notch")
 EDGE = record(**dict.fromkeys((*ENDS, *INWARD), float))
-"""A side of a body [m]; at the corner where it begins, the direction into the body, and whether it
-is a notch, 0 or 1; and whether the next corner is."""
 
 
 class Body(NamedTuple):

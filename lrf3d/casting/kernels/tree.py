@@ -14,30 +14,30 @@ from lrf3d.casting.kernels.predicates import LANES, Wall, index_of
 from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
+# Places tried for a cut; more make a tree that is hardly better.
 SPLIT_BINS = 16
-"""Places tried for a cut; more make a tree that is hardly better."""
 
+# Walls that a leaf may always hold: visiting them costs no more than another two boxes.
 LEAF = 8
-"""Walls that a leaf may always hold: visiting them costs no more than another two boxes."""
 
+# Boxes below a node, looked at together.
 CHILDREN = LANES
-"""Boxes below a node, looked at together."""
 
+# Walls up to which a world gets one leaf and no tree.
 SMALL = 24
-"""Walls up to which a world gets one leaf and no tree."""
 
+# Levels from the root on that are cut where it is cheapest. Below, walls are halved by number:
+# walls whose scales span many powers of ten could else make a tree as deep as they are many.
 FREE_LEVELS = 20
-"""Levels from the root on that are cut where it is cheapest. Below, walls are halved by number:
-walls whose scales span many powers of ten could else make a tree as deep as they are many."""
 
+# Boxes that may wait on the path through a tree: seven for each of at most 20 + 11 levels.
 STACK = 256
-"""Boxes that may wait on the path through a tree: seven for each of at most 20 + 11 levels."""
 
+# Room for rounding and for directions that are not quite of unit length.
 ROOM = 1.0 + 1e-9
-"""Room for rounding and for directions that are not quite of unit length."""
 
+# A box that waits on a ray's path, and how far away it is at least [m]; the nearest is on top.
 BOX = record(node=int, near=float)
-"""A box that waits on a ray's path, and how far away it is at least [m]; the nearest is on top."""
 
 
 class Tree(NamedTuple):
@@ -63,11 +63,11 @@ class Stack(NamedTuple):
     near: Float
 
 
+# A node that waits to be cut: which walls it has, and how far below the root it is.
 PART = record(**dict.fromkeys(("node", "start", "stop", "level"), int))
-"""A node that waits to be cut: which walls it has, and how far below the root it is."""
 
+# A named tuple as Python passes it, as a tuple: Numba takes ten times as long to find its type.
 Plain = Any
-"""A named tuple as Python passes it, as a tuple: Numba takes ten times as long to find its type."""
 
 
 class Way(NamedTuple):

@@ -17,27 +17,28 @@ from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, RangeNoise
 
+# [m] Side of a cell. Memory grows with its inverse square; at 0.2 the purity of the objects of a
+# town falls by 0.05.
 CELL = 0.1
-"""[m] Side of a cell. Memory grows with its inverse square; at 0.2 the purity of the objects of a
-town falls by 0.05."""
 
 
+# [m] Where the first scan was taken in the map's frame, which turns and moves with the world: off
+# the edges of the cells, on which rounding would decide.
 SHIFT = (0.37 * CELL, 0.41 * CELL)
-"""[m] Where the first scan was taken in the map's frame, which turns and moves with the world: off
-the edges of the cells, on which rounding would decide."""
 
+# [m] Ranges above this are invalid: no laser of a robot measures farther.
 MOST_RANGE = 10_000.0
-"""[m] Ranges above this are invalid: no laser of a robot measures farther."""
 
+# [m] Edges of the bins of range in which noise is measured, by factors of two. They matter little:
+# the noise is fitted to all bins.
 NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
-"""[m] Edges of the bins of range in which noise is measured, by factors of two. They matter little:
-the noise is fitted to all bins."""
 
+# [m] Resolution of the noise.
 NOISE_UNIT = 1e-5
-"""[m] Resolution of the noise."""
 
 
-RESIDUAL_BINS, PER_DECADE = 200, 24
+RESIDUAL_BINS = 200
+PER_DECADE = 24
 
 
 def pose_in(frame: Pose, scan: LaserScan) -> tuple[tuple[float, float], float]:

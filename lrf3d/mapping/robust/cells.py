@@ -17,61 +17,63 @@ from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL, Beams
 
+# Cells along the side of a block; their numbers are adjacent in memory.
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
-"""Cells along the side of a block; their numbers are adjacent in memory."""
 
+# A square is eight blocks, 12.8 m, wide: no point of the longest link between two walls, 15 m, is
+# farther than half of that from one of them.
 SQUARE_BITS = SIDE_BITS + 3
-"""A square is eight blocks, 12.8 m, wide: no point of the longest link between two walls, 15 m, is
-farther than half of that from one of them."""
 
+# [bins] Directions of the beams through a cell: those that run along a wall do not violate it.
+# Eight are as good except in narrow lanes.
 PASS_DIRECTIONS = 16
-"""[bins] Directions of the beams through a cell: those that run along a wall do not violate it.
-Eight are as good except in narrow lanes."""
 
+# [bins] Directions of returns: thin walls are seen from both sides, and two walls share the cell of
+# a corner.
 HIT_DIRECTIONS = 8
-"""[bins] Directions of returns: thin walls are seen from both sides, and two walls share the cell
-of a corner."""
 
-MOST_PASSES, SOLID = 127, np.uint8(128)
-"""[beams] Above this count in one direction all counts of the cell are halved, so that recent beams
-weigh more: a wall that appears or disappears is noticed after about a hundred beams. Seven bits;
-the eighth marks cells with returns."""
+# [beams] Above this count in one direction all counts of the cell are halved, so that recent beams
+# weigh more: a wall that appears or disappears is noticed after about a hundred beams. Seven bits;
+# the eighth marks cells with returns.
+MOST_PASSES = 127
+SOLID = np.uint8(128)
 
+# [m] A beam that ends less than this behind a wall is no free-space violation: poses and edges have
+# small errors.
 FREE_DEPTH = 0.2
-"""[m] A beam that ends less than this behind a wall is no free-space violation: poses and edges
-have small errors."""
 
+# [deviations] Tolerance for noise: how far a return, or another segment, may lie from a wall, and
+# how far a beam must continue behind a wall to violate it.
 HIT_DEVIATIONS = 3.0
-"""[deviations] Tolerance for noise: how far a return, or another segment, may lie from a wall, and
-how far a beam must continue behind a wall to violate it."""
 
+# [m] Largest offset that noise may explain: a short, distant segment would explain almost any.
 MOST_EXPLAINED = 1.0
-"""[m] Largest offset that noise may explain: a short, distant segment would explain almost any."""
 
+# [hits] Weight of a free-space violation at a piece of wall without hits, and as new evidence of a
+# wall.
 OPEN_WEIGHT = 0.5
-"""[hits] Weight of a free-space violation at a piece of wall without hits, and as new evidence of a
-wall."""
 
+# Unit vectors of the directions.
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
-"""Unit vectors of the directions."""
 
+# [sine] Least angle at which a beam through the cells of a wall crosses it: at a smaller one it may
+# run in front of the wall, through the same cells.
 WALL_SINE = 0.5
-"""[sine] Least angle at which a beam through the cells of a wall crosses it: at a smaller one it
-may run in front of the wall, through the same cells."""
 
+# [m] Length ignored at both ends of a line: beams that pass the end of a wall go on through the
+# same cells.
 LINE_END = 1.5 * CELL
-"""[m] Length ignored at both ends of a line: beams that pass the end of a wall go on through the
-same cells."""
 
+# Key of an empty slot.
 EMPTY = -(2**62)
-"""Key of an empty slot."""
 
+# Initial capacity in squares and in walls.
 LEAST = 256
-"""Initial capacity in squares and in walls."""
 
 
+# The returns in one cell that came the same way.
 CLUSTER = record(
     hits=float,  # [beams] returns
     weight=float,  # [1/m²] sum of the inverse variances of their ranges
@@ -91,7 +93,6 @@ CLUSTER = record(
     next=np.int32,  # the next cluster of the same cell, or of those given back
     way=np.int32,  # direction of its beams, one of HIT_DIRECTIONS (passes have PASS_DIRECTIONS)
 )  # fmt: skip
-"""The returns in one cell that came the same way."""
 
 COUNTERS = record(
     squares=int, blocks=int, clusters=int,  # taken so far

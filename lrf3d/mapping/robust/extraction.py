@@ -31,44 +31,44 @@ from lrf3d.mapping.robust.beams import (
 )
 from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
+# [deviations] Noise of two returns that is added to the largest gap in a cluster.
 CLUSTER_DEVIATIONS = 4.0
-"""[deviations] Noise of two returns that is added to the largest gap in a cluster."""
 
+# [cosine] Least incidence in weights: at grazing beams other errors than that of the range
+# dominate.
 LEAST_INCIDENCE = 0.05
-"""[cosine] Least incidence in weights: at grazing beams other errors than that of the range
-dominate."""
 
+# [deviations] Largest shift of an end along its beam onto its wall: a beam that almost runs along
+# the wall would move it far.
 END_DEVIATIONS = 5.0
-"""[deviations] Largest shift of an end along its beam onto its wall: a beam that almost runs along
-the wall would move it far."""
 
 
+# [χ²] Cost of a further wall: the best division of one noisy wall of a hundred points gains more
+# only once in thousands of times. Refits use it, too.
 WALL_COST = 20.0
-"""[χ²] Cost of a further wall: the best division of one noisy wall of a hundred points gains more
-only once in thousands of times. Refits use it, too."""
 
+# [χ²] Cost of a point on no wall: that of 3.5 standard deviations.
 OUTLIER_COST = 12.0
-"""[χ²] Cost of a point on no wall: that of 3.5 standard deviations."""
 
+# [points] Fewest points of a wall: any two define a line.
 LEAST_POINTS = 3
-"""[points] Fewest points of a wall: any two define a line."""
 
+# [χ²] Largest excess of a division over the best that may still lead to a better one: the cost of
+# the points behind it that are too few for a wall. Exact, no tuning.
 PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
-"""[χ²] Largest excess of a division over the best that may still lead to a better one: the cost of
-the points behind it that are too few for a wall. Exact, no tuning."""
 
+# Weighted sums of products, of which a line is fitted to the inverse ranges.
 SUMS = record(
     cc=float, cs=float, ss=float,  # of the cosine and the sine of the beam
     ci=float, si=float, ii=float,  # of these and the inverse range
 )  # fmt: skip
-"""Weighted sums of products, of which a line is fitted to the inverse ranges."""
 
 
+# A wall of a cluster.
 SPAN = record(
     first=int, last=int,  # the first and the last return of a wall
     x=float, y=float,  # [1/m] its normal over its distance, n/c
 )  # fmt: skip
-"""A wall of a cluster."""
 
 
 class LocalWalls(NamedTuple):

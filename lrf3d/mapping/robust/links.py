@@ -28,21 +28,21 @@ from lrf3d.mapping.robust.walls import (
     vector_of,
 )
 
+# [m] Longest link that may run in front of a wall: less than a lane between buildings. More joins
+# buildings across lanes, less separates the corners of a building.
 SHORT_LINK = 3.0
-"""[m] Longest link that may run in front of a wall: less than a lane between buildings. More joins
-buildings across lanes, less separates the corners of a building."""
 
+# [m] Longest link behind two walls: the depth of most buildings.
 LONGEST_LINK = 15.0
-"""[m] Longest link behind two walls: the depth of most buildings."""
 
+# [sine] Least angle at which a beam crosses a link.
 LINK_SINE = 0.35
-"""[sine] Least angle at which a beam crosses a link."""
 
+# [m] Largest distance from an end to the corner.
 CORNER_REACH = 0.3
-"""[m] Largest distance from an end to the corner."""
 
+# [sine] Least angle of a corner: lines that are almost parallel cross at an arbitrary place.
 CORNER_SINE = 0.25
-"""[sine] Least angle of a corner: lines that are almost parallel cross at an arbitrary place."""
 
 
 @compiled

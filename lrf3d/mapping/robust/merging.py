@@ -36,9 +36,9 @@ from lrf3d.mapping.robust.walls import (
     widen_box,
 )
 
+# [share of merge_distance] Largest bend where a wall is continued: two views of a wall differ by
+# the error of poses, but adjacent views share it. More merges slightly bent walls.
 BEND = 0.4
-"""[share of merge_distance] Largest bend where a wall is continued: two views of a wall differ by
-the error of poses, but adjacent views share it. More merges slightly bent walls."""
 
 
 class Rule(NamedTuple):

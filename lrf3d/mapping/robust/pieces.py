@@ -25,10 +25,11 @@ from lrf3d.mapping.robust.cells import (
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.walls import Walls, end_of, unit_of
 
+# [m] Extension of a wall beyond both ends, to reach single hits.
 FOLLOWED = 2.0
-"""[m] Extension of a wall beyond both ends, to reach single hits."""
 
 
+# What the beams did at a piece of a wall, which is as long as a cell.
 PIECE = record(
     hits=float, violations=float,  # [beams] that hit it, and that went through it
     nearer=float,  # [beams] that would be hits had they not hit another wall more nearly
@@ -41,7 +42,6 @@ PIECE = record(
     along_along=float, along_aside=float, aside_aside=float,  # and those of their products
     part=int,  # the part of a wall that it becomes, from 1, or 0
 )  # fmt: skip
-"""What the beams did at a piece of a wall, which is as long as a cell."""
 
 
 class Lines(NamedTuple):

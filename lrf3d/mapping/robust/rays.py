@@ -30,18 +30,18 @@ from lrf3d.mapping.robust.cells import (
 )
 from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
 
+# A packed cell is its row, shifted by these bits, and its column, counted from −2³¹.
 ROW_BITS = 32
-"""A packed cell is its row, shifted by these bits, and its column, counted from −2³¹."""
 
-REACH_BITS, FARTHEST = 52, 1 << 54
-"""Distances along a beam are integers in units of 2⁻⁵² of its range; and one that no beam
-reaches."""
+# Distances along a beam are integers in units of 2⁻⁵² of its range; and one that no beam reaches.
+REACH_BITS = 52
+FARTHEST = 1 << 54
 
+# Bits of a packed cell that change when a step leaves a block.
 LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
-"""Bits of a packed cell that change when a step leaves a block."""
 
+# [beams] A cluster with fewer hits is deleted.
 LEAST_HITS = 0.5
-"""[beams] A cluster with fewer hits is deleted."""
 
 
 @borrower

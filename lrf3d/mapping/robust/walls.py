@@ -11,12 +11,13 @@ import numpy as np
 from lrf3d.compiling import borrower, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
+# [walls] Rows that share a bounding box. It changes speed only.
 BLOCK = 64
-"""[walls] Rows that share a bounding box. It changes speed only."""
 
+# [links] Largest number of links of a wall, to the nearest others.
 MOST_LINKS = 24
-"""[links] Largest number of links of a wall, to the nearest others."""
 
+# What a segment is fitted to.
 FIT = record(
     weight=float,  # [1/m²] sum of the inverse variances of the points
     x=float, y=float,  # [m] their mean
@@ -25,8 +26,8 @@ FIT = record(
     evidence=float,  # [hits] hits and weighed violations
     shown=bool,  # whether the beams showed enough of it: the map is these
 )  # fmt: skip
-"""What a segment is fitted to."""
 
+# What has happened to a wall since it was fitted.
 WALL_STATE = record(
     fresh=float,  # [beams] that hit it, or went through its hits, since it was refit
     last_scan=int,  # the last scan that added to this evidence
@@ -34,13 +35,12 @@ WALL_STATE = record(
     linked=np.int32,  # how often its links were made, which voids the links of others to it
     links=int,  # number of its links
 )  # fmt: skip
-"""What has happened to a wall since it was fitted."""
 
+# A link of a wall to another.
 LINK = record(
     wall=np.int32,  # the wall at the other end
     linked=np.int32,  # the `linked` of that wall then: the link is void if it has changed since
 )  # fmt: skip
-"""A link of a wall to another."""
 
 WALL_COUNTERS = record(
     taken=int,  # rows that were ever taken

@@ -29,9 +29,10 @@ with redirect_stdout(StringIO()):
     from ezdxf.enums import InsertUnits
     from ezdxf.filemanagement import readfile
 
+# A white that no drawing uses: just wipeouts have it.
 PAPER = "#fefdfb"
-"""A white that no drawing uses: just wipeouts have it."""
 
+# Entities that are no walls, by what they are called in the line that counts them.
 LEFT_OUT = {
     **dict.fromkeys(("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"), "text"),
     **dict.fromkeys(("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION"), "dimension"),
@@ -42,7 +43,6 @@ LEFT_OUT = {
     "POINT": "point",
     "VIEWPORT": "viewport",
 }
-"""Entities that are no walls, by what they are called in the line that counts them."""
 
 
 def draw(path: Path, scale: float) -> Canvas:

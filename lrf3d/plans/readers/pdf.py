@@ -20,11 +20,11 @@ from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.layers import rename
 
+# Objects that are not read, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
-"""Objects that are not read, by pdfium's number of their type."""
 
+# Number of lines and areas up to which a page with large pictures is a scanned one.
 MOST_ON_SCAN = 10
-"""Number of lines and areas up to which a page with large pictures is a scanned one."""
 
 
 def draw(

@@ -35,16 +35,17 @@ from lrf3d.world.grid_walls import (
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import pixels_of
 
-THIN, LEAST = 0.07, 3
-"""Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
-and outlines of furniture are drawn thinner."""
+# Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
+# and outlines of furniture are drawn thinner.
+THIN = 0.07
+LEAST = 3
 
+# Length [pixels] below which most pieces of walls are in photographs, lettering and patterns; in
+# plans they are half of the length at most.
 SHORT = 12
-"""Length [pixels] below which most pieces of walls are in photographs, lettering and patterns; in
-plans they are half of the length at most."""
 
+# Number of pixels above which a picture is made smaller.
 MOST_PIXELS = 12_500_000
-"""Number of pixels above which a picture is made smaller."""
 
 
 def read_picture(

@@ -24,8 +24,8 @@ from lrf3d.base.errors import WorldError, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
 from lrf3d.plans.canvas import Canvas, Mark, curve_points, is_area
 
+# The unit of numbers without one [m]: 1/96 in.
 PIXEL = 0.0254 / 96.0
-"""The unit of numbers without one [m]: 1/96 in."""
 
 UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
 UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "em": 16.0 * PIXEL}

@@ -10,6 +10,7 @@ from unicodedata import combining, normalize
 
 from lrf3d.plans.canvas import Canvas
 
+# Beginnings or ends of words in names, by what a layer holds; the first that fits counts.
 WORDS = {
     "annotation": (
         "anno text txt teks dim bemass cota acot koty quot wymi maatv misure note tag symb simb"
@@ -52,7 +53,6 @@ WORDS = {
         " рамк север"
     ),
 }
-"""Beginnings or ends of words in names, by what a layer holds; the first that fits counts."""
 
 _KNOWN = {
     role: ["".join(c for c in normalize("NFKD", part) if not combining(c)) for part in text.split()]

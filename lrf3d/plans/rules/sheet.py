@@ -13,21 +13,23 @@ from scipy.spatial import cKDTree
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths
 from lrf3d.world.pieces import connected, groups, members_of, pairs_within
 
-LARGEST, BUBBLE = 0.6, 0.8
-"""Largest size [m] of a tick, an arrowhead or a dot, and largest radius of a bubble: those on a
-plan of 1:100 are 3 mm and 5 mm, and on one of 1:200 twice as large."""
+# Largest size [m] of a tick, an arrowhead or a dot, and largest radius of a bubble: those on a plan
+# of 1:100 are 3 mm and 5 mm, and on one of 1:200 twice as large.
+LARGEST = 0.6
+BUBBLE = 0.8
 
+# Length [m] by which a dimension, or an extension line, may go on beyond their crossing.
 OVERSHOOT = 0.4
-"""Length [m] by which a dimension, or an extension line, may go on beyond their crossing."""
 
+# Least area [m²] of a plan in a frame, as in a hall there may be tables.
 LEAST_PLAN = 20.0
-"""Least area [m²] of a plan in a frame, as in a hall there may be tables."""
 
-ASIDE, THICKEST_WALL = 1.0, 0.3
-"""Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces."""
+# Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces.
+ASIDE = 1.0
+THICKEST_WALL = 0.3
 
+# Width [m] of the rim of a sheet in which the lines of a frame are.
 MARGIN = 0.6
-"""Width [m] of the rim of a sheet in which the lines of a frame are."""
 
 
 class _Markers(NamedTuple):
@@ -47,8 +49,8 @@ class _Markers(NamedTuple):
 
 ARROW, TICK, DOT, RING = range(4)
 
+# Place, size, direction, kind and segments of a marker.
 _Found = tuple[Float, float, Float, int, Int]
-"""Place, size, direction, kind and segments of a marker."""
 
 
 def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:

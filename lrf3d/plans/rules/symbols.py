@@ -12,22 +12,25 @@ from lrf3d.geometry.lines import Bool, Float, Int, cross, directions, lengths
 from lrf3d.plans.rules.sheet import THICKEST_WALL, is_annotation, is_aside, is_frame
 from lrf3d.world.pieces import connected, groups, members_of
 
-CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 150.0])
-"""Turn [rad] between two segments above which they are no chords of one arc; least and largest
-turn along the chords of a door's arc."""
+# Turn [rad] between two segments above which they are no chords of one arc; least and largest turn
+# along the chords of a door's arc.
+CORNER = np.radians(32.0)
+SWEEP = np.radians([40.0, 150.0])
 
-WIDTHS, NEAR, COVERED = (0.4, 1.7), 0.12, 0.3
-"""Least and largest width [m] of a leaf; how far it may be from hinge and arc, as a share of its
-width, as it has a thickness; and the share that a thick wall may cover."""
+# Least and largest width [m] of a leaf; how far it may be from hinge and arc, as a share of its
+# width, as it has a thickness; and the share that a thick wall may cover.
+WIDTHS = (0.4, 1.7)
+NEAR = 0.12
+COVERED = 0.3
 
+# Most arcs that are looked at.
 MOST_DOORS = 5000
-"""Most arcs that are looked at."""
 
+# Distance [m] within which a line runs along a doorway or a leaf.
 SIDE = 0.05
-"""Distance [m] within which a line runs along a doorway or a leaf."""
 
+# Number from which on parallels are a pattern.
 MOST_ALIKE = 5
-"""Number from which on parallels are a pattern."""
 
 
 class Door(NamedTuple):

@@ -24,15 +24,15 @@ from lrf3d.recordings.formats.run_file import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
 from lrf3d.recordings.log import Intake
 
+# Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since a
+# header may have thousands of columns.
 RECORDS = re.compile(
     rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
     rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,;]*+[,;])+?[^\w,;\[(]*+[\[(]"
 ).match
-"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
-a header may have thousands of columns."""
 
+# Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma.
 CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
-"""Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma."""
 
 
 def is_foreign(path: Path) -> bool:

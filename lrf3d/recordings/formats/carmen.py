@@ -36,11 +36,11 @@ from lrf3d.recordings.log import (
 )
 from lrf3d.robot import Trajectory
 
-_FAN, _POSE, _END = (
-    "type start fov step range_max accuracy mode n m ",
-    "x y theta ",
-    "time host end",
-)
+_FAN = "type start fov step range_max accuracy mode n m "
+_POSE = "x y theta "
+_END = "time host end"
+# The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
+# these. The last of scans without a pose are those of DP-SLAM.
 LAYOUTS = {
     b"FLASER": "n " + _POSE + "odom_x odom_y odom_theta " + _END,
     b"ROBOTLASER1": _FAN + _POSE + "robot_x robot_y robot_theta v w safety safety turn " + _END,
@@ -50,34 +50,32 @@ LAYOUTS = {
     b"TRUEPOS": _POSE + "odom_x odom_y odom_theta " + _END,
     b"Odometry": _POSE,
 }
-"""The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
-these. The last of scans without a pose are those of DP-SLAM."""
 
+# The numbers of the lasers of FLASER messages and their like.
 OLD = {b"FLASER": 1, b"RLASER": 2, b"LLASER": 3}
-"""The numbers of the lasers of FLASER messages and their like."""
 
+# Messages of lasers by their numbers.
 NUMBERED = re.compile(rb"(ROBOTLASER|RAWLASER)([1-9])").fullmatch
-"""Messages of lasers by their numbers."""
 
+# Scans without a pose: it is that of the odometry before it.
 RAW = (b"RAWLASER1", b"Laser")
-"""Scans without a pose: it is that of the odometry before it."""
 
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
+# Words that the end of a line may lack: the host, the stamp, and the pose by odometry.
 SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
-"""Words that the end of a line may lack: the host, the stamp, and the pose by odometry."""
 
+# What lines of such logs begin with.
 WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
     rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
 )
-"""What lines of such logs begin with."""
 
+# Millimetres of a unit of a telegram, by the bits of a float.
 SCALES = {b"3F800000": 1.0, b"40000000": 2.0}
-"""Millimetres of a unit of a telegram, by the bits of a float."""
 
+# How far a laser may stand from its robot's centre [m]: farther, the number is in other units.
 FARTHEST_LASER = 10.0
-"""How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
 
 
 def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:

@@ -27,8 +27,8 @@ from lrf3d.recordings.log import LARGEST_RANGE, LaserLog
 if TYPE_CHECKING:
     from lrf3d.simulation.run import Run
 
+# The host name in messages.
 HOST = "lrf3d"
-"""The host name in messages."""
 
 
 def write_carmen(run: "Run", path: Path) -> None:

@@ -32,14 +32,14 @@ from lrf3d.simulation.loop import Simulation, Step
 from lrf3d.simulation.recorder import Snapshots, fill_row, row_type
 from lrf3d.simulation.run import Run
 
+# Ending of the auxiliary file that stands next to a run until it is complete.
 JOURNAL = ".journal"
-"""Ending of the auxiliary file that stands next to a run until it is complete."""
 
+# Time between two flushes [s]: what a killed process loses at most.
 FLUSHED_EVERY = 2.0
-"""Time between two flushes [s]: what a killed process loses at most."""
 
+# Room for the state of NumPy's default generator as JSON, which takes some 150 bytes.
 RNG_BYTES = 256
-"""Room for the state of NumPy's default generator as JSON, which takes some 150 bytes."""
 
 
 @stoppable()

@@ -39,15 +39,16 @@ from lrf3d.world.materials import material_of, material_value
 if TYPE_CHECKING:
     from lrf3d.simulation.loop import Simulation
 
+# Least size [bytes] of an array that is mapped; smaller ones are read and checked.
 MAPPED = 1 << 26
-"""Least size [bytes] of an array that is mapped; smaller ones are read and checked."""
 
+# Largest size [bytes] that the packed arrays of a file may unpack to; ours are not packed.
 MOST_PACKED = 1 << 29
-"""Largest size [bytes] that the packed arrays of a file may unpack to; ours are not packed."""
 
+# Size [bytes] of the header of a member of a zip file, without its name and its extra fields.
 _LOCAL_HEADER = 30
-"""Size [bytes] of the header of a member of a zip file, without its name and its extra fields."""
 
+# Exceptions of reading a damaged file.
 DAMAGES = (
     OSError,
     ValueError,
@@ -61,7 +62,6 @@ DAMAGES = (
     struct.error,
     tokenize.TokenError,
 )
-"""Exceptions of reading a damaged file."""
 
 Array = NDArray[np.generic]
 
@@ -137,14 +137,14 @@ def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
 
 VERSION = 2
 
+# What a file holds of each map snapshot, in the order of `LineMap.of_codes`.
 _MAP = ("segments", "objects", "points", "codes")
-"""What a file holds of each map snapshot, in the order of `LineMap.of_codes`."""
 
+# What a file holds of the robot's motion at each scan, where it is known.
 _MOTION = ("motions", "wheels")
-"""What a file holds of the robot's motion at each scan, where it is known."""
 
+# What a file holds of an estimated trajectory.
 _ESTIMATE = tuple(each.name for each in fields(EstimatedTrajectory))
-"""What a file holds of an estimated trajectory."""
 
 
 def save_run(run: Run, path: str | Path) -> None:
@@ -270,13 +270,13 @@ def run_path(path: str | Path) -> Path:
     raise InputError(f"{file}: no such file; {mend}")
 
 
+# What a folder is that holds such a file and no run.
 _OTHERS = {
     "sweep.jsonl": "a sweep",
     "runs.csv": "a sweep",  # Of jobs, whose rows are in files of their own.
     "metadata.yaml": "a ROS 2 bag",
     "map.geojson": "a map that was made from a log",
 }
-"""What a folder is that holds such a file and no run."""
 
 
 def _run(arrays: dict[str, Any]) -> Run:

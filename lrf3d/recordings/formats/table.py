@@ -17,6 +17,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.recordings.formats.text.fans import FANS, front_ends
 from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
 
+# What columns hold, and their units; the first one is that of lrf3d.
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -27,14 +28,14 @@ ROLES = {
     "dtheta": ANGLES, "left": COUNTS, "right": COUNTS, "ranges": LENGTHS, "angles": ANGLES,
     "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS, "nanosec": COUNTS,
 }  # fmt: skip
-"""What columns hold, and their units; the first one is that of lrf3d."""
 
+# Numbers that a format or a recording may give, and their units.
 SETTINGS = {
     "first": ANGLES, "last": ANGLES, "step": ANGLES, "tick": LENGTHS, "track": LENGTHS,
     "offset": LENGTHS,
 }  # fmt: skip
-"""Numbers that a format or a recording may give, and their units."""
 
+# Words for columns in headers, and for arrays.
 SYNONYMS = {
     "stamp": "stamp time timestamp datetime t ts sec secs seconds zeit temps",
     "nanosec": "nanosec nanosecs nsec nsecs", "x": "x px posx",
@@ -46,23 +47,24 @@ SYNONYMS = {
     "ranges": "ranges range r distances distance dist d scan laser lidar readings"
     " abstand entfernung",
 }  # fmt: skip
-"""Words for columns in headers, and for arrays."""
 
+# Fields of ROS messages that are settings, or hold something else than their words say.
 MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": "step"}
 OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
-"""Fields of ROS messages that are settings, or hold something else than their words say."""
 
-CUT, WHOLE = "...", "arrays are cut: ros2 topic echo --full-length prints them whole"
-"""What stands for the elements that ``ros2 topic echo`` leaves out, and what to do."""
+# What stands for the elements that ``ros2 topic echo`` leaves out, and what to do.
+CUT = "..."
+WHOLE = "arrays are cut: ros2 topic echo --full-length prints them whole"
 
+# Words of columns that are no poses, though they have an x and a y, or that count.
 FOREIGN = set(
     "acceleration accel acc velocity vel twist gyro covariance id idx index number nr count".split()
 )
-"""Words of columns that are no poses, though they have an x and a y, or that count."""
 
-FAR, ROOM = 100.0, 1500.0
-"""In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
-the second."""
+# In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
+# the second.
+FAR = 100.0
+ROOM = 1500.0
 
 
 def meaning(name: str) -> tuple[str, str]:

@@ -22,44 +22,48 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
 
+# Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
+# [rad/s] where there is more than a second between them; all else is a jump.
 FASTEST = 3.0
-"""Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
-[rad/s] where there is more than a second between them; all else is a jump."""
 
+# Factor on the usual speed up to which a step is no jump.
 FASTER = 3.0
-"""Factor on the usual speed up to which a step is no jump."""
 
-OUT, BACK = 0.25, 0.3
-"""Least step to a corrupted line [m], [rad], and largest share of it that remains at the next
-line."""
+# Least step to a corrupted line [m], [rad], and largest share of it that remains at the next line.
+OUT = 0.25
+BACK = 0.3
 
+# Share of lines that must have a stamp of their own, for stamps to be of any use.
 STAMPED = 0.25
-"""Share of lines that must have a stamp of their own, for stamps to be of any use."""
 
-PAIRS, LEAST_PAIRS = 200, 20
-"""Most and least pairs of scans whose turns are found, those that turn most."""
+# Most and least pairs of scans whose turns are found, those that turn most.
+PAIRS = 200
+LEAST_PAIRS = 20
 
-LEAST_TURN, MOST_DISTANCE = 0.01, 0.5
-"""Least turn [rad] and largest distance [m] of a pair by odometry, so that much of one scan shows
-in the other. Residuals beyond the turn count linearly."""
+# Least turn [rad] and largest distance [m] of a pair by odometry, so that much of one scan shows in
+# the other. Residuals beyond the turn count linearly.
+LEAST_TURN = 0.01
+MOST_DISTANCE = 0.5
 
+# Covariance of the window that is searched for the turn of a pair.
 PAIR = np.diag([0.1**2, 0.1**2, 0.2**2])
-"""Covariance of the window that is searched for the turn of a pair."""
 
-LAGS, LATEST = np.array([-1.0, 2.0]), np.array([-0.5, 0.5])
-"""Bounds of the lag, in lines and [s], whichever is wider."""
+# Bounds of the lag, in lines and [s], whichever is wider.
+LAGS = np.array([-1.0, 2.0])
+LATEST = np.array([-0.5, 0.5])
 
-SURE, SURE_OF_POSES = 1.3, 3.0
-"""Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs it is by
-1.7 and more; between two lines the noise of both cancels in part, which looks like a lag of 1.1.
-Poses that are not found but believed move only if it is 3 times higher: odometry of a second's
-interval looks early by 1.8."""
+# Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs it is by
+# 1.7 and more; between two lines the noise of both cancels in part, which looks like a lag of 1.1.
+# Poses that are not found but believed move only if it is 3 times higher: odometry of a second's
+# interval looks early by 1.8.
+SURE = 1.3
+SURE_OF_POSES = 3.0
 
+# Lag of the scans [s] that is reported: by more than that maps of fast turns are blurred.
 LATE = 0.03
-"""Lag of the scans [s] that is reported: by more than that maps of fast turns are blurred."""
 
+# Factor by which turns must fit better in another sense or unit, for the odometry to be in it.
 CLEARLY = 3.0
-"""Factor by which turns must fit better in another sense or unit, for the odometry to be in it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,8 @@ from lrf3d.slam.places.place_search import EVEN, KnownPlaces, PlaceSearch
 from lrf3d.slam.pose_graph import edges_of, optimised
 from lrf3d.slam.revisits import OFF
 
+# Standard deviations of key scans of a map relative to their neighbours [m], [rad].
 STEP = np.array([0.01, 0.01, 0.003])
-"""Standard deviations of key scans of a map relative to their neighbours [m], [rad]."""
 
 
 @dataclass(frozen=True, eq=False)

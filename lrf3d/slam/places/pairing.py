@@ -31,9 +31,9 @@ from lrf3d.world import World
 
 STRATEGIES = ("seen-objects-first", "all")
 
+# Largest squared Mahalanobis distance of a pair, with two degrees of freedom: it rejects one true
+# pair in a thousand.
 GATE = 13.8
-"""Largest squared Mahalanobis distance of a pair, with two degrees of freedom: it rejects one true
-pair in a thousand."""
 
 
 class LocalLines(NamedTuple):

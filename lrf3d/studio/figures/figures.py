@@ -35,13 +35,16 @@ from lrf3d.studio.figures.sheet import (
 from lrf3d.studio.scene.stage.structures import Sight
 from lrf3d.world import World
 
+# Room around all panels, for labels, headline and legend [inches].
 AROUND = np.array([0.9, 1.6])
-"""Room around all panels, for labels, headline and legend [inches]."""
 
-NEW, OLD, WRONG, NEAR = "#d6361f", "#2f6fb3", "#7a3fb0", 6.0
-"""Colours of what the worst stretch of a drive saw, of what other passes saw, and of refused
-closures and of Embree's answer where it is not the exact one; key scans of other passes up to this
-far from the stretch [m] are drawn."""
+# Colours of what the worst stretch of a drive saw, of what other passes saw, and of refused
+# closures and of Embree's answer where it is not the exact one; key scans of other passes up to
+# this far from the stretch [m] are drawn.
+NEW = "#d6361f"
+OLD = "#2f6fb3"
+WRONG = "#7a3fb0"
+NEAR = 6.0
 
 
 class PlanShown(Protocol):

@@ -30,29 +30,36 @@ from lrf3d.world import World
 
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
 
-INSIDE, POINT = "#eef0f3", "#6f7986"
-"""Colours of what walls enclose, and of returns."""
+# Colours of what walls enclose, and of returns.
+INSIDE = "#eef0f3"
+POINT = "#6f7986"
 
+# How true walls are drawn under a map.
 BELOW: dict[str, Any] = {"color": "#c3c8d0", "linewidth": 1.0}
-"""How true walls are drawn under a map."""
 
-BEAM, HIT, PATH, ROBOT = "#f2a03d", "#d6361f", "#2f6fb3", "#16324f"
-"""Colours of beams, of their returns, of the robot's path and of the robot."""
+# Colours of beams, of their returns, of the robot's path and of the robot.
+BEAM = "#f2a03d"
+HIT = "#d6361f"
+PATH = "#2f6fb3"
+ROBOT = "#16324f"
 
-CLOSED, DROPPED = "#0b8a5f", "#d6361f"
-"""Colours of loop closures, and of those that were dropped."""
+# Colours of loop closures, and of those that were dropped.
+CLOSED = "#0b8a5f"
+DROPPED = "#d6361f"
 
+# Glass is dashed and mirrors are dash-dotted, in worlds and in maps.
 DASHES = {"glass": (0.0, (2.2, 1.6)), "mirror": (0.0, (5.0, 1.6, 1.0, 1.6))}
-"""Glass is dashed and mirrors are dash-dotted, in worlds and in maps."""
 
+# Reflection points drawn at most: more would only make the picture slower.
 MOST_POINTS = 200_000
-"""Reflection points drawn at most: more would only make the picture slower."""
 
-FEW_POSES, FEW_OBJECTS = 6, 9
-"""Up to this number of poses and objects, each is drawn with its name, as in Fig. 5 of Teslić."""
+# Up to this number of poses and objects, each is drawn with its name, as in Fig. 5 of Teslić.
+FEW_POSES = 6
+FEW_OBJECTS = 9
 
-FIGURE, PICTURE = 6.4, 4.8
-"""Width of a new figure, and the longer side of a value's picture in a notebook [inches]."""
+# Width of a new figure, and the longer side of a value's picture in a notebook [inches].
+FIGURE = 6.4
+PICTURE = 4.8
 
 
 def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: Any) -> Axes:
@@ -236,8 +243,8 @@ def png(value: World | LineMap | LaserScan | Run) -> bytes:
     return file.getvalue()
 
 
+# What draws the picture of a value, by its type.
 _PLOTS: dict[type, Callable[..., Any]] = {World: world, LineMap: map, LaserScan: scan, Run: run}
-"""What draws the picture of a value, by its type."""
 
 
 def _axes(ax: Axes | None) -> Axes:

@@ -13,17 +13,20 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from lrf3d.base.errors import OutputError
 from lrf3d.base.files import as_path, replacing
 
-INK, FAINT, GRID, SPINE = "#20262e", "#68727f", "#e8ebef", "#c9ced6"
-"""Colours of titles and walls, of small text, of the grid, and of the frame around axes."""
+# Colours of titles and walls, of small text, of the grid, and of the frame around axes.
+INK = "#20262e"
+FAINT = "#68727f"
+GRID = "#e8ebef"
+SPINE = "#c9ced6"
 
+# Colours of the modes of the mapper: the default is warm.
 MODE_COLOURS = {"robust": "#d6361f", "paper": "#2f6fb3"}
-"""Colours of the modes of the mapper: the default is warm."""
 
+# Sharp on screens and in print, at some 1500 pixels across.
 DOTS_PER_INCH = 150
-"""Sharp on screens and in print, at some 1500 pixels across."""
 
+# Free border inside axes, as a part of their size.
 MARGIN = 0.04
-"""Free border inside axes, as a part of their size."""
 
 
 def sheet(width: float, height: float, title: str = "", words: str = "") -> Figure:

@@ -19,6 +19,7 @@ from lrf3d.studio.figures.sheet import (
     sheet,
 )
 
+# What the panels show: a measure, its name, and what its values are multiplied by.
 PANELS = (
     ("length_f1", "length F1", 1.0),
     ("segment_f1", "segment F1", 1.0),
@@ -27,11 +28,11 @@ PANELS = (
     ("segment_ratio", "segments by visible walls", 1.0),
     ("object_ratio", "map objects by visible objects", 1.0),
 )
-"""What the panels show: a measure, its name, and what its values are multiplied by."""
 
-STYLES, WIDE_RATIO = ("-", "--", ":", "-."), 8.0
-"""Line styles for the values of the other varied setting, as colours stand for mappers; and the
-ratio of values from which on their axis is logarithmic."""
+# Line styles for the values of the other varied setting, as colours stand for mappers; and the
+# ratio of values from which on their axis is logarithmic.
+STYLES = ("-", "--", ":", "-.")
+WIDE_RATIO = 8.0
 
 
 def draw_sweep(

@@ -12,18 +12,24 @@ from PIL import Image
 
 from lrf3d.geometry.lines import Float
 
-VERTICES, INDICES, KEYS = 34962, 34963, None
-"""What an array is for, as the format numbers it; keys of animations have no number."""
+# What an array is for, as the format numbers it; keys of animations have no number.
+VERTICES = 34962
+INDICES = 34963
+KEYS = None
 
-TRIANGLES, LINES = 4, 1
-"""What the corners of a part make up."""
+# What the corners of a part make up.
+TRIANGLES = 4
+LINES = 1
 
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
-_CLAMP, _LINEAR, _MIPMAPS = 33071, 9729, 9987
+_CLAMP = 33071
+_LINEAR = 9729
+_MIPMAPS = 9987
 
-_UNLIT, _ALIGNMENT = "KHR_materials_unlit", 4
-"""The extension of all materials, and the bytes that the start of every array is a multiple of."""
+# The extension of all materials, and the bytes that the start of every array is a multiple of.
+_UNLIT = "KHR_materials_unlit"
+_ALIGNMENT = 4
 
 
 class Document:

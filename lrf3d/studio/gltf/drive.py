@@ -25,17 +25,21 @@ from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
 from lrf3d.studio.scene.stage.structures import panes_of
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
+# A look that nothing is made larger for, to be seen from far away.
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
-"""A look that nothing is made larger for, to be seen from far away."""
 
-_OFF_WALL, _AHEAD = 0.02, np.array([2.0, 0.0, 0.0])
-"""How far hits lie before their walls, so that both never share a pixel, and how far ahead of the
-robot its camera looks [m]."""
+# How far hits lie before their walls, so that both never share a pixel, and how far ahead of the
+# robot its camera looks [m].
+_OFF_WALL = 0.02
+_AHEAD = np.array([2.0, 0.0, 0.0])
 
-_TRAIL_WIDTH, _LIFT, _PIECE_ERROR, _LEAST = 0.045, 0.005, 0.03, 1e-3
-"""Width of trails; how far the estimated one lies over the true one, and its ellipses over that;
-largest error of a straight piece, and its least length, as of a robot that turns on the spot, which
-is the least half axis of an ellipse, too [m]."""
+# Width of trails; how far the estimated one lies over the true one, and its ellipses over that;
+# largest error of a straight piece, and its least length, as of a robot that turns on the spot,
+# which is the least half axis of an ellipse, too [m].
+_TRAIL_WIDTH = 0.045
+_LIFT = 0.005
+_PIECE_ERROR = 0.03
+_LEAST = 1e-3
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:

@@ -20,12 +20,16 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.marks import DrawnMap
 from lrf3d.studio.scene.stage.stage import Stage
 
-_STEPS, _COARSE, _LEAST_SURE = 12, 4, 0.05
-"""Steps in which a run's world is lit, the side of the squares in which the ground is [cells], and
-from which surety on."""
+# Steps in which a run's world is lit, the side of the squares in which the ground is [cells], and
+# from which surety on.
+_STEPS = 12
+_COARSE = 4
+_LEAST_SURE = 0.05
 
-_STEP, _STEP_INDOOR, _MOST_PIECES = 3.2, 0.8, 60_000
-"""Sides of the pieces that walls are lit in [m], which are longer where there would be more."""
+# Sides of the pieces that walls are lit in [m], which are longer where there would be more.
+_STEP = 3.2
+_STEP_INDOOR = 0.8
+_MOST_PIECES = 60_000
 
 
 def add_stage(document: Document, stage: Stage, drawn: DrawnMap) -> None:

@@ -17,9 +17,11 @@ from lrf3d.simulation.scenario import Scenario
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
 
-TURN_RATE, _RAMP, _LONGEST_STEP = 1.5, 0.25, 0.1
-"""Fastest turn [rad/s]; time from standing to full speed, and back; and the longest step of the
-drive [s], so that the robot does not jump after a delay."""
+# Fastest turn [rad/s]; time from standing to full speed, and back; and the longest step of the
+# drive [s], so that the robot does not jump after a delay.
+TURN_RATE = 1.5
+_RAMP = 0.25
+_LONGEST_STEP = 0.1
 
 
 class HandDrive(Timeline):

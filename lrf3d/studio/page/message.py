@@ -19,15 +19,15 @@ from lrf3d.studio.scene.look import LEAST_SCALE, PLAN_BACK
 from lrf3d.studio.scene.shapes import Faces, Mark
 from lrf3d.studio.scene.stage.stage import Stage
 
+# The shaders that the page draws with, which it compiles when they are first used.
 _PROGRAMS = (
     "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
     "ground:PLAN", "ground:MIRRORED", "sky", "soft", "lines", "points",
     "points:GLOW_ROUND",
 )  # fmt: skip
-"""The shaders that the page draws with, which it compiles when they are first used."""
 
+# How something is drawn, and its arrays by name, in the order of the shader's locations.
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
-"""How something is drawn, and its arrays by name, in the order of the shader's locations."""
 
 
 def part_of(mark: Mark | Faces) -> Part:

@@ -19,12 +19,13 @@ from lrf3d.studio.page.message import Part, Sender, as_bytes, stage_message, tim
 from lrf3d.studio.page.server import PAGE, page_text
 from lrf3d.studio.page.shown import Shown, Wanted
 
+# The pictures that cameras are recorded for: the page fits the nearer one into its own.
 _SIZES = {"wide": (1280.0, 720.0), "tall": (720.0, 1280.0)}
-"""The pictures that cameras are recorded for: the page fits the nearer one into its own."""
 
-_SHARES, _FAR = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32), 500.0
-"""Steps in one of the first-seen times: a thousandth of the run is less than a moment; and the size
-[m] from which on numbers take four bytes: two are within a centimetre up to there."""
+# Steps in one of the first-seen times: a thousandth of the run is less than a moment; and the size
+# [m] from which on numbers take four bytes: two are within a centimetre up to there.
+_SHARES = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32)
+_FAR = 500.0
 
 
 def page_file(run: Run, *, every: int = 1) -> bytes:

@@ -32,14 +32,17 @@ from lrf3d.studio.page.hand_drive import HandDrive
 from lrf3d.studio.page.message import stage_message
 from lrf3d.studio.page.shown import Shown, Wanted
 
-PORT, MESSAGE_SIZE = 8080, 10_000
-"""The port that is tried if none is given, and the longest message [bytes] from a page, whose own
-have some hundred."""
+# The port that is tried if none is given, and the longest message [bytes] from a page, whose own
+# have some hundred.
+PORT = 8080
+MESSAGE_SIZE = 10_000
 
-_STEP, _PATIENCE = 1.0 / 30.0, 60.0
-"""Least time between two answers to a page that drives, and how long a page may take to load a file
-[s]."""
+# Least time between two answers to a page that drives, and how long a page may take to load a file
+# [s].
+_STEP = 1.0 / 30.0
+_PATIENCE = 60.0
 
+# Headers of all answers: no other site may frame the page or load its files.
 GUARDS = {
     "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; object-src 'none'",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -48,13 +51,12 @@ GUARDS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-"""Headers of all answers: no other site may frame the page or load its files."""
 
+# The files of the page.
 PAGE = Path(__file__).parent / "static"
-"""The files of the page."""
 
+# Makes what one page shows: each has its own.
 Make = Callable[[], Shown]
-"""Makes what one page shows: each has its own."""
 
 
 def run_view(run: Run, playback: float | None) -> Make:

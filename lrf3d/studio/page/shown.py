@@ -24,6 +24,7 @@ from lrf3d.studio.scene.shapes import Lens
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.timeline import Moment, Timeline
 
+# The least and the largest of the numbers that a page sends.
 _LIMITS = {
     "time": (-1e9, 1e9),
     "width": (16, 8192),
@@ -32,11 +33,11 @@ _LIMITS = {
     "turn": (-1.0, 1.0),
     "drive": (0, 1e9),
 }
-"""The least and the largest of the numbers that a page sends."""
 
-_PLAN_WIDTH, _TURN_STEP = 0.3, 0.05
-"""Width of the plan in the corner, as a share of the shorter side of the picture, and half the time
-[s] over which the turn is measured."""
+# Width of the plan in the corner, as a share of the shorter side of the picture, and half the time
+# [s] over which the turn is measured.
+_PLAN_WIDTH = 0.3
+_TURN_STEP = 0.05
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,10 @@ from lrf3d.studio.scene.look import (
     ROOF_SHARE,
 )
 
-NEAREST, _SLANT = 0.05, 0.35
-"""Depth [m] from which on walls are drawn, and how coarse copies of the ground's picture are, in
-lengths of a pixel: it is seen at a slant."""
+# Depth [m] from which on walls are drawn, and how coarse copies of the ground's picture are, in
+# lengths of a pixel: it is seen at a slant.
+NEAREST = 0.05
+_SLANT = 0.35
 
 
 class Surfaces(NamedTuple):

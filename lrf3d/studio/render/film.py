@@ -26,23 +26,30 @@ from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.world.cameras import check_view
 
+# How far past its end a run can still be looked at [s], as sums of steps are rounded.
 SLACK = 1e-6
-"""How far past its end a run can still be looked at [s], as sums of steps are rounded."""
 
-_INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
-"""Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
-those of the picture, and the least side [pixels]."""
+# Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
+# those of the picture, and the least side [pixels].
+_INSET = 0.25
+_WIDEST = 0.34
+_LEAST_SIDE = 30
 
-_LINE, _LESSER, _GAP = 1.36, 0.8, 16
-"""Height of a line in letters, the size of all lines but the first, and the free border round text
-and the inset [pixels of 720 lines]."""
+# Height of a line in letters, the size of all lines but the first, and the free border round text
+# and the inset [pixels of 720 lines].
+_LINE = 1.36
+_LESSER = 0.8
+_GAP = 16
 
-_LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
-"""Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
-that would cover more of the height of a picture, is left out."""
+# Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
+# that would cover more of the height of a picture, is left out.
+_LEAST_SCALE = 0.47
+_LEAST_LETTER = 6.5
+_MOST_COVERED = 0.5
 
-_DARKEST, _SHADED = 0.74, 1.6
-"""How much the picture is darkened in the corner under text, and how far, in the text's size."""
+# How much the picture is darkened in the corner under text, and how far, in the text's size.
+_DARKEST = 0.74
+_SHADED = 1.6
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,11 @@ from typing import Any
 
 from lrf3d.base.errors import MissingLibraryError
 
+# Commands that install OpenGL on a bare Debian or Ubuntu, as no wheel does, and a software driver,
+# where the libraries are there but nothing draws.
 _INSTALL = "apt-get install -y --no-install-recommends"
 INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
 DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
-"""Commands that install OpenGL on a bare Debian or Ubuntu, as no wheel does, and a software driver,
-where the libraries are there but nothing draws."""
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 

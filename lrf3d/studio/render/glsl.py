@@ -17,9 +17,10 @@ from lrf3d.studio.scene.shapes import Faces, GroundPicture, Mark
 
 _SHADERS = Path(__file__).parent / "shaders"
 
-LAND_REACH, GREY = 3000.0, np.array([0.3, 0.55, 0.15])
-"""How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
-weights of red, green and blue in brightness."""
+# How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
+# weights of red, green and blue in brightness.
+LAND_REACH = 3000.0
+GREY = np.array([0.3, 0.55, 0.15])
 
 
 def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:

@@ -30,9 +30,12 @@ from lrf3d.studio.scene.shapes import (
 )  # fmt: skip
 from lrf3d.studio.scene.stage.stage import Stage
 
-_LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6
-"""Offset of translucent faces towards the eye from what they lie on; depth of the near plane;
-tolerance within which a hit of a ray is a mirror [m]; and the most openings and panes in a ray."""
+# Offset of translucent faces towards the eye from what they lie on; depth of the near plane;
+# tolerance within which a hit of a ray is a mirror [m]; and the most openings and panes in a ray.
+_LIFTED = 0.02
+_NEAR = 0.2
+_AT_MIRROR = 0.03
+_MOST_LAYERS = 6
 
 
 class _Canvas(NamedTuple):

@@ -32,9 +32,10 @@ from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Mark, Pixels
 from lrf3d.studio.scene.stage.stage import Stage
 
-_FRAMES_A_WORKER, _WAIT = 20, 0.1
-"""A process that draws fewer frames than this takes longer to start than it saves; and how often it
-is checked whether the film is to be stopped [s]."""
+# A process that draws fewer frames than this takes longer to start than it saves; and how often it
+# is checked whether the film is to be stopped [s].
+_FRAMES_A_WORKER = 20
+_WAIT = 0.1
 
 
 class Job(NamedTuple):

@@ -21,25 +21,29 @@ from lrf3d.studio.scene.stage.stage import triangles
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-_DARK, _SHADOW, _LIFT = (0.02, 0.03, 0.05), (0.35, 0.40), 0.01
-"""Colour of shadows and of the rim of a dart; width of the soft edge of a body's shadow [m], its
-darkness, and its height above ground [m]."""
+# Colour of shadows and of the rim of a dart; width of the soft edge of a body's shadow [m], its
+# darkness, and its height above ground [m].
+_DARK = (0.02, 0.03, 0.05)
+_SHADOW = (0.35, 0.40)
+_LIFT = 0.01
 
-_RADIUS, _LEAST_RADIUS = 0.27, 0.05
-"""Radius of the part of the usual robot that casts a shadow, and that of smaller robots, also of
-points, as drawn [m]."""
+# Radius of the part of the usual robot that casts a shadow, and that of smaller robots, also of
+# points, as drawn [m].
+_RADIUS = 0.27
+_LEAST_RADIUS = 0.05
 
+# Colours of dynamic obstacles: strong, and none is the robot's orange.
 _OBSTACLE_COLOURS = np.array(
     [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
 )
-"""Colours of dynamic obstacles: strong, and none is the robot's orange."""
 
-_FOOT, _LEAST = 0.10, 0.3
-"""Height of the foot of an obstacle [m], and the least half size of one from above, in darts, so
-that it can be seen."""
+# Height of the foot of an obstacle [m], and the least half size of one from above, in darts, so
+# that it can be seen.
+_FOOT = 0.10
+_LEAST = 0.3
 
+# Corners (6, 2) of the triangles of the robot as seen from above.
 _DART = DART[[0, 1, 2, 0, 2, 3]]
-"""Corners (6, 2) of the triangles of the robot as seen from above."""
 
 
 def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) -> Faces:

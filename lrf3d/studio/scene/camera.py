@@ -17,14 +17,20 @@ from lrf3d.studio.scene.look import SECTION, Rig
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
-STEP, _SMOOTH, _FOLLOW, _STRAY, AIM = 0.04, 0.7, 0.15, 0.3, 0.35
-"""Times of the film [s] between the points of a smoothed path, and over which turns and places are
-smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m], and
-the height of the robot's middle [m]."""
+# Times of the film [s] between the points of a smoothed path, and over which turns and places are
+# smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m],
+# and the height of the robot's middle [m].
+STEP = 0.04
+_SMOOTH = 0.7
+_FOLLOW = 0.15
+_STRAY = 0.3
+AIM = 0.35
 
-_LOW, _BODY, _STEEPEST = 1.0, 0.1, float(np.radians(60.0))
-"""The eye looks over walls up to the first height [m], so that the robot is seen above the second
-height, and how steeply an eye then looks down at the most [rad]."""
+# The eye looks over walls up to the first height [m], so that the robot is seen above the second
+# height, and how steeply an eye then looks down at the most [rad].
+_LOW = 1.0
+_BODY = 0.1
+_STEEPEST = float(np.radians(60.0))
 
 
 @dataclass(frozen=True, slots=True)

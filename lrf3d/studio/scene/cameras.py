@@ -21,53 +21,72 @@ from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
 
+# The chase camera in rooms with mirrors: it is low, and walls are not cut, so mirrors show the
+# robot.
 _CHASE_MIRRORS = Rig(3.4, 15.0, 56.0, -0.25)
-"""The chase camera in rooms with mirrors: it is low, and walls are not cut, so mirrors show the
-robot."""
 
-_TURN, PHASE = np.radians(9.0), -2.2
-"""Angle of an orbit per second of the film [rad/s], and where it stands at first [rad]."""
+# Angle of an orbit per second of the film [rad/s], and where it stands at first [rad].
+_TURN = np.radians(9.0)
+PHASE = -2.2
 
-_FIRST_FIELD, _FIRST_UP, _FIRST_OVER = float(np.radians(62.0)), 0.09, 0.36
-"""Angle of view from the top of the robot [rad], how much it looks up, as a slope, and how far over
-the laser the eye is [m], above the bands of the map."""
+# Angle of view from the top of the robot [rad], how much it looks up, as a slope, and how far over
+# the laser the eye is [m], above the bands of the map.
+_FIRST_FIELD = float(np.radians(62.0))
+_FIRST_UP = 0.09
+_FIRST_OVER = 0.36
 
-_FREE_ABOVE, _FREE_BELOW, CARD, _FILL, _LONG = 0.05, 0.06, 0.10, 0.94, 1.2
-"""Shares of the picture's height that are free above the whole, and below for text, more for a
-card; the share of what is left that the world fills; and how many times as long as wide a world is
-that is turned to fit better."""
+# Shares of the picture's height that are free above the whole, and below for text, more for a card;
+# the share of what is left that the world fills; and how many times as long as wide a world is that
+# is turned to fit better.
+_FREE_ABOVE = 0.05
+_FREE_BELOW = 0.06
+CARD = 0.10
+_FILL = 0.94
+_LONG = 1.2
 
-_FIELD, _TOP_FIELD = float(np.radians(34.0)), float(np.radians(3.0))
-"""Angles of view of an overview and from straight above [rad], where rays are nearly parallel, so
-that no wall leans over the map."""
+# Angles of view of an overview and from straight above [rad], where rays are nearly parallel, so
+# that no wall leans over the map.
+_FIELD = float(np.radians(34.0))
+_TOP_FIELD = float(np.radians(3.0))
 
+# Where an overview may stand [rad]: the sun shines on the sides of houses that are seen.
 _SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
-"""Where an overview may stand [rad]: the sun shines on the sides of houses that are seen."""
 
-_DRIFT, _LONGEST = np.radians(1.2), 20.0
-"""Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
-after its middle: long films do not end at the back."""
+# Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
+# after its middle: long films do not end at the back.
+_DRIFT = np.radians(1.2)
+_LONGEST = 20.0
 
-OPENING, CLOSING = 1.6, 6.0
-"""How long a story shows the robot before the run starts and the whole after it has ended [s of the
-film]."""
+# How long a story shows the robot before the run starts and the whole after it has ended [s of the
+# film].
+OPENING = 1.6
+CLOSING = 6.0
 
-SHOTS, _SHOT, HELD = ("chase", "rise", "close", "high"), 4.8, 3.2
-"""Shots of the run, in their order, about how long each is, and how long the finished map and its
-card are held at the end [s of the film]."""
+# Shots of the run, in their order, about how long each is, and how long the finished map and its
+# card are held at the end [s of the film].
+SHOTS = ("chase", "rise", "close", "high")
+_SHOT = 4.8
+HELD = 3.2
 
-_FIRST, _DARK, _DARK_TURN, _INTO_STREETS = 2.6, Rig(2.9, 13.0, 46.0, -0.25), 0.7, np.radians(25.0)
-"""Time after the start in which the first scan is seen [s of the film]; how the eye looks at the
-robot in the dark, and how far that turns round it [rad]; and how much steeper it looks down on its
-way to where the whole is seen from [rad]: into streets, over the houses beside the robot."""
+# Time after the start in which the first scan is seen [s of the film]; how the eye looks at the
+# robot in the dark, and how far that turns round it [rad]; and how much steeper it looks down on
+# its way to where the whole is seen from [rad]: into streets, over the houses beside the robot.
+_FIRST = 2.6
+_DARK = Rig(2.9, 13.0, 46.0, -0.25)
+_DARK_TURN = 0.7
+_INTO_STREETS = np.radians(25.0)
 
-_ABOVE, _ABOVE_TURN, _SHARE = Rig(92.0, 66.0, 40.0), 0.5, 0.6
-"""Where a rising shot ends, over the robot, what share of the robot's turns it follows, and how far
-off shots from above are at the most, as a share of the distance from which the whole is seen."""
+# Where a rising shot ends, over the robot, what share of the robot's turns it follows, and how far
+# off shots from above are at the most, as a share of the distance from which the whole is seen.
+_ABOVE = Rig(92.0, 66.0, 40.0)
+_ABOVE_TURN = 0.5
+_SHARE = 0.6
 
-_CLOSE, _CLOSE_SIDES, _HIGH = Rig(4.6, 20.0, 42.0, -0.35), 6, Rig(64.0, 68.0, 34.0)
-"""How a shot from near looks at the robot, from how many sides it may begin, and how a shot from
-high up does."""
+# How a shot from near looks at the robot, from how many sides it may begin, and how a shot from
+# high up does.
+_CLOSE = Rig(4.6, 20.0, 42.0, -0.35)
+_CLOSE_SIDES = 6
+_HIGH = Rig(64.0, 68.0, 34.0)
 
 
 def chase(timeline: Timeline, structures: Structures) -> Tracked:

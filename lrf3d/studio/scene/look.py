@@ -11,82 +11,103 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.world import World
 
+# Direction to the brightest part of the sky, of unit length.
 SUN = np.array([0.33, -0.37, 0.868])
-"""Direction to the brightest part of the sky, of unit length."""
 
+# How bright a wall or roof is everywhere, how much brighter the more it looks at the sun, and what
+# is left of that at its foot.
 WALL_LIGHT = (0.72, 0.24, 0.80)
-"""How bright a wall or roof is everywhere, how much brighter the more it looks at the sun, and what
-is left of that at its foot."""
 
-CLAY, OWN_SHARE = np.array([0.90, 0.885, 0.86]), 0.25
-"""Colour of walls, and the share that colours of their own have in those of a town: off-white clay,
-so that strong colours belong to the laser and the map."""
+# Colour of walls, and the share that colours of their own have in those of a town: off-white clay,
+# so that strong colours belong to the laser and the map.
+CLAY = np.array([0.90, 0.885, 0.86])
+OWN_SHARE = 0.25
 
-HAZE, ZENITH = (0.055, 0.078, 0.125), (0.039, 0.055, 0.09)
-"""Colours of what is far away, and of the sky overhead."""
+# Colours of what is far away, and of the sky overhead.
+HAZE = (0.055, 0.078, 0.125)
+ZENITH = (0.039, 0.055, 0.09)
 
+# What black becomes where no beam has been: a model at night.
 NIGHT_LOW = (0.039, 0.059, 0.094)
-"""What black becomes where no beam has been: a model at night."""
 
-EMBER, EMBER_SHARE = (1.0, 0.749, 0.451), (0.45, 0.16, 0.72)
-"""Colour of fresh light; the share of the surface that it covers, what it adds to black, and what
-it adds for the brightness of the surface: pure mixing is brown mud, pure adding burns out."""
+# Colour of fresh light; the share of the surface that it covers, what it adds to black, and what it
+# adds for the brightness of the surface: pure mixing is brown mud, pure adding burns out.
+EMBER = (1.0, 0.749, 0.451)
+EMBER_SHARE = (0.45, 0.16, 0.72)
 
-DAWN, FALL, LEAST_FALL = 0.6, 0.04, 0.30
-"""Time in which a place becomes lit [s of the film]; how light fades with the height [1/m], and its
-least share."""
+# Time in which a place becomes lit [s of the film]; how light fades with the height [1/m], and its
+# least share.
+DAWN = 0.6
+FALL = 0.04
+LEAST_FALL = 0.30
 
-MAP_SHARE, MAP_LIGHT, ROOF_SHARE = 0.84, (0.26, 1.10), 0.30
-"""Share of the map's colour in a mapped wall, how bright that is on black and on white, and its
-share in a roof."""
+# Share of the map's colour in a mapped wall, how bright that is on black and on white, and its
+# share in a roof.
+MAP_SHARE = 0.84
+MAP_LIGHT = (0.26, 1.10)
+ROOF_SHARE = 0.30
 
-CLIMB, FRONT = 14.0, 1.6
-"""Speed at which the map's colour climbs a wall [m/s of the film], and how high its bright front is
-[m]."""
+# Speed at which the map's colour climbs a wall [m/s of the film], and how high its bright front is
+# [m].
+CLIMB = 14.0
+FRONT = 1.6
 
-PEEP, VEIL_SHARE = 0.10, 0.80
-"""Radius of the opening round the robot in what hides it, as a share of the distance, and the share
-of the walls that is left out there."""
+# Radius of the opening round the robot in what hides it, as a share of the distance, and the share
+# of the walls that is left out there.
+PEEP = 0.10
+VEIL_SHARE = 0.80
 
-LAMP, REFLECTED = 0.28, (0.70, 0.78, 0.90)
-"""Opacity of a scan's light on the ground at the robot, and what mirrors leave of light."""
+# Opacity of a scan's light on the ground at the robot, and what mirrors leave of light.
+LAMP = 0.28
+REFLECTED = (0.70, 0.78, 0.90)
 
-OUTLINE, OUTLINE_STRENGTH, PANE = (0.435, 0.561, 0.769), 0.42, 0.10
-"""Colour and opacity of the edges of houses, and the opacity of panes of glass."""
+# Colour and opacity of the edges of houses, and the opacity of panes of glass.
+OUTLINE = (0.435, 0.561, 0.769)
+OUTLINE_STRENGTH = 0.42
+PANE = 0.10
 
-PALE_OBJECT, PALE_FROM = (0.765, 0.812, 0.886), 0.4
-"""Colour of the object that has more than this share of a map's length: the walls of a house that
-hold everything else."""
+# Colour of the object that has more than this share of a map's length: the walls of a house that
+# hold everything else.
+PALE_OBJECT = (0.765, 0.812, 0.886)
+PALE_FROM = 0.4
 
+# How bright a body is everywhere, how much brighter in the sun, and on what looks up.
 BODY_LIGHT = (0.70, 0.30, 0.06)
-"""How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
 
+# Share of opacity that walls that were never seen lose as they turn to glass, of haze's colour.
 GHOST_STRENGTH = 0.86
-"""Share of opacity that walls that were never seen lose as they turn to glass, of haze's colour."""
 
+# Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
+# the map.
 SECTION = 0.8
-"""Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
-the map."""
 
-GROUND_SHARPNESS, POINT_HALO, POINT_HALO_STRENGTH = 0.6, 2.6, 0.34
-"""By how much finer copies of the ground's picture are taken, as streets are seen at a slant; the
-size of the bloom round a hit point, in its diameters, and its opacity at the point."""
+# By how much finer copies of the ground's picture are taken, as streets are seen at a slant; the
+# size of the bloom round a hit point, in its diameters, and its opacity at the point.
+GROUND_SHARPNESS = 0.6
+POINT_HALO = 2.6
+POINT_HALO_STRENGTH = 0.34
 
-TRAIL_COLOUR, TRAIL_HEIGHT = (1.0, 0.702, 0.353), 0.015
-"""Colour of the robot's trail, and its height over the ground [m]."""
+# Colour of the robot's trail, and its height over the ground [m].
+TRAIL_COLOUR = (1.0, 0.702, 0.353)
+TRAIL_HEIGHT = 0.015
 
-ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
-"""Colour of the estimated trail, and opacity of the ellipses that it leaves behind."""
+# Colour of the estimated trail, and opacity of the ellipses that it leaves behind.
+ESTIMATE_COLOUR = (0.93, 0.09, 0.60)
+ESTIMATE_FADED = 0.45
 
-PLAN_BACK, EXPLORED, LEAST_SCALE = (11, 16, 26), (0.153, 0.204, 0.294), 0.62
-"""Colour of the inset where nothing is known, 0…255, and of what was seen in it; lines and points
-are at least this number of times their size at 720 lines."""
+# Colour of the inset where nothing is known, 0…255, and of what was seen in it; lines and points
+# are at least this number of times their size at 720 lines.
+PLAN_BACK = (11, 16, 26)
+EXPLORED = (0.153, 0.204, 0.294)
+LEAST_SCALE = 0.62
 
-INSET_WHOLE, INSET_FOLLOWED = 1400.0, 110.0
-"""The largest world [m] that the inset shows whole, and what it shows of a larger one."""
+# The largest world [m] that the inset shows whole, and what it shows of a larger one.
+INSET_WHOLE = 1400.0
+INSET_FOLLOWED = 110.0
 
-ROBOT, DART = (0.98, 0.46, 0.06), np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
-"""Colour of the robot, and its outline (4, 2) as seen from above, heading along x."""
+# Colour of the robot, and its outline (4, 2) as seen from above, heading along x.
+ROBOT = (0.98, 0.46, 0.06)
+DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 
 
 class Rig(NamedTuple):
@@ -147,12 +168,12 @@ ROOMS = Setting(
 )  # fmt: skip
 
 
+# Colours of mirrors, glass and retro-reflectors that have none of their own.
 MATERIAL_COLOURS = {
     "mirror": (0.80, 0.85, 0.90),
     "glass": (0.62, 0.82, 0.86),
     "retro": (0.93, 0.80, 0.22),
 }
-"""Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
 
 def object_colours(world: World, *, indoor: bool) -> Float:

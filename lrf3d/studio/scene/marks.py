@@ -20,19 +20,22 @@ from lrf3d.studio.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.studio.scene.stage.structures import FARTHEST, Structures, folded
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, interpolated
 
+# Colours of hit points from near to far.
 RANGE_COLOURS = np.array([[1.0, 0.95, 0.80], [1.0, 0.74, 0.42], [0.95, 0.50, 0.22]])
-"""Colours of hit points from near to far."""
 
+# Intensities from which hit points have the last and the first colour where these are shown, in
+# steps of factors.
 _INTENSITIES = 1e-4, 1.0
-"""Intensities from which hit points have the last and the first colour where these are shown, in
-steps of factors."""
 
-_POINT_SIZE, _POINT_PIXELS = 0.08, (2.6, 8.0)
-"""Diameter of a hit point [m], and its limits in a picture of 720 lines [pixels]."""
+# Diameter of a hit point [m], and its limits in a picture of 720 lines [pixels].
+_POINT_SIZE = 0.08
+_POINT_PIXELS = (2.6, 8.0)
 
-_LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE = 60, float(np.radians(28.0)), 0.33
-"""About how many beams light the ground, the angle over which that ends at the sides of the field
-of view [rad], and how far it goes, in the reach of beams."""
+# About how many beams light the ground, the angle over which that ends at the sides of the field of
+# view [rad], and how far it goes, in the reach of beams.
+_LAMP_BEAMS = 60
+_LAMP_SIDE = float(np.radians(28.0))
+_LAMP_SHARE = 0.33
 
 
 def draw_beams(
@@ -212,16 +215,19 @@ def _object_colours(run: Run, objects: Int) -> Float:
     return colours
 
 
-_WIDTH, _RING_WIDTH, _FRESH, _OLD = 3.4, 1.6, 0.95, 0.35
-"""Widths of trails and of the outlines of ellipses [pixels of 720 lines], and the opacity of the
-trail where the robot is, and long after."""
+# Widths of trails and of the outlines of ellipses [pixels of 720 lines], and the opacity of the
+# trail where the robot is, and long after.
+_WIDTH = 3.4
+_RING_WIDTH = 1.6
+_FRESH = 0.95
+_OLD = 0.35
 
-MOST_KEPT, CORNERS = 40, 48
-"""Most ellipses that stay along the path, as more would be one band; and corners of one as drawn.
-"""
+# Most ellipses that stay along the path, as more would be one band; and corners of one as drawn.
+MOST_KEPT = 40
+CORNERS = 48
 
+# What legends call the trail of where the robot was.
 TRUTH = "truth"
-"""What legends call the trail of where the robot was."""
 
 
 def believed(estimate: EstimatedTrajectory) -> str:

@@ -33,40 +33,50 @@ from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of, panes_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys
 
+# What can be left out of a picture; what is left out costs nothing.
 LAYERS = (
     "outlines", "shadow", "goal", "trail", "estimate", "lamp", "beams", "map", "points", "marker",
     "inset", "hud",
 )  # fmt: skip
-"""What can be left out of a picture; what is left out costs nothing."""
 
+# Further marks of films and pages, by the names of their layers, over those of a scene. Enter what
+# returns a mark in the film's frame for a scene and a moment, or None.
 MARKS: dict[str, Callable[["Scene", Moment], Mark | None]] = {}
-"""Further marks of films and pages, by the names of their layers, over those of a scene. Enter what
-returns a mark in the film's frame for a scene and a moment, or None."""
 
+# Where a robot is to arrive: x, y and radius [m].
 Goal = tuple[float, float, float]
-"""Where a robot is to arrive: x, y and radius [m]."""
 
-_WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
-"""How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
-hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
-away, but not where the map is laid over all."""
+# How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would hide
+# them; and by how much their depth gains with their distance [m/m], as depths are coarser far away,
+# but not where the map is laid over all.
+_WALL_NEARER = 0.12
+_ON_TOP = 1e6
+_SLACK = 0.002
 
-_MAP_WIDTH, _PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN, _PLAN_SHAPES = 4.0, 2.6, 0.034, 4.0, (0.22, 1.6)
-"""Widths of the map as lines from above and in the plan [pixels of 720 lines]; the robot's size, as
-a share of what the plan shows; the plan's least size [m], as there may be no wall; and limits of
-its height, in its width."""
+# Widths of the map as lines from above and in the plan [pixels of 720 lines]; the robot's size, as
+# a share of what the plan shows; the plan's least size [m], as there may be no wall; and limits of
+# its height, in its width.
+_MAP_WIDTH = 4.0
+_PLAN_WIDTH = 2.6
+_DART_SHARE = 0.034
+_LEAST_PLAN = 4.0
+_PLAN_SHAPES = (0.22, 1.6)
 
+# By what the colour of beams is multiplied, laser by laser.
 _LASER_TINTS = np.array(
     [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
 )
-"""By what the colour of beams is multiplied, laser by laser."""
 
-_TRAIL_FADE, _HITS_FADE, _OLD_SCANS = 15.0, 2.5, 8
-"""Times of the film [s] in which the trail and hits fade, and the most scans that these are of."""
+# Times of the film [s] in which the trail and hits fade, and the most scans that these are of.
+_TRAIL_FADE = 15.0
+_HITS_FADE = 2.5
+_OLD_SCANS = 8
 
-_HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS = 0.8, 0.05, (2.0, 4.0)
-"""Opacity of hits at first, their size [m], and the smallest and largest in a picture of 720 lines
-[pixels]."""
+# Opacity of hits at first, their size [m], and the smallest and largest in a picture of 720 lines
+# [pixels].
+_HITS_STRENGTH = 0.8
+_HIT_SIZE = 0.05
+_HIT_PIXELS = (2.0, 4.0)
 
 
 class Scene:

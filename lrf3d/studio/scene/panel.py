@@ -16,16 +16,22 @@ from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
 from lrf3d.studio.scene.timeline import Moment
 
+# What a panel may say: all numbers, or three facts.
 PANELS = ("full", "short")
-"""What a panel may say: all numbers, or three facts."""
 
-_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (184, 196, 216)
-"""Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
-colours of the first line and of the others, 0…255."""
+# Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
+# colours of the first line and of the others, 0…255.
+_SIZE = 30.0
+_FULL_SIZE = 19.0
+_INK = (236, 240, 247)
+_PALE = (184, 196, 216)
 
-_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 4.0, 3, 0.1, 0.5
-"""Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
-loss; a wall is found if the map lies within a distance [m] of it along a share of its length."""
+# Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
+# loss; a wall is found if the map lies within a distance [m] of it along a share of its length.
+_REFLECTION_TIME = 4.0
+_DROPPED = 3
+_FOUND = 0.1
+_FOUND_SHARE = 0.5
 
 
 def _caption(run: Run, moment: Moment, shot: str) -> str:
@@ -51,9 +57,9 @@ def _caption(run: Run, moment: Moment, shot: str) -> str:
     return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
 
+# Shots whose caption counts walls, and all shots of the film's own cameras.
 _WALLS = ("rise", "whole", "end")
 _SHOTS = ("wave", "chase", "close", "high", *_WALLS)
-"""Shots whose caption counts walls, and all shots of the film's own cameras."""
 
 
 def _reflected(run: Run, moment: Moment) -> str:

@@ -13,14 +13,18 @@ from lrf3d.studio.scene.stage.structures import Sight
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-_STANDING, _GLIDE_KEYS, _SET_DOWN = 0.75, 24, 5e-4
-"""Share of the time between two stops that the robot stands and scans; keys between two stops,
-enough for a soft start and end; and half the time [s] in which it is set down behind a wall."""
+# Share of the time between two stops that the robot stands and scans; keys between two stops,
+# enough for a soft start and end; and half the time [s] in which it is set down behind a wall.
+_STANDING = 0.75
+_GLIDE_KEYS = 24
+_SET_DOWN = 5e-4
 
-_STOP_GAP, _FASTEST, _SPEED_STEP = 1.0, 1000.0, 0.05
-"""Scans farther apart in time [s] are stops and not a drive; a robot that went faster [m/s] was set
-down elsewhere; and half the time [s] over which the speed is measured: shorter shows the joints of
-the path."""
+# Scans farther apart in time [s] are stops and not a drive; a robot that went faster [m/s] was set
+# down elsewhere; and half the time [s] over which the speed is measured: shorter shows the joints
+# of the path.
+_STOP_GAP = 1.0
+_FASTEST = 1000.0
+_SPEED_STEP = 0.05
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,22 +34,24 @@ from lrf3d.world.pieces import (
 )
 from lrf3d.world.schema import MOST_OBJECTS, parse_colour
 
+# Height of a storey [m], for buildings with only a number of levels.
 LEVEL_HEIGHT = 3.0
-"""Height of a storey [m], for buildings with only a number of levels."""
 
+# Default height of a building [m]: two storeys and a roof.
 DEFAULT_BUILDING_HEIGHT = 8.0
-"""Default height of a building [m]: two storeys and a roof."""
 
-CLOSING, STRAIGHT = 0.05, 0.01
-"""Widest gap [m] between footprints that touch, as surveys leave hairline gaps; largest distance
-[m] from a straight façade of a corner that is left out."""
+# Widest gap [m] between footprints that touch, as surveys leave hairline gaps; largest distance [m]
+# from a straight façade of a corner that is left out.
+CLOSING = 0.05
+STRAIGHT = 0.01
 
+# How often an outline may cross itself; surveyors let it cross once or twice.
 MOST_CROSSINGS = 200
-"""How often an outline may cross itself; surveyors let it cross once or twice."""
 
+# Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
-"""Mean radius of the Earth [m]."""
 
+# Metres in the units of heights.
 UNITS = {
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
     **dict.fromkeys(("ft", "foot", "feet", "'", "′"), 0.3048),
@@ -59,7 +61,6 @@ UNITS = {
     "km": 1e3,
     "yd": 0.9144,
 }
-"""Metres in the units of heights."""
 
 _LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
 
@@ -67,8 +68,8 @@ FLAT = frozenset(
     "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
     " power place parking public_transport".split()
 )
+# Properties of roads, water and land, on which nothing stands; and of what is built.
 STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
-"""Properties of roads, water and land, on which nothing stands; and of what is built."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,11 +41,11 @@ from lrf3d.world.towns.features import (
     world_of_features,
 )
 
+# EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart.
 DEGREES = {"4326", "4258", "4269"}
-"""EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
 
+# EPSG's codes of the zones of UTM, by WGS 84 and ETRS89.
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
-"""EPSG's codes of the zones of UTM, by WGS 84 and ETRS89."""
 
 
 def read_geojson(path: Path) -> World:
@@ -127,6 +127,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
+# Messages for other kinds of JSON with coordinates, by type.
 _FOREIGN = {
     **dict.fromkeys(
         ("CityJSON", "CityJSONFeature"),
@@ -135,7 +136,6 @@ _FOREIGN = {
     "elements": "JSON of Overpass, which is not read; ask it for [out:xml], and name that .osm",
     "Topology": "TopoJSON, which is not read; make GeoJSON of it, as by `topo2geo`",
 }
-"""Messages for other kinds of JSON with coordinates, by type."""
 
 
 def write_geojson(world: World, path: Path) -> None:

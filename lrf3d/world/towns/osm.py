@@ -37,13 +37,13 @@ from lrf3d.world.towns.features import (
     world_of_features,
 )
 
+# Height [m] of a tree of which nothing is given: one along a street, some decades old.
 DEFAULT_TREE = 8.0
-"""Height [m] of a tree of which nothing is given: one along a street, some decades old."""
 
+# A node without a number, as within a relation, is named by its place.
 Tags = dict[str, str]
 Place = tuple[float, float]
 Node = int | Place
-"""A node without a number, as within a relation, is named by its place."""
 
 
 def read_osm(path: Path, *, trees: bool = False) -> World:

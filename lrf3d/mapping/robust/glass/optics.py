@@ -40,20 +40,23 @@ from lrf3d.mapping.robust.glass.surfaces import (
 )
 from lrf3d.mapping.robust.walls import Walls
 
-LEAST_VOTES, FLASH_VOTES, MOST_VOTES = 2.0, 8.0, 50.0
-"""[votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
-metal flash, while an image gives one; and number of observations that a line is averaged over."""
+# [votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
+# metal flash, while an image gives one; and number of observations that a line is averaged over.
+LEAST_VOTES = 2.0
+FLASH_VOTES = 8.0
+MOST_VOTES = 50.0
 
+# [cosine] Largest angle between two observations of one line.
 SAME_COSINE = np.cos(np.radians(2.0))
-"""[cosine] Largest angle between two observations of one line."""
 
+# The votes for a line.
 VOTES = record(
     total=float, new=float,  # in all, and since the line was looked at
     last=float,  # the number of the last one
     kind=int,  # what the line was found to be
 )  # fmt: skip
-"""The votes for a line."""
 
+# A beam of a kept scan.
 RAY = record(
     ux=float, uy=float,  # the unit vector of the beam
     range=float,  # [m] 0 where nothing returned
@@ -64,10 +67,9 @@ RAY = record(
     first=float,  # [m] how far it goes to the first known glass or mirror
     direct=float,  # 1 if it ended where it went to, and no mirror turned it
 )  # fmt: skip
-"""A beam of a kept scan."""
 
+# [scans] Scans kept: at least the last 80 m of a drive. Mirrors found before remain.
 MOST_SCANS = 160
-"""[scans] Scans kept: at least the last 80 m of a drive. Mirrors found before remain."""
 
 
 class LitScans:

@@ -21,37 +21,42 @@ from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BI
 from lrf3d.mapping.robust.rays import forget_hits
 from lrf3d.mapping.robust.walls import Walls
 
+# Patches of a block, two cells wide. A return counts in the four around it: within 0.1 m.
 PATCHES = SIDE * SIDE // 4
-"""Patches of a block, two cells wide. A return counts in the four around it: within 0.1 m."""
 
+# What the rays of kept scans showed of a patch.
 PATCH = record(
     returns=float, lights=float,  # the number of returns, and of those with a reflectance
     total=float, squares=float,  # the sum of these, and that of their squares
 )  # fmt: skip
-"""What the rays of kept scans showed of a patch."""
 
+# [cosine] Above 75° from the normal glass reflects as much as it transmits: such beams show neither
+# glass nor mirrors.
 GRAZING = 0.26
-"""[cosine] Above 75° from the normal glass reflects as much as it transmits: such beams show
-neither glass nor mirrors."""
 
-IS_GLASS, IS_MIRROR = 1, 2
-"""Class of the pieces of a line, or 0."""
+# Class of the pieces of a line, or 0.
+IS_GLASS = 1
+IS_MIRROR = 2
 
-PIECE_LENGTH, PIECES = 0.25, 256
-"""[m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
-m."""
+# [m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
+# m.
+PIECE_LENGTH = 0.25
+PIECES = 256
 
+# [beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
+# contradicting beams outnumber supporting ones by this many.
 SEEN = 3
-"""[beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
-contradicting beams outnumber supporting ones by this many."""
 
-FLASH, DIM = 5.0, 0.04
-"""[usual light] Returns above the one are flashes, below the other dim. Diffuse walls reach 3 at
-most, glass some hundreds and, askew, about a hundredth."""
+# [usual light] Returns above the one are flashes, below the other dim. Diffuse walls reach 3 at
+# most, glass some hundreds and, askew, about a hundredth.
+FLASH = 5.0
+DIM = 0.04
 
-FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
-"""[cosine] Glass may flash at this incidence, and always does at the second."""
+# [cosine] Glass may flash at this incidence, and always does at the second.
+FLASHES = np.cos(0.04)
+FLASHING = np.cos(np.radians(0.55))
 
+# The rays that are counted at a piece of a line.
 COUNTS = record(
     shown=float, flashed=float,  # returns as of glass, and those of them that flash
     passed=float, missing=float,  # beams that passed, and those that would have flashed on glass
@@ -59,7 +64,6 @@ COUNTS = record(
     images=float, wrong=float,  # returns behind the line that are images, and others
     lit=float, alike=float,  # images of walls of known reflectance; as bright as a mirror's
 )  # fmt: skip
-"""The rays that are counted at a piece of a line."""
 
 
 @borrower

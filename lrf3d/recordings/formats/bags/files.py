@@ -22,15 +22,18 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
 from lrf3d.base.interrupts import check
 
+# Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
+# megabyte, some of a hundred.
 MOST_UNPACKED = 1 << 28
-"""Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
-megabyte, some of a hundred."""
 
+# Endings of the files of bags; the last one is that of ROS 1.
 FILES = (".mcap", ".db3", ".bag")
-"""Endings of the files of bags; the last one is that of ROS 1."""
 
-MCAP, SQLITE, OLD, ZSTD = b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n", b"(\xb5/\xfd"
-"""What files begin with; the last one is that of packed files and messages."""
+# What files begin with; the last one is that of packed files and messages.
+MCAP = b"\x89MCAP0\r\n"
+SQLITE = b"SQLite format 3\0"
+OLD = b"#ROSBAG V2.0\n"
+ZSTD = b"(\xb5/\xfd"
 
 
 class Topic(NamedTuple):
@@ -41,8 +44,8 @@ class Topic(NamedTuple):
     packing: str
 
 
+# A message: its topic, when it was received [ns], and its bytes; without these, a topic begins.
 Packet = tuple[Topic, int, bytes | None]
-"""A message: its topic, when it was received [ns], and its bytes; without these, a topic begins."""
 
 
 def bag_files(path: Path) -> list[Path]:

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int
 
+# A stamp earlier than the one before it by more than this [ns] begins another part of a recording:
+# messages that overtake each other differ by less.
 BACK = 1_000_000_000
-"""A stamp earlier than the one before it by more than this [ns] begins another part of a recording:
-messages that overtake each other differ by less."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,15 +16,15 @@ from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
 from lrf3d.recordings.formats.bags.frames import BACK, Frames, Part, Track, in_the_plane
 from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
 
+# Scans, and those of several echoes a beam, of which the first counts.
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
 SCANS = (SCAN, ECHOES)
-"""Scans, and those of several echoes a beam, of which the first counts."""
 
+# The types of messages that are read.
 POSE = "geometry_msgs/msg/PoseStamped"
 UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 OLD_TRANSFORMS = "tf/msg/tfMessage"
 TYPES = (*SCANS, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
-"""The types of messages that are read."""
 
 
 @dataclass(slots=True)
@@ -137,14 +137,15 @@ def _frame(name: str) -> str:
     return name.removeprefix("/")
 
 
+# Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane.
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
-"""Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
 
-BASE, DRIFTING = "base_link", "odom"
-"""Frames of the robot and of its odometry, as REP 105 calls them."""
+# Frames of the robot and of its odometry, as REP 105 calls them.
+BASE = "base_link"
+DRIFTING = "odom"
 
+# The pose of a laser that nothing is known of.
 STANDING = np.eye(4)
-"""The pose of a laser that nothing is known of."""
 
 
 def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:

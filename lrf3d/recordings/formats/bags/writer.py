@@ -38,9 +38,12 @@ from lrf3d.recordings.formats.bags.reader import missing_rosbags
 from lrf3d.simulation.run import Run
 from lrf3d.world import World
 
-CLOCK, GRID, LINES = "/clock", "/map", "/map_objects"
-"""The topics of the time, of the finished map as cells, and of the map as it grows as lines."""
+# The topics of the time, of the finished map as cells, and of the map as it grows as lines.
+CLOCK = "/clock"
+GRID = "/map"
+LINES = "/map_objects"
 
+# The topics of a bag and their types, but for those of the lasers.
 TOPICS = {
     STATIC_FRAMES: TRANSFORMS,
     GRID: "nav_msgs/msg/OccupancyGrid",
@@ -51,7 +54,6 @@ TOPICS = {
     "/ground_truth": ODOMETRY,
     "/imu": "sensor_msgs/msg/Imu",
 }
-"""The topics of a bag and their types, but for those of the lasers."""
 
 
 def write(run: Run, path: Path) -> None:

@@ -6,12 +6,12 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, sealed
 
+# First and last bearings [degrees] of usual range finders, by the number of their beams.
 FANS = {
     180: (-90, 89), 181: (-90, 90), 270: (-135, 134), 271: (-135, 135), 360: (0, 359),
     361: (-90, 90), 541: (-135, 135), 682: (-120, 120), 683: (-120, 120), 721: (-90, 90),
     1080: (-135, 135), 1081: (-135, 135), 1440: (0, 359.75),
 }  # fmt: skip
-"""First and last bearings [degrees] of usual range finders, by the number of their beams."""
 
 
 def front_fan(count: int, wide: float = np.pi) -> tuple[float, float]:

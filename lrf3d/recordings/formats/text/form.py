@@ -11,35 +11,36 @@ import numpy as np
 from lrf3d.base.errors import InputError
 from lrf3d.recordings.log import Intake
 
+# Most words of a line that holds no whole scan.
 SHORT = 6
-"""Most words of a line that holds no whole scan."""
 
+# Brackets and quotes, which lists of numbers stand in.
 BRACKETS = re.compile(r"""["'(){}\[\]]""")
-"""Brackets and quotes, which lists of numbers stand in."""
 
-JOINTS, QUOTED = re.compile(r"[\])}]:?\s*[\[({]"), re.compile(r'"(-?\d+),(\d+)"')
-"""Where lists follow each other, and quoted numbers with a decimal comma."""
+# Where lists follow each other, and quoted numbers with a decimal comma.
+JOINTS = re.compile(r"[\])}]:?\s*[\[({]")
+QUOTED = re.compile(r'"(-?\d+),(\d+)"')
 
+# Units in brackets after names in headers.
 UNITS = re.compile(r"(?<=\w)\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
-"""Units in brackets after names in headers."""
 
+# Matches a line of tuples; the first group is the first of them.
 NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
-"""Matches a line of tuples; the first group is the first of them."""
 
+# Times of day, with a date before them or without, and a zone or none.
 CLOCK = re.compile(
     r"(?<![\w.:-])(?:(\d{4})[-/](\d\d)[-/](\d\d)[T/ ]+)?(\d\d):(\d\d):(\d\d(?:\.\d*)?)"
     r"(?: ?Z| ?UTC|[-+]\d\d:?\d\d)?"
 )
-"""Times of day, with a date before them or without, and a zone or none."""
 
+# Matches numbers with a decimal comma.
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
-"""Matches numbers with a decimal comma."""
 
+# Numbers that have their names before them.
 LABELS = re.compile(r"(?<!\w)([A-Za-z_]\w*+)\s*+[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
-"""Numbers that have their names before them."""
 
+# A list that has its name before it.
 LISTED = re.compile(r"([A-Za-z_]\w*+)\s*+[:=]\s*+[\[(]([^\])]*)")
-"""A list that has its name before it."""
 
 
 class Form:

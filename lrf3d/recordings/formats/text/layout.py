@@ -25,21 +25,21 @@ from lrf3d.recordings.formats.text.form import (
 )
 from lrf3d.recordings.log import A_VALUE
 
+# Formats of known robots: MinesRover's ``.dat``, of encoders with 2,000 ticks a turn on wheels of
+# 77 mm, and a LEGO robot, whose scanner is turned by 4 degrees.
 PRESETS = {
     "minesrover": "stamp:us@1, left@3, right@4, ranges:mm*682@25, first=-120deg, last=120deg,"
     " tick=0.24190263mm, track=0.33m, offset=0.145m",
     "lego": "stamp:ms@2, ranges:mm@4, first=-120.0156deg, step=0.3515625deg",
 }
-"""Formats of known robots: MinesRover's ``.dat``, of encoders with 2,000 ticks a turn on wheels of
-77 mm, and a LEGO robot, whose scanner is turned by 4 degrees."""
 
+# Presets by the word that lines begin with and the number of their columns.
 MARKS = {("", 706): "minesrover", ("", 707): "minesrover", ("S", 663): "lego"}
-"""Presets by the word that lines begin with and the number of their columns."""
 
+# Matches one of a series of columns: its name, its number, and a unit.
 SERIES = re.compile(
     r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
 ).fullmatch
-"""Matches one of a series of columns: its name, its number, and a unit."""
 
 
 def preset_of(form: Form) -> str:

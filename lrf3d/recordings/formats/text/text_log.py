@@ -23,11 +23,11 @@ from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.layout import PRESETS, Layout, preset_of
 from lrf3d.recordings.log import Intake
 
+# The format of a LEGO robot's second file: the motors, named as the scans but for that word.
 MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
-"""The format of a LEGO robot's second file: the motors, named as the scans but for that word."""
 
+# Words in the names of files of poses, in place of one of the next in that of the scans.
 PARTNERS = "motors robot odometry odom poses pose trajectory groundtruth gt".split()
-"""Words in the names of files of poses, in place of one of the next in that of the scans."""
 
 SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 

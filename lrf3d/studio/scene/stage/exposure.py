@@ -21,6 +21,7 @@ from lrf3d.simulation.run import Run
 from lrf3d.studio.scene.shapes import single
 from lrf3d.studio.scene.stage.structures import FARTHEST, Structures, folded
 
+# A cell of the first-seen times.
 TIME = np.dtype(
     [
         ("seen", np.float32),  # When a beam first passed [lengths of the run].
@@ -29,24 +30,31 @@ TIME = np.dtype(
         ("delay", np.float32),  # Of the wave of light [s of the film].
     ]
 )
-"""A cell of the first-seen times."""
 
-_MOST_CELLS, _MOST_SCANS = 1_500_000, 1500
-"""Most cells, which are larger where there would be more; and most scans, of which longer runs are
-lit by every n-th: a film has no more frames."""
+# Most cells, which are larger where there would be more; and most scans, of which longer runs are
+# lit by every n-th: a film has no more frames.
+_MOST_CELLS = 1_500_000
+_MOST_SCANS = 1500
 
-_LONGEST_WAVE, _NEVER = 0.7, 9.0
-"""Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
-never seen [lengths of the run]."""
+# Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
+# never seen [lengths of the run].
+_LONGEST_WAVE = 0.7
+_NEVER = 9.0
 
-_SOFT, _SLOPE, _CLOSED, _COVERS, _TOLERANCE = 1.3, 5.0, 3, 3.2, 1.6
-"""How far times and rims, and the times of the map, are smoothed, how wide gaps between beams are
-closed, half the width of the strip in which a segment sets the time of its cells, and how far off
-it colours walls [cells]."""
+# How far times and rims, and the times of the map, are smoothed, how wide gaps between beams are
+# closed, half the width of the strip in which a segment sets the time of its cells, and how far off
+# it colours walls [cells].
+_SOFT = 1.3
+_SLOPE = 5.0
+_CLOSED = 3
+_COVERS = 3.2
+_TOLERANCE = 1.6
 
-_GAP, _BRIDGED, _MOVED = 0.3, 13, 1e-3
-"""Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
-the colour of the map [cells]. A robot that has moved by less [m, rad] sees nothing new."""
+# Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
+# the colour of the map [cells]. A robot that has moved by less [m, rad] sees nothing new.
+_GAP = 0.3
+_BRIDGED = 13
+_MOVED = 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)

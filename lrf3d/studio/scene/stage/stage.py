@@ -19,17 +19,19 @@ from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.studio.scene.stage.structures import Structures, filled_between
 
-_TOGETHER, _APART, _LEAST = 0.05, 0.004, 1e-7
-"""Length [m] over which two walls at one place are one; half the gap between both faces of a free
-wall [m], as a ray meets the one that looks at it; and the least area of a triangle [m²]: outlines
-that touch themselves have smaller ones."""
+# Length [m] over which two walls at one place are one; half the gap between both faces of a free
+# wall [m], as a ray meets the one that looks at it; and the least area of a triangle [m²]: outlines
+# that touch themselves have smaller ones.
+_TOGETHER = 0.05
+_APART = 0.004
+_LEAST = 1e-7
 
-STREET, PAVEMENT = 8.0, 1.7
-"""How far a street reaches past the houses of a town, and the width of the pavement round them [m].
-"""
+# How far a street reaches past the houses of a town, and the width of the pavement round them [m].
+STREET = 8.0
+PAVEMENT = 1.7
 
+# Colour of floors, whose tiles are a metre wide, with joints of a pixel.
 _FLOOR = np.array([1.0, 0.96, 0.90])
-"""Colour of floors, whose tiles are a metre wide, with joints of a pixel."""
 
 
 class Stage(NamedTuple):

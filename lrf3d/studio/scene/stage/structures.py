@@ -21,8 +21,8 @@ from lrf3d.studio.scene.look import ROOMS, SECTION, TOWN, Setting, object_colour
 from lrf3d.studio.scene.shapes import Lines, Soft, single
 from lrf3d.world import World
 
+# Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it.
 SIGHT_DISTANCE = 4000.0
-"""Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it."""
 
 
 class Sight(NamedTuple):
@@ -68,19 +68,27 @@ def _near(world: World, low: Float, high: Float) -> World:
     )
 
 
-INDOOR_HEIGHT, _DOOR, _ENCLOSED, _AS_HIGH = 3.5, 2.0, 0.9, 0.4
-"""Walls up to the first [m] are those of rooms. Half the width of openings in the walls of a hall
-[m], the share of all walls within, and how high they are, in the highest wall, at the least."""
+# Walls up to the first [m] are those of rooms. Half the width of openings in the walls of a hall
+# [m], the share of all walls within, and how high they are, in the highest wall, at the least.
+INDOOR_HEIGHT = 3.5
+_DOOR = 2.0
+_ENCLOSED = 0.9
+_AS_HIGH = 0.4
 
-_PROBE, _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 0.005, 1.1, 3.1, 0.4
-"""How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
-edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over it.
-"""
+# How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
+# edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over
+# it.
+_PROBE = 0.005
+_OUTLINE_WIDTH = 1.1
+_STOREY = 3.1
+_STOREY_STRENGTH = 0.4
 
-FARTHEST, _MOST_LEGS, _LEAST_LEG = 30.0, 9, 1e-9
-"""Range [m] up to which beams without a return light the ground, and from which hits have the last
-colour; legs of a beam, which casters turn up to eight times, and the shortest, as a share of the
-rest of its path: a beam does not meet the wall that it has just left."""
+# Range [m] up to which beams without a return light the ground, and from which hits have the last
+# colour; legs of a beam, which casters turn up to eight times, and the shortest, as a share of the
+# rest of its path: a beam does not meet the wall that it has just left.
+FARTHEST = 30.0
+_MOST_LEGS = 9
+_LEAST_LEG = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
