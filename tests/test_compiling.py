@@ -125,6 +125,22 @@ def test_a_kernel_is_compiled_once_for_all_numbers_and_then_found_on_disk(load):
     assert run(load()) == (25.0, False)
 
 
+@pytest.mark.parametrize(
+    "damaged",
+    [lambda data: b"", lambda data: data[: len(data) // 2], lambda data: data[:-1] + b"!",
+     lambda data: b"cos\nsystem\n(S'true'\ntR."],
+)  # fmt: skip
+def test_a_damaged_file_of_the_cache_is_compiled_again(load, damaged):
+    module = load()
+    run(module)
+    files = list(Path(module.whole._cache.cache_path).glob("*.nbc"))
+    assert files
+    for file in files:
+        file.write_bytes(damaged(file.read_bytes()))
+    assert run(load()) == (25.0, True)
+    assert run(load()) == (25.0, False)
+
+
 def test_each_kernel_has_the_same_stamp_in_each_process():
     # What cannot be described gets another description in each.
     stamps = "from test_kernel_results import kernels; from lrf3d.compiling.cache import stamp_of"

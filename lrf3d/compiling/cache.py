@@ -32,6 +32,9 @@ from lrf3d.base.files import replacing
 
 VERSIONS = (numba.__version__, np.__version__)
 
+# Size of the digest that begins a file [bytes].
+DIGEST_SIZE = 32
+
 # Kinds of functions and types that their names determine, at given versions of the packages.
 _NAMED = (type, BuiltinFunctionType, np.ufunc, type(np.where))
 
@@ -186,16 +189,27 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         # An installation that cannot be written may have come with its kernels.
         beside = Path(self._py_func.__code__.co_filename).parent / "__pycache__"
         for folder in (Path(self._cache_path), beside):
-            # Code that has moved to another module is the same code: its old home may be gone.
-            with suppress(OSError, ImportError):
-                return loads((folder / self._file_name(key)).read_bytes())
+            path = folder / self._file_name(key)
+            with suppress(OSError):
+                kept = path.read_bytes()
+                # A flipped bit of machine code would run: what is not whole is compiled again.
+                if kept[:DIGEST_SIZE] != sha256(kept[DIGEST_SIZE:]).digest():
+                    path.unlink()
+                    continue
+                # Code that has moved to another module is the same code: its old home may be gone.
+                with suppress(ImportError):
+                    return loads(kept[DIGEST_SIZE:])
         return None
 
     def save(self, key: str, data: Any) -> None:
-        """Save data under a key, and remove those of other stamps."""
+        """Save data under a key with its digest, and remove those of other stamps."""
         path = Path(self._cache_path) / self._file_name(key)
-        with replacing(path) as part:
-            part.write_bytes(dumps(data))
+        kernel = dumps(data)
+        with replacing(path) as part, open(part, "wb") as file:
+            file.write(sha256(kernel).digest() + kernel)
+            # A power failure must not leave a file whose contents were never written.
+            file.flush()
+            os.fsync(file.fileno())
         for old in path.parent.glob(f"{self._name_of_kernel()}-*.nbc"):
             if f"-{self._stamp}-" not in old.name:
                 old.unlink(missing_ok=True)
