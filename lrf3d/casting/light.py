@@ -15,7 +15,7 @@ from lrf3d.casting.kernels.echoes import (
     Lit,
     Receiver,
 )
-from lrf3d.casting.kernels.light import Optics, light_rays
+from lrf3d.casting.kernels.light import WallMaterials, light_rays
 from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
 from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry.lines import Float, Records, lengths
@@ -45,7 +45,7 @@ class Lighting:
         bright = np.array([_dullness(one) for one in rows])[kinds]
         dull = along * (bright / lengths(world.segments))[:, None]
         table = np.array(surfaces, SURFACE)
-        self._optics = Optics(world.segments, world.heights, kinds, table, dull)
+        self._optics = WallMaterials(world.segments, world.heights, kinds, table, dull)
 
     def empty(self, lrf: LaserRangeFinder, *count: int, chains: bool = False) -> Lit:
         """Arrays for the light of so many scans, or of layers, and for the walls on the path."""

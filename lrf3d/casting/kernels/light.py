@@ -47,7 +47,7 @@ COUNTS = ("turns", "count", "here", "passed")
 LEFT = record(**dict.fromkeys(NUMBERS, float), **dict.fromkeys(COUNTS, int))
 
 
-class Optics(NamedTuple):
+class WallMaterials(NamedTuple):
     """The walls (n,) of the world and their materials, of which the last is that of obstacles.
 
     Dull vectors (n, 2) lie along the walls that only scatter light, as long as these are bright
@@ -61,15 +61,15 @@ class Optics(NamedTuple):
     dull: Float
 
 
-class Scene(NamedTuple):
-    """What rays meet up to a reach [m]: walls in their tree, with their materials, and obstacles.
+class Surroundings(NamedTuple):
+    """What rays can hit up to a reach [m]: walls in their tree, their materials, and obstacles.
 
-    A side of an obstacle is named by its row, counted on from the walls. The robot's own is left
-    out, and so are obstacles that are lower than the laser.
+    The sides of obstacles are numbered on from the walls. The robot's own and those of obstacles
+    lower than the laser are left out.
     """
 
     tree: Tree
-    optics: Optics
+    optics: WallMaterials
     among: Movers
     own: int
     height: float
@@ -94,9 +94,9 @@ def light_rays(
     unit length, and have a height [m] and a rise (n, 2).
     """
     (plain_tree, plain_optics, plain_movers), (own, height, reach) = plain
-    optics = Optics(*plain_optics)
+    optics = WallMaterials(*plain_optics)
     among = anywhere(plain_movers)
-    scene = Scene(Tree(*plain_tree), optics, among, own, height, reach)
+    scene = Surroundings(Tree(*plain_tree), optics, among, own, height, reach)
     receiver = Receiver(*plain_receiver)
     lit = Lit(*plain_lit)
     # A ray that is taken makes room for one of the two that it leaves, so no more ever wait.
@@ -124,7 +124,7 @@ def light_rays(
 
 
 @borrower
-def _is_dull(optics: Optics, receiver: Receiver, ray: Any, i: int, lit: Lit) -> bool:
+def _is_dull(optics: WallMaterials, receiver: Receiver, ray: Any, i: int, lit: Lit) -> bool:
     """Whether a beam needs no more than the intensity of its wall, which is filled in."""
     short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 == lit.chains.shape[1]
     wall = lit.walls[i]
@@ -142,8 +142,8 @@ def _is_dull(optics: Optics, receiver: Receiver, ray: Any, i: int, lit: Lit) -> 
 
 @borrower
 def _follow(
-    scene: Scene, receiver: Receiver, start: Vector, first: tuple[float, int], room: Room, i: int,
-    lit: Lit,
+    scene: Surroundings, receiver: Receiver, start: Vector, first: tuple[float, int], room: Room,
+    i: int, lit: Lit,
 ) -> None:  # fmt: skip
     """Follow beam i, the first of the rays, from a place, and all that it leaves, to its echoes.
 
@@ -224,7 +224,7 @@ def _follow(
 
 
 @borrower
-def _wall_of(scene: Scene, name: int) -> Wall:
+def _wall_of(scene: Surroundings, name: int) -> Wall:
     """A wall, or a side of an obstacle, by its name."""
     walls = scene.optics.segments
     return (
@@ -234,7 +234,7 @@ def _wall_of(scene: Scene, name: int) -> Wall:
 
 @borrower
 def _next_wall(
-    scene: Scene, start: Vector, ray: Any, chain: Int, stack: Stack
+    scene: Surroundings, start: Vector, ray: Any, chain: Int, stack: Stack
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
     tree = scene.tree

@@ -12,11 +12,11 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
+from lrf3d.mapping.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, NoiseEstimate, in_world, pose_in, widen
 from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, LEAST, MOST_EXPLAINED, Cells, open_squares
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.links import close_corners, find_objects, link_walls
 from lrf3d.mapping.robust.merging import BEND, Rule, merge_walls
 from lrf3d.mapping.robust.pieces import FOLLOWED

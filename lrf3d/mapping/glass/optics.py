@@ -21,11 +21,7 @@ from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.compiling import record
 from lrf3d.geometry.lines import Bool, Float, Records, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
-from lrf3d.mapping.robust.beams import CELL, Beams
-from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
-from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
-from lrf3d.mapping.robust.glass.surfaces import (
+from lrf3d.mapping.glass.surfaces import (
     COUNTS,
     FLASH,
     IS_MIRROR,
@@ -38,6 +34,10 @@ from lrf3d.mapping.robust.glass.surfaces import (
     find_turned,
     turn_rays,
 )
+from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
+from lrf3d.mapping.robust.beams import CELL, Beams
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.walls import Walls
 
 # [votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
