@@ -1,7 +1,7 @@
 """Style: checks the limits that keep a function small and a name to one meaning.
 
-    scripts/style            names what is over a limit, as FILE:LINE: NAME: WHAT; the status is 1 then
-    scripts/style --rooms    the rooms of the package with their sizes in statements and files
+    scripts/style            prints what is over a limit as FILE:LINE: NAME: WHAT; the status is 1
+    scripts/style --rooms    prints the sizes of the rooms of the package in statements and files
 
 A limit may allow a number of exceptions, which only ever falls. A packed assignment, `a, b = 1, 2`,
 counts as many statements as it has targets, so that dense lines save nothing.

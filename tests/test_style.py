@@ -10,9 +10,8 @@ SOUND = "def double(x):\n    return 2 * x\n"
 LINE = "x = 1\n"
 PACKED = "def f():\n    a, b = 1, 2\n"
 BRANCHES = "def f(x):\n" + "    if x:\n        x -= 1\n" * 10
-NESTED = (
-    "def f(x):\n" + "".join("    " * k + "while x:\n" for k in range(1, 6)) + "    " * 6 + "x()"
-)
+LOOPS = "".join("    " * k + "while x:\n" for k in range(1, 6))
+NESTED = "def f(x):\n" + LOOPS + "    " * 6 + "x()"
 ARGUMENTS = "def f(self, a, b, c, d, *, e, f, g, h): ...\n"
 NAMES = "class Part: ...\nclass Part: ...\n"
 CASES = {

@@ -65,7 +65,7 @@ class ArcMotion(NamedTuple):
 
 
 class ClippedLine(NamedTuple):
-    """A segment: its start [m], unit vector and length [m], and the stretch on which contacts count."""
+    """A segment: start, unit vector, length [m], and from where to where on it contacts count."""
 
     x: float
     y: float
