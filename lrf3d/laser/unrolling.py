@@ -34,8 +34,8 @@ def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
         >>> drive = lrf3d.drive((0, 0, 0), 1.0, 1.0, duration=0.2)
         >>> run = lrf3d.simulate(wall, drive, lrf, rng=0)
         >>> scans = run.scan(0), unrolled(run.scan(0))
-        >>> [abs(scan.points()[:, 0] - 3).max().round(2) for scan in scans]
-        [0.22, 0.0]
+        >>> [float(abs(scan.points()[:, 0] - 3).max().round(2)) for scan in scans]
+        [0.45, 0.0]
     """
     motion = scan.motion if motion is None else motion
     if motion is None or scan.time_increment == 0.0 or not np.any(motion):
