@@ -127,10 +127,7 @@ class LaserScan(Value, Pictured):
         if turns.ndim != 1 or not turns.shape == distances.shape == met.shape:
             found = f"angles {turns.shape}, ranges {distances.shape} and walls {met.shape}"
             raise InputError(f"scan with {found}: expected one of each for every beam")
-        if not (inside := np.abs(turns) <= LARGEST_ANGLE).all():
-            beam = int(np.argmin(inside))
-            found = f"the angle {turns[beam]:g} of beam {beam}"
-            raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
+        _check_angles(turns)
         light = zip(LIGHT, (intensities, echoes, echo_intensities), strict=True)
         self.__dict__.update(
             {name: _of_beams(value, len(turns), name) for name, value in light},
@@ -264,6 +261,14 @@ class ScanBatch:
         known = [name for name in names if getattr(first, name) is not None]
         rows = {name: np.array([getattr(scan, name) for scan in scans]) for name in known}
         return cls(first.angles, range_min=first.range_min, range_max=first.range_max, **rows)
+
+
+def _check_angles(angles: Float) -> None:
+    inside = np.abs(angles) <= LARGEST_ANGLE
+    if not inside.all():
+        beam = int(np.argmin(inside))
+        found = f"the angle {angles[beam]:g} of beam {beam}"
+        raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
 
 
 def _within(ranges: Float, range_max: float) -> Float:
