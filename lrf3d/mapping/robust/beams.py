@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, RangeNoise
@@ -98,6 +98,12 @@ def plain(values: Float) -> Float:
     return np.array(values)
 
 
+@borrower
+def is_return(reach: float, range_max: float) -> bool:
+    """Whether a range [m] is that of a return."""
+    return 0.0 < reach <= range_max and reach < np.inf
+
+
 @inner
 def longest_loss(ranges: Float, range_max: float) -> int:
     """Longest run of missing returns that is attributed to lost beams.
@@ -108,8 +114,7 @@ def longest_loss(ranges: Float, range_max: float) -> int:
     returned = False
     for beam in range(len(ranges)):
         before = returned
-        reach = ranges[beam]
-        returned = reach > 0.0 and reach <= range_max and reach < np.inf
+        returned = is_return(ranges[beam], range_max)
         hits += returned
         gaps += before and not returned
     # [beams] Bounds on a run of missing returns attributed to lost beams. More ignores views
@@ -156,8 +161,14 @@ def measure_beams(
             # Nothing is known before what is too near, nor where any range may be measured.
             known = 0.0 < measured[beam] < MOST_RANGE
             ranges[beam] = measured[beam] if known else 0.0
-    for beam in range(count):
-        reach = ranges[beam]
+    _measure_deviations(noise, spread, beams)
+
+
+@inner
+def _measure_deviations(noise: RangeNoise, spread: tuple[float, float], beams: Beams) -> None:
+    """Fill in the standard deviations of the end points of beams."""
+    for beam in range(len(beams.ranges)):
+        reach = beams.ranges[beam]
         variance = noise.floor * noise.floor + (noise.growth * reach) * (noise.growth * reach)
         beams.deviations[beam] = np.sqrt(variance + (spread[0] + spread[1] * (reach * reach)))
 

@@ -77,21 +77,33 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
             put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
-                # A search of numpy's takes half a second to compile.
-                farthest = 0
-                for link in range(1, MOST_LINKS):
-                    farthest = link if lengths[link] > lengths[farthest] else farthest
+                farthest = _largest(lengths)
                 reach = lengths[farthest]
-        wall = walls.rows[rows[k]]
-        wall.links = 0
-        for place in range(found):
-            other = others[place]
-            if _joins(lines[place], own, walls.ends[other], cells):
-                link = walls.links[rows[k], wall.links]
-                link.wall = other
-                link.linked = walls.rows[other].linked
-                wall.links += 1
+        _keep_links(walls, cells, rows[k], others[:found], lines)
     _retest_links(walls, cells, lines[0])
+
+
+@borrower
+def _largest(values: Float) -> int:
+    """The index of the first of the largest values; a search of numpy's is slow to compile."""
+    largest = 0
+    for place in range(1, len(values)):
+        largest = place if values[place] > values[largest] else largest
+    return largest
+
+
+@inner
+def _keep_links(walls: Walls, cells: Cells, row: int, others: Int, lines: Float) -> None:
+    """Make those of the links (n,) of a wall to others that no beam has crossed."""
+    wall = walls.rows[row]
+    wall.links = 0
+    for place in range(len(others)):
+        other = others[place]
+        if _joins(lines[place], walls.ends[row], walls.ends[other], cells):
+            link = walls.links[row, wall.links]
+            link.wall = other
+            link.linked = walls.rows[other].linked
+            wall.links += 1
 
 
 @inner

@@ -27,6 +27,7 @@ from lrf3d.mapping.robust.walls import (
     count_evidence,
     end_of,
     give_back,
+    marked_rows,
     near,
     put_line,
     put_row,
@@ -142,7 +143,6 @@ def walls_to_refit(walls: Walls, cells: Cells, unowned: Int, merged: Int, tolera
     """
     _count_unowned_hits(walls, cells, unowned, tolerance)
     counters = walls.counters[0]
-    rows = np.empty(counters.taken, np.int64)
     marks = np.zeros(counters.taken, np.bool_)
     for k in range(len(merged)):
         marks[merged[k]] = True
@@ -158,12 +158,7 @@ def walls_to_refit(walls: Walls, cells: Cells, unowned: Int, merged: Int, tolera
         if walls.fits[counters.refit].points > 0:
             marks[counters.refit] = True
             break
-    count = 0
-    for row in range(counters.taken):
-        if marks[row] and walls.fits[row].points > 0:
-            rows[count] = row
-            count += 1
-    return rows[:count]
+    return marked_rows(walls, marks)
 
 
 @inner
@@ -197,7 +192,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
     Returns the rows of the walls that are new or have moved: they are to be linked, and may now
     merge with others.
     """
-    ends, fits, clusters, owners = parts
+    ends, fits, _, _ = parts
     old = np.concatenate((rows, gone))
     taken = np.zeros(len(old), np.bool_)
     places = np.full(len(ends), -1)
@@ -223,14 +218,21 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
             fresh[added] = row
             added += 1
             put_row(walls.placed, row, ends[part])
+    _assign_clusters(walls, cells, parts, places)
+    return fresh[:added]
+
+
+@borrower
+def _assign_clusters(walls: Walls, cells: Cells, parts: Parts, rows: Int) -> None:
+    """Give the clusters of parts to the rows (n,) of these; clusters of no part become free."""
+    _, _, clusters, owners = parts
     for k in range(len(clusters)):
         cluster = cells.clusters[clusters[k]]
         part = owners[k]
         cluster.owner_version = 0
         if part >= 0:
-            cluster.owner = places[part]
-            cluster.owner_version = walls.rows[places[part]].version
-    return fresh[:added]
+            cluster.owner = rows[part]
+            cluster.owner_version = walls.rows[rows[part]].version
 
 
 @borrower

@@ -28,6 +28,7 @@ from lrf3d.mapping.robust.walls import (
     along_of,
     end_of,
     give_back,
+    marked_rows,
     near,
     put_line,
     take_row,
@@ -74,24 +75,9 @@ def merge_walls(
             queue[top] = waiting[k]
             top += 1
     known = top
-    for k in range(len(new.ends)):
-        row = take_row(walls)
-        for side in range(4):
-            walls.ends[row, side] = new.ends[k, side] + place[side % 2]
-        walls.fits[row] = new.fits[k]
-        walls.fits[row].x += place[0]
-        walls.fits[row].y += place[1]
-        # Hide it from searches until all are compared: walls of one scan do not cover each other.
-        walls.fits[row].points *= -1
-        if _is_covered(walls, row, rule):
-            give_back(walls, row)
-        else:
-            queue[top] = row
-            top += 1
+    top = _add_walls(walls, new, place, rule, queue, known)
     for k in range(known, top):
         marks[queue[k]] = True
-        walls.fits[queue[k]].points *= -1
-        widen_box(walls, queue[k])
     turn = 0
     while turn < top:
         row = queue[turn]
@@ -111,13 +97,33 @@ def merge_walls(
         lost += 1
         queue[top] = kept
         top += 1
-    dirty = np.empty(len(queue), np.int64)
-    count = 0
-    for row in range(walls.counters[0].taken):
-        if marks[row] and walls.fits[row].points > 0:
-            dirty[count] = row
-            count += 1
-    return dirty[:count], gone[:lost]
+    return marked_rows(walls, marks), gone[:lost]
+
+
+@inner
+def _add_walls(
+    walls: Walls, new: LocalWalls, place: tuple[float, float], rule: Rule, queue: Int, top: int
+) -> int:
+    """Add the walls of a scan that no known walls cover, and queue their rows; returns the top."""
+    known = top
+    for k in range(len(new.ends)):
+        row = take_row(walls)
+        for side in range(4):
+            walls.ends[row, side] = new.ends[k, side] + place[side % 2]
+        walls.fits[row] = new.fits[k]
+        walls.fits[row].x += place[0]
+        walls.fits[row].y += place[1]
+        # Hide it from searches until all are compared: walls of one scan do not cover each other.
+        walls.fits[row].points *= -1
+        if _is_covered(walls, row, rule):
+            give_back(walls, row)
+        else:
+            queue[top] = row
+            top += 1
+    for k in range(known, top):
+        walls.fits[queue[k]].points *= -1
+        widen_box(walls, queue[k])
+    return top
 
 
 @inner
@@ -177,12 +183,11 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
             ):
                 best = other
                 least = value
-        elif best < 0 and fit.shown and its.shown:
-            if misfit(one, fit, two, its, straight) < 1.0:
-                gap = _span(one, two, line)
-                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
-                    second = other
-                    narrowest = gap
+        elif best < 0 and fit.shown and its.shown and misfit(one, fit, two, its, straight) < 1.0:
+            gap = _span(one, two, line)
+            if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
+                second = other
+                narrowest = gap
     return best if best >= 0 else second
 
 

@@ -226,9 +226,10 @@ def forget_hits(
             place = cells.heads[block, cell]
             while place > 0:
                 cluster = cells.clusters[place]
-                if goes_along(cluster, dx, dy):
-                    if walls.rows[cluster.owner].version == cluster.owner_version:
-                        count_evidence(walls, cluster.owner, cluster.hits)
+                along = goes_along(cluster, dx, dy)
+                if along and walls.rows[cluster.owner].version == cluster.owner_version:
+                    count_evidence(walls, cluster.owner, cluster.hits)
+                if along:
                     cluster.hits = 0.0
                 place = cluster.next
             _delete_few(cells, block, cell)

@@ -88,10 +88,11 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
                 place_part(lines.ends[wall], pieces, total[0], run, parts[found], fit)
                 hits = _weigh(pieces[start:last], length_of(parts[found]), least, fit)
                 # A part that only extends a wall needs enough hits of its own.
-                if fit.shown or (hits >= 1.0 and last > spare and start < len(pieces) - spare):
-                    found += 1
-                    for piece in range(start, last):
-                        pieces[piece].part = found
+                own = hits >= 1.0 and last > spare and start < len(pieces) - spare
+                kept = fit.shown or own
+                found += kept
+                for piece in range(start, last if kept else start):
+                    pieces[piece].part = found
     owners = np.empty(claimed, np.int64)
     for k in range(claimed):
         cluster = cells.clusters[lines.claimed[k]]
