@@ -31,7 +31,7 @@ Radians = Annotated[float, "rad"]
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
-# Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres.
+# [m, rad] Largest size of a coordinate and of a heading: beyond it float64 has no nanometres.
 LARGEST_COORDINATE = 1e9
 
 # Sizes below this count as 0: products of smaller numbers would underflow in exact decisions.

@@ -40,16 +40,16 @@ class Noise(Protocol):
         ...
 
 
-# Default standard deviation of a range [m] at range_max: that of the paper's city (Fig. 7).
+# [m] Default standard deviation of a range at range_max: that of the paper's city (Fig. 7).
 SIGMA = 0.04
 
-# Default standard deviation of a range [m] at zero distance: that of common range finders.
+# [m] Default standard deviation of a range at zero distance: that of common range finders.
 FLOOR = 0.01
 
-# The range [m] at which the standard deviation is sigma, for scans without a range_max.
-USUAL_RANGE = 80.0
+# [m] The range at which the standard deviation is sigma, for scans without a range_max.
+USUAL_RANGE: float = LaserRangeFinder.range_max
 
-# The spread of a noise that does not scatter ranges about the true ones.
+# [m, m] The spread of a noise that does not scatter ranges about the true ones.
 NO_SPREAD = (0.0, 0.0)
 
 

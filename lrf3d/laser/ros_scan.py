@@ -16,6 +16,9 @@ from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float
 from lrf3d.laser.range_finder import within_limits
 
+# Nanoseconds in a second.
+NANO = 1_000_000_000
+
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
@@ -28,18 +31,18 @@ class Stamp:
     def of(cls, time: float) -> "Stamp":
         """The stamp nearest to a time [s]."""
         sec = math.floor(time)
-        nanosec = round((time - sec) * 1e9)
-        return cls(sec + 1, 0) if nanosec == 1_000_000_000 else cls(sec, nanosec)
+        nanosec = round((time - sec) * NANO)
+        return cls(sec + 1, 0) if nanosec == NANO else cls(sec, nanosec)
 
     @property
     def nanoseconds(self) -> int:
         """All of it in nanoseconds."""
-        return self.sec * 1_000_000_000 + self.nanosec
+        return self.sec * NANO + self.nanosec
 
     @property
     def seconds(self) -> float:
         """The float64 nearest to it [s]."""
-        return self.nanoseconds / 1_000_000_000
+        return self.nanoseconds / NANO
 
 
 def read_ros_scan(message: Any) -> dict[str, Any]:

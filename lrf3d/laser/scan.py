@@ -32,7 +32,10 @@ from lrf3d.laser.range_finder import (
 )
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 
-# What a scan has of the light: the number of axes, and what stands for nothing, by attribute.
+# [s] Least time of a scan, and least time between two beams.
+EARLIEST = -1e12
+
+# The attributes of a scan for its light: number of axes, and the value of a beam without return.
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
 
 
@@ -137,8 +140,8 @@ class LaserScan(Value, Pictured):
             walls=met,
             range_min=near,
             range_max=far if far <= LARGEST_COORDINATE else np.inf,
-            time=number(time, "scan: time", "seconds", least=-1e12),
-            time_increment=number(time_increment, "scan: time_increment", least=-1e12),
+            time=number(time, "scan: time", "seconds", least=EARLIEST),
+            time_increment=number(time_increment, "scan: time_increment", least=EARLIEST),
             pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
             mount=as_pose(mount),
             laser=laser,

@@ -17,7 +17,7 @@ from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.scan import LIGHT, LaserScan
 
-# Scans that are farther apart [s] say nothing of how the robot moved during one of them.
+# [s] Longest time between two scans from which the motion during one of them is interpolated.
 LONGEST_GAP = 1.0
 
 

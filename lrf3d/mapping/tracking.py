@@ -11,12 +11,12 @@ import shapely
 from lrf3d.geometry.lines import Float, Int, lengths, sealed
 from lrf3d.mapping.line_map import LineMap
 
-# How far a segment may have moved from one map to the next [m]: walls that face each other are
-# farther apart, and what noise moves a segment by is less.
+# [m] Largest shift of a segment from one map to the next: more than noise moves it, less than the
+# distance of walls that face each other.
 _NEAR = 0.5
 
-# Where along a segment it is compared, as shares: off its ends, where others begin.
-_PLACES = np.array([1.0, 3.0, 5.0]) / 6.0
+# [share] Places along a segment at which it is compared, off its ends, where others begin.
+_PLACES = (np.arange(3) + 0.5) / 3
 
 
 class ObjectTracker:

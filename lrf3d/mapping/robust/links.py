@@ -223,8 +223,9 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
 def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
     """Whether no beam has crossed a line of sight behind both of two walls."""
     line = np.empty(4)
-    # [share] Where along two walls the lines of sight between them begin and end.
-    sight_places = (0.1, 0.5, 0.9)
+    # [share] Lines of sight begin and end this far from the ends of two walls, and midway.
+    inset = 0.1
+    sight_places = (inset, 0.5, 1.0 - inset)
     for own in sight_places:
         for across in sight_places:
             for k in range(2):
@@ -273,8 +274,8 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
     count = len(places)
     partners = np.full(len(places), -1)
     corner = np.empty(2)
-    # Ends that are farther apart meet nowhere near to both.
-    farthest = 2.01 * CORNER_REACH
+    # No corner is near to both of two ends that are farther apart.
+    farthest = 2.0 * CORNER_REACH
     least = np.full(count, farthest * farthest)
     for k in range(count):
         end = order[k]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import TINY, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells
 from lrf3d.mapping.robust.extraction import WALL_COST
@@ -113,7 +113,7 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
         spell = max(spell, piece.spell)
         weight = violation_weight(piece) if piece.hits else VIOLATION_WEIGHT
         against += weight * piece.violations
-    passed = before / max(hits, 1e-9)
+    passed = before / max(hits, TINY)
     # [beams] A wall shorter than SHORT_WALL that was hit over fewer scans is transient if more
     # beams than this, and than scans with hits, passed before. At 20 more slow obstacles remain; at
     # 5 a map of an office explains 0.1 % less of its returns.
@@ -151,7 +151,7 @@ def violation_weight(count: Any) -> float:
     # What went through before it came says nothing of what has stood there ever since.
     both = hits * violations
     settled = min(count.passes_before, both) if count.spell >= SETTLED_AFTER else 0.0
-    share = 1.0 - settled / max(both, 1e-9)
+    share = 1.0 - settled / max(both, TINY)
     # [scans] Weight of a violation against a scan with hits where they do not alternate, as at a
     # moving object, which few scans hit with many beams each. More removes what robots saw only in
     # passing from maps of offices, less leaves more trails of people.
