@@ -204,9 +204,13 @@ class CollisionChecker:
         if (found == np.inf).all():
             return None
         step = int(np.argmax(found < np.inf))
-        pose = Pose(*poses[step].tolist())
-        twist = tuple(twists[step].tolist())
-        return self.held(body, pose, twist, float(times[step]), float(seconds[step]))
+        return self.held(
+            body,
+            Pose(*poses[step].tolist()),
+            tuple(twists[step].tolist()),
+            float(times[step]),
+            float(seconds[step]),
+        )
 
     def checked(self, trajectory: Trajectory, body: Body, stops: bool) -> Trajectory:
         """A trajectory without a collision; one that ends where the body touches, if it stops.

@@ -119,8 +119,7 @@ class Crowd:
         Walls become −1, or the row of the obstacles' side, counted on from a number of walls.
         """
         limits = (float(lrf.range_min), float(lrf.range_max))
-        seen = (self.own, float(lrf.height))
-        rays_among(self.plain, limits, (*seen, named), rays, ranges, walls)
+        rays_among(self.plain, limits, (self.own, float(lrf.height), named), rays, ranges, walls)
 
 
 def move_of(time: float, pose: Sequence[float], twist: Twist) -> Records:

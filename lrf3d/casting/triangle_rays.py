@@ -40,8 +40,8 @@ class MeshScene:
         """
         distances = np.empty(len(directions))
         hits = np.empty(len(directions), np.int64)
-        starts = np.atleast_2d(origins)
-        cast_solid(self.tree[:], self.corners, starts, directions, reach, distances, hits)
+        rays = np.atleast_2d(origins), directions
+        cast_solid(self.tree[:], self.corners, *rays, reach, distances, hits)
         return distances, self.owners[hits]
 
 

@@ -61,7 +61,7 @@ def kind_of(kind: types.Type) -> Any:
 def _function(function: Any, functions: list[Any]) -> Any:
     """What numba compiles of a function; those that it calls are added to the functions."""
     code = function.__code__
-    names = _names(function.__code__)
+    names = _names(code)
     used = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         used[name] = cell.cell_contents
@@ -206,8 +206,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
         kinds = [kind_of(kind) for kind in signature]
-        checked = numba.config.BOUNDSCHECK
-        return sha256(repr((codegen.magic_tuple(), kinds, checked)).encode()).hexdigest()
+        rows = codegen.magic_tuple(), kinds, numba.config.BOUNDSCHECK
+        return sha256(repr(rows).encode()).hexdigest()
 
     def _name_of_kernel(self) -> str:
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"

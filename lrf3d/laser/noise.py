@@ -113,8 +113,9 @@ def noises_of(noise: Any, lasers: Sequence[LaserRangeFinder]) -> tuple[Noise, ..
     if not isinstance(noise, list | tuple):
         return (as_noise(noise),) * len(lasers)
     if len(noise) != len(lasers):
-        found = f"noise: {len(noise)} of them for {len(lasers)} lasers"
-        raise InputError(f"{found}; expected one, or one for each")
+        raise InputError(
+            f"noise: {len(noise)} of them for {len(lasers)} lasers; expected one, or one for each"
+        )
     return tuple(as_noise(each) for each in noise)
 
 

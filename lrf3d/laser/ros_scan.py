@@ -95,8 +95,10 @@ def _step(low: float, wide: float, step: float, count: int) -> float:
         possible = True
         step = wide / max(count - 1, 1)
     if not (math.isfinite(low) and possible):
-        beams = f"{count} beams {step:g} rad apart from {low:g} rad"
-        raise InputError(f"scan of {beams}, expected at most a turn, in radians")
+        raise InputError(
+            f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn,"
+            " in radians"
+        )
     return step
 
 

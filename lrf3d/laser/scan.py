@@ -128,8 +128,10 @@ class LaserScan(Value, Pictured):
         met = np.full(distances.shape, -1) if walls is None else walls
         met = read_only(met, "walls", np.int64)
         if turns.ndim != 1 or not turns.shape == distances.shape == met.shape:
-            found = f"angles {turns.shape}, ranges {distances.shape} and walls {met.shape}"
-            raise InputError(f"scan with {found}: expected one of each for every beam")
+            raise InputError(
+                f"scan with angles {turns.shape}, ranges {distances.shape} and walls {met.shape}:"
+                " expected one of each for every beam"
+            )
         _check_angles(turns)
         light = zip(LIGHT, (intensities, echoes, echo_intensities), strict=True)
         self.__dict__.update(
@@ -270,8 +272,10 @@ def _check_angles(angles: Float) -> None:
     inside = np.abs(angles) <= LARGEST_ANGLE
     if not inside.all():
         beam = int(np.argmin(inside))
-        found = f"the angle {angles[beam]:g} of beam {beam}"
-        raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
+        raise InputError(
+            f"scan with the angle {angles[beam]:g} of beam {beam}: expected at most"
+            f" ±{LARGEST_ANGLE:g} rad"
+        )
 
 
 def _within(ranges: Float, range_max: float) -> Float:
@@ -293,8 +297,9 @@ def _of_beams(values: Any, beams: int, name: str) -> Float | None:
     array: Float = read_only(values, name)
     axes, nothing = LIGHT[name]
     if array.ndim != axes or len(array) != beams:
-        found = f"scan with {name} {array.shape}"
-        raise InputError(f"{found}: expected a row for each of {beams} beams")
+        raise InputError(
+            f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
+        )
     return sealed(np.where(np.isnan(array), nothing, array)) if np.isnan(array).any() else array
 
 
@@ -313,8 +318,10 @@ def _covariance(values: Any) -> Float:
         even = np.abs(matrix - matrix.T).max() <= rounding
         if even and np.linalg.eigvalsh(matrix).min() >= -rounding:
             return matrix
-    found = f"scan with pose_covariance {shown(matrix.tolist())}"
-    raise InputError(f"{found}: expected a symmetric matrix (3, 3), without negative eigenvalues")
+    raise InputError(
+        f"scan with pose_covariance {shown(matrix.tolist())}: expected a symmetric matrix (3, 3),"
+        " without negative eigenvalues"
+    )
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:

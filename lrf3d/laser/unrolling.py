@@ -89,8 +89,7 @@ def _seen(scan: LaserScan, places: Float) -> dict[str, Any]:
     # What was measured stays a return, though it may be a little farther from the first beam.
     most = math.nextafter(scan.range_max, 0.0)
     ranges = np.where(scan.hits, np.minimum(np.hypot(x, y), most), scan.ranges)
-    angles = headings + turn
-    values: dict[str, Any] = {"angles": angles, "ranges": ranges, "walls": scan.walls}
+    values: dict[str, Any] = {"angles": headings + turn, "ranges": ranges, "walls": scan.walls}
     values |= {name: getattr(scan, name) for name in LIGHT if getattr(scan, name) is not None}
     if scan.echoes is not None:
         farther = np.where(scan.hits, ranges - away, 0.0)

@@ -198,8 +198,7 @@ class Optics:
             return scan
         turned = np.zeros(len(scan.angles), np.bool_)
         ranges = np.array(scan.ranges)
-        headings = scan.angles + heading
-        find_turned(np.array(place), headings, ranges, self.surfaces, turned)
+        find_turned(np.array(place), scan.angles + heading, ranges, self.surfaces, turned)
         if not turned.any():
             return scan
         return replace(
@@ -353,15 +352,13 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     objects = line_map.objects
     along = directions(surfaces)
     size = lengths(surfaces)
-    length = lengths(segments)[:, None]
     # Where both ends (m, 2) of each segment lie along each surface (s,), and beside it.
     off = segments.reshape(-1, 2, 1, 2) - surfaces[:, :2]
     stations = (off * along).sum(axis=3)
-    aside = cross(along, off)
     low = stations.min(axis=1)
     high = stations.max(axis=1)
-    part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * length
-    part &= np.abs(aside).max(axis=1) < CELL
+    part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * lengths(segments)[:, None]
+    part &= np.abs(cross(along, off)).max(axis=1) < CELL
     # Surfaces become as long as what they take in.
     first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
     last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)
@@ -376,8 +373,7 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     if len(segments):
         tips = (segments.reshape(-1, 1, 2) - ends.reshape(-1, 2)).reshape(len(segments), 2, -1, 4)
         apart = np.hypot(tips[..., ::2], tips[..., 1::2]).min(axis=(1, 3))
-        nearest = apart.argmin(axis=0)
-        owners = np.where(apart.min(axis=0) < joins, objects[nearest], owners)
+        owners = np.where(apart.min(axis=0) < joins, objects[apart.argmin(axis=0)], owners)
     return LineMap(
         np.concatenate([segments, ends]),
         np.unique(np.concatenate([objects, owners]), return_inverse=True)[1],

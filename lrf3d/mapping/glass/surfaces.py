@@ -105,9 +105,8 @@ def find_turned(
 ) -> None:
     """Mark the beams (n,) that continue behind surfaces (s, 5), which may have turned them."""
     for beam in range(len(headings)):
-        ux = np.cos(headings[beam])
-        uy = np.sin(headings[beam])
-        _, turn = _ways(place[0], place[1], ux, uy, surfaces)
+        ahead = np.cos(headings[beam]), np.sin(headings[beam])
+        _, turn = _ways(place[0], place[1], *ahead, surfaces)
         turned[beam] = turn < ranges[beam] - FREE_DEPTH
 
 
@@ -220,9 +219,8 @@ def count_rays(
                 count.images += reflectance >= 0.0
                 count.wrong += reflectance < 0.0
                 if reflectance > 0.0 and ray.reflectance > 0.0:
-                    share = ray.reflectance / reflectance
                     count.lit += 1.0
-                    count.alike += dimmed[0] < share < dimmed[1]
+                    count.alike += dimmed[0] < ray.reflectance / reflectance < dimmed[1]
 
 
 def glass_pieces(pieces: Records) -> Bool:

@@ -274,9 +274,8 @@ def count_beams(
         if (ways >> way) & 1:
             passed = cells.passes[block, way, cell] & MOST_PASSES
             if deeper > 0.0:
-                dx = COSINES[way]
-                dy = SINES[way]
-                passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+                behind = _passes(cells, x + deeper * COSINES[way], y + deeper * SINES[way], way)
+                passed = min(passed, behind)
             count += passed
     return count
 

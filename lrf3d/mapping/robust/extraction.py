@@ -266,8 +266,7 @@ def _join_corners(beams: Beams, spans: Records, ends: Float) -> None:
         ax, ay = end_of(ends[row], 1)
         bx, by = end_of(ends[row + 1], 0)
         step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[one.last]
-        reach = scan_corner_steps * step
-        if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
+        if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= scan_corner_steps * step:
             put_line(ends[row], *end_of(ends[row], 0), x, y)
             put_line(ends[row + 1], x, y, *end_of(ends[row + 1], 1))
 

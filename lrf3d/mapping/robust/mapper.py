@@ -79,8 +79,8 @@ class RobustMapper:
         self._walls = self._walls.with_room(len(found.ends))
         unowned = self._add_beams(Beams.of(scan, heading, noise), place)
         segments = self._walls.ends[self._shown_rows()]
-        pose = (*place, heading)
-        self._optics.update(whole, pose, noise, found.ends, segments, self._cells, self._walls)
+        own = noise, found.ends, segments, self._cells, self._walls
+        self._optics.update(whole, (*place, heading), *own)
         walls = self._walls
         cells = self._cells
         tolerance = self._rule.distance

@@ -76,8 +76,8 @@ def follow(rows: Int, ends: Float, near: float, clusters: int) -> ExtendedWalls:
             along = FOLLOWED * (ux if side % 2 == 0 else uy)
             followed[k, side] = ends[rows[k], side] + (along if side > 1 else -along)
         first[k + 1] = first[k] + max(int(np.ceil((length + 2.0 * FOLLOWED) / CELL)), 1)
-    pieces = np.zeros(first[count], PIECE)
-    return ExtendedWalls(rows, followed, first, pieces, near, np.empty(clusters, np.int64))
+    claimed = np.empty(clusters, np.int64)
+    return ExtendedWalls(rows, followed, first, np.zeros(first[count], PIECE), near, claimed)
 
 
 @inner
@@ -153,7 +153,6 @@ def _count_violations(lines: ExtendedWalls, k: int, cells: Cells) -> None:
     """Count the beams that passed through each piece of a line."""
     x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
-    begin = lines.first[k]
     pieces = lines.first[k + 1] - lines.first[k]
     ways = ways_across(ux, uy, WALL_SINE)
     at_x = 1 << 40
@@ -171,7 +170,7 @@ def _count_violations(lines: ExtendedWalls, k: int, cells: Cells) -> None:
             at_y = row >> SIDE_BITS
             block = block_at(cells, column, row)
         beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
-        lines.pieces[begin + piece].violations = beams
+        lines.pieces[lines.first[k] + piece].violations = beams
 
 
 @borrower

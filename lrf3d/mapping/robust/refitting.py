@@ -186,11 +186,9 @@ def real_pieces(counts: Records) -> Int:
                     following[state] = cost
                     came[i, state] = other
             following[state] += counts[i].hits
-        hits = counts[i].hits
-        violations = counts[i].violations
-        nearer = counts[i].nearer
-        weight = violation_weight(counts[i])
-        following[REAL] += weight * violations + duplicate_weight * nearer + unseen_cost - hits
+        piece = counts[i]
+        against = violation_weight(piece) * piece.violations + duplicate_weight * piece.nearer
+        following[REAL] += against + unseen_cost - piece.hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)
     state = 0
