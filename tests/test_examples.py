@@ -27,7 +27,6 @@ def test_a_command_of_the_readme_can_be_typed_as_it_is_shown(words, tmp_path):
         "map": ("--out", "out"),
         "slam": ("--out", "out"),
     }
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
     if "out/drive" in words:
         # What an earlier row of the table wrote.
         called("slam", "examples/drive.log.gz", "--out", "out/drive", cwd=tmp_path)
@@ -67,6 +66,13 @@ def documented(nodes, within=""):
                 yield from documented(node.body, f"{within}{node.name}.")
 
 
+@pytest.fixture(autouse=True)
+def beside_the_examples(tmp_path, monkeypatch):
+    """Run in a folder of one's own, with the examples of the repository in it."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+
+
 def run_example(value, name, known=None):
     """Run the example in the docstring of a value, in the current folder, with known names."""
     [test] = doctest.DocTestFinder(recurse=False).find(value, name, module=False, globs=known)
@@ -79,14 +85,12 @@ def run_example(value, name, known=None):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_public_name_has_an_example_that_runs(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_public_name_has_an_example_that_runs(name):
     run_example(getattr(lrf3d, name), name)
 
 
 @pytest.mark.parametrize("name", list(inner_examples()))
-def test_an_example_of_a_name_inside_a_room_runs(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_an_example_of_a_name_inside_a_room_runs(name):
     module, _, path = name.partition(":")
     try:
         value = import_module(module)
