@@ -31,8 +31,8 @@ from lrf3d.robot.kinematics import Twist
 class Crowd:
     """Dynamic obstacles as kernels take them.
 
-    Where they are at the last time is kept, as all robots of a fleet scan at the same times. With
-    discs [m], a radius for each, they touch others as discs; 0 is an outline.
+    Their places at the last time are kept, as all robots of a fleet scan at the same times. The
+    discs are a radius [m] for each obstacle that touches others as a disc, and 0 for an outline.
     """
 
     own = -1

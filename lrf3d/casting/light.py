@@ -49,7 +49,7 @@ class Lighting:
         )
 
     def empty(self, lrf: LaserRangeFinder, *count: int, chains: bool = False) -> Lit:
-        """Arrays for the light of so many scans, or of layers, and for the walls on the path."""
+        """Arrays for the light of scans or layers, and for the walls on the paths of beams."""
         shape = (*count, lrf.beams)
         slots = lrf.echoes if lrf.echoes > 1 else 0
         return Lit(

@@ -47,11 +47,11 @@ class MeshScene:
 
 @cache
 def embreex_installed() -> bool:
-    """Whether embreex is installed; if it is not, a warning says once what is done instead."""
+    """Whether embreex is installed; if not, warns once, and beams are cast without it."""
     try:
         require_embreex("Embree")
     except MissingLibraryError:
-        # The processes that a program starts would each say the same again.
+        # The processes that a program starts would each repeat the warning.
         if multiprocessing.parent_process() is None:
             warnings.warn(
                 "embreex is not installed: beams are cast without Embree, to the same ranges",
@@ -63,7 +63,7 @@ def embreex_installed() -> bool:
 
 
 def require_embreex(task: str) -> None:
-    """See that embreex is there for a task that makes no sense without it."""
+    """Raise a MissingLibraryError if embreex, which a task needs, is not installed."""
     try:
         import embreex.rtcore_scene  # noqa: F401
     except ImportError:

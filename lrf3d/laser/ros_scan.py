@@ -67,7 +67,7 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     if count == 0:
         raise InputError("scan without ranges")
     angles: Float = low + _step(low, wide, step, count) * np.arange(count, dtype=np.float64)
-    # Some drivers do not say how far their laser sees.
+    # Some drivers do not set the largest range of their laser.
     range_max = math.inf if range_max == 0.0 or math.isnan(range_max) else range_max
     return {
         "angles": angles,

@@ -330,18 +330,20 @@ def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Fl
 
 
 def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
-    """A sentence that says why the ranges of a drive are not in metres; None if they may be."""
+    """Why the ranges of a drive are hardly in metres, in a sentence; None if they may be."""
     ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
     beams = sum(len(scan.ranges) for scan in scans)
-    # Fewer show no walls.
-    if len(ranges) < 0.02 * beams:
+    # [share] With fewer returns no wall is recognised.
+    least_returned = 0.02
+    if len(ranges) < least_returned * beams:
         return (
             f"{len(ranges)} of {beams} beams returned, too few to show walls; are the ranges in"
             " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
             " largest range right?"
         )
-    # No such laser sees as far.
-    if (middle := float(np.median(ranges))) > 300.0:
+    # [m] The largest median range that a laser on a robot measures.
+    largest_median = 300.0
+    if (middle := float(np.median(ranges))) > largest_median:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

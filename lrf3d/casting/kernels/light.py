@@ -147,7 +147,7 @@ def _follow(
 ) -> None:  # fmt: skip
     """Follow beam i, the first of the rays, from a place, and all that it leaves, to its echoes.
 
-    The way to its first wall [m] and this wall are known, unless the wall is −1.
+    The distance to its first wall [m] and this wall are known, unless the wall is −1.
     """
     clear(i, lit)
     optics = scene.optics

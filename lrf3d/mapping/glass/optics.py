@@ -40,10 +40,13 @@ from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.walls import Walls
 
-# [votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
-# metal flash, while an image gives one; and number of observations that a line is averaged over.
+# [votes] New votes after which a line is examined.
 LEAST_VOTES = 2.0
+
+# [votes] Votes of a flash, as only glass, mirrors and metal flash; an image gives one.
 FLASH_VOTES = 8.0
+
+# [votes] Number of observations that a line is averaged over.
 MOST_VOTES = 50.0
 
 # [cosine] Largest angle between two observations of one line.
@@ -51,7 +54,7 @@ SAME_COSINE = np.cos(np.radians(2.0))
 
 # The votes for a line.
 VOTES = record(
-    total=float, new=float,  # in all, and since the line was looked at
+    total=float, new=float,  # in all, and since the line was examined
     last=float,  # the number of the last one
     kind=int,  # what the line was found to be
 )  # fmt: skip
@@ -126,9 +129,9 @@ class LitScans:
         rays["bright"] = light / np.exp(self._usual)
         self._read_reflectances(rays, light, walls)
         self._count += 1
-        # [share, pairs] Intensities are light if this share of at least this many pairs fits: metal
-        # and glass never do.
+        # [share] Least share of pairs that fits if intensities are light: metal and glass never do.
         least_fitting = 0.5
+        # [pairs] Fewest pairs by which that is decided.
         least_pairs = 100
         are_light = self._fitting >= least_fitting * self._pairs
         if self._pairs >= least_pairs and not are_light and not self._warned:
@@ -157,9 +160,9 @@ class LitScans:
         cosine = cosines[there, wall[there]]
         wall = wall[there]
         rays["reflectance"][lit] = reflectance = light[lit] / cosine
-        # [share, log] Distance in the scan, and difference by the laser equation, from which on two
-        # returns of a wall are compared.
+        # [share] Least distance in the scan of two returns of a wall that are compared.
         farther_apart = 0.05
+        # [log] Least difference of these by the laser equation.
         least_change = 0.2
         # Adjacent returns differ too little to be compared.
         apart = int(farther_apart * len(rays)) + 1

@@ -34,26 +34,32 @@ PATCH = record(
 # glass nor mirrors.
 GRAZING = 0.26
 
-# Class of the pieces of a line, or 0.
+# Class of the pieces of a line that are glass; 0 is neither.
 IS_GLASS = 1
+
+# Class of those that are a mirror.
 IS_MIRROR = 2
 
-# [m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
-# m.
+# [m] Length of a piece of a line in which beams are counted.
 PIECE_LENGTH = 0.25
+
+# [pieces] Pieces of a line: 64 m.
 PIECES = 256
 
 # [beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
 # contradicting beams outnumber supporting ones by this many.
 SEEN = 3
 
-# [usual light] Returns above the one are flashes, below the other dim. Diffuse walls reach 3 at
-# most, glass some hundreds and, askew, about a hundredth.
+# [usual light] Brighter returns are flashes: diffuse walls reach 3 at most, glass some hundreds.
 FLASH = 5.0
+
+# [usual light] Darker returns are dim: glass that is met askew returns about a hundredth.
 DIM = 0.04
 
-# [cosine] Glass may flash at this incidence, and always does at the second.
+# [cosine] Incidence at which glass may flash.
 FLASHES = np.cos(0.04)
+
+# [cosine] Incidence at which glass always flashes.
 FLASHING = np.cos(np.radians(0.55))
 
 # The rays that are counted at a piece of a line.
@@ -78,7 +84,7 @@ def _patch_at(cells: Cells, x: float, y: float) -> int:
 
 
 @borrower
-def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
+def _distances(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
     """Distances [m] of a ray to the first of surfaces (s, 5), and to the first that may turn it."""
     first = turn = np.inf
     edge = 0.3  # [m] Beams that pass a mirror by less may have met it.
@@ -106,7 +112,7 @@ def find_turned(
     """Mark the beams (n,) that continue behind surfaces (s, 5), which may have turned them."""
     for beam in range(len(headings)):
         ahead = np.cos(headings[beam]), np.sin(headings[beam])
-        _, turn = _ways(place[0], place[1], *ahead, surfaces)
+        _, turn = _distances(place[0], place[1], *ahead, surfaces)
         turned[beam] = turn < ranges[beam] - FREE_DEPTH
 
 
@@ -126,7 +132,7 @@ def turn_rays(
         for beam in range(rays.shape[1]):
             ray = rays[scan, beam]
             reach = ray.range
-            ray.first, turn = _ways(x, y, ray.ux, ray.uy, surfaces)
+            ray.first, turn = _distances(x, y, ray.ux, ray.uy, surfaces)
             direct = turn >= reach - FREE_DEPTH
             if reach <= 0.0 or direct == (ray.direct > 0.0):
                 continue
@@ -231,9 +237,9 @@ def glass_pieces(pieces: Records) -> Bool:
     found = np.zeros(PIECES, np.bool_)
     if not flashed.any():
         return found
-    # [share, share] Largest share of returns as of a wall at a piece of glass; and least share of
-    # the pieces of a pane that beams pass.
+    # [share] Largest share of returns as of a wall at a piece of glass.
     most_opaque = 0.3
+    # [share] Least share of the pieces of a pane that beams pass.
     passed_share = 0.6
     good = (shown + passed > 0) & (pieces["opaque"] <= most_opaque * (shown + passed))
     good &= (pieces["missing"] == 0) | (shown > 0)
@@ -254,9 +260,10 @@ def mirror_pieces(pieces: Records) -> Bool:
     wrong = pieces["wrong"]
     known = pieces["lit"]
     alike = pieces["alike"]
-    # [beams, share] Least number of images of walls of known reflectance, and least share of them
-    # that are as bright as in a mirror: others are of metal, or at an edge of two walls.
+    # [beams] Fewest images of walls of known reflectance.
     least_lit = 16
+    # [share] Least share of them that is as bright as in a mirror: others are of metal, or at an
+    # edge of two walls.
     alike_share = 0.85
     if alike.sum() < least_lit:
         return np.zeros(PIECES, np.bool_)

@@ -36,8 +36,10 @@ NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
 # [m] Resolution of the noise.
 NOISE_UNIT = 1e-5
 
-
+# [bins] Bins of the sizes of residuals: from the resolution on, eight decades.
 RESIDUAL_BINS = 200
+
+# [bins] Bins in a decade of sizes.
 PER_DECADE = 24
 
 
@@ -117,9 +119,10 @@ def longest_loss(ranges: Float, range_max: float) -> int:
         returned = is_return(ranges[beam], range_max)
         hits += returned
         gaps += before and not returned
-    # [beams] Bounds on a run of missing returns attributed to lost beams. More ignores views
-    # through narrow gaps, less takes lost beams for gaps of walls.
+    # [beams] Least bound on a run of missing returns that is attributed to lost beams: less takes
+    # lost beams for gaps of walls.
     least_lost = 2
+    # [beams] Largest bound on such a run: more ignores views through narrow gaps.
     most_lost = 8
     if gaps == 0 or gaps >= hits:
         return most_lost if gaps else least_lost

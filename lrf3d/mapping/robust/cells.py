@@ -178,7 +178,7 @@ def move_squares(keys: Int, squares: Int, larger: Int, moved: Int) -> None:
 
 @borrower
 def block_at(cells: Cells, column: int, row: int) -> int:
-    """The block of a cell; 0 where there is none."""
+    """The block of a cell; 0 if it has none."""
     slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
     if cells.keys[slot] == EMPTY:
         return 0

@@ -120,7 +120,7 @@ def _joined_returns(
         k = (i + 1) % kept
         if k == i or (k == 0 and not circle):
             continue
-        # A beam that is lost says nothing of the wall between its neighbours.
+        # A lost beam does not show whether the wall goes on between its neighbours.
         if (places[k] - places[i]) % count > 1 + lost:
             continue
         turn = abs(angles[places[k]] - angles[places[i]])
@@ -308,7 +308,7 @@ def segment_cluster(returns: Beams, spans: Records) -> int:
         after.ii = before.ii + weight * inverse * inverse
     best = np.zeros(count + 1)
     origin = np.zeros(count + 1, np.int64)
-    # Where a wall may still begin; a beginning that has become too dear is struck off for good.
+    # Where a wall may still begin; a beginning that costs too much is dropped for good.
     open_first = np.empty(count + 1, np.int64)
     opened = 0
     for last in range(1, count + 1):

@@ -18,7 +18,7 @@ from lrf3d.mapping.robust.beams import Beams, NoiseEstimate, in_world, pose_in, 
 from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, LEAST, MOST_EXPLAINED, Cells, open_squares
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.links import close_corners, find_objects, link_walls
-from lrf3d.mapping.robust.merging import BEND, Rule, merge_walls
+from lrf3d.mapping.robust.merging import BEND, MergeRule, merge_walls
 from lrf3d.mapping.robust.pieces import FOLLOWED
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.refitting import Parts, refit_walls
@@ -51,7 +51,7 @@ class RobustMapper:
         self._extract = extract
         self._least = least
         self.local_map = extract.local_map
-        self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
+        self._rule = MergeRule(length, distance, BEND * distance, MOST_EXPLAINED)
         self._noise = NoiseEstimate(extract.floor)
         self._optics = Optics()
         self._cells = Cells.of_size(LEAST)

@@ -42,24 +42,19 @@ from lrf3d.mapping.robust.walls import (
 BEND = 0.4
 
 
-class Rule(NamedTuple):
-    """When two segments are one wall.
+class MergeRule(NamedTuple):
+    """Limits [m] within which two segments are one wall."""
 
-    The largest gap [m] between them along the line; beside noise, the largest offset of two views
-    of a wall, and the largest bend where it is continued; and the largest offset that noise may
-    explain.
-    """
-
-    length: float
-    distance: float
-    bend: float
-    most_explained: float
+    length: float  # The largest gap between them along the line.
+    distance: float  # The largest offset of two views of a wall, in addition to noise.
+    bend: float  # The largest offset where a wall is continued, in addition to noise.
+    most_explained: float  # The largest offset that noise may explain.
 
 
 @compiled
 def merge_walls(
     walls: Walls, new: LocalWalls, place: tuple[float, float], waiting: Int, cells: Cells,
-    rule: Rule,
+    rule: MergeRule,
 ) -> tuple[Int, Int]:  # fmt: skip
     """Add the walls of a scan around its place [m], and merge those that are one.
 
@@ -102,7 +97,7 @@ def merge_walls(
 
 @inner
 def _add_walls(
-    walls: Walls, new: LocalWalls, place: tuple[float, float], rule: Rule, queue: Int, top: int
+    walls: Walls, new: LocalWalls, place: tuple[float, float], rule: MergeRule, queue: Int, top: int
 ) -> int:
     """Add the walls of a scan that no known walls cover, and queue their rows; returns the top."""
     known = top
@@ -127,7 +122,7 @@ def _add_walls(
 
 
 @inner
-def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
+def _is_covered(walls: Walls, row: int, rule: MergeRule) -> bool:
     """Whether walls with at least as many points cover a wall of a scan, but for a cell.
 
     The number of points of a wall that is not in the map yet is negative.
@@ -153,13 +148,13 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
 
 
 @inner
-def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
+def _partner(walls: Walls, row: int, cells: Cells, rule: MergeRule) -> int:
     """The wall to merge a row with: the best fit, or the nearest continuation; −1 if none."""
     # [m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess.
     longest_gap = 3.0
     # Without an overlap nothing shows where two walls lead, so a continuation must be straight and
     # no farther off than two views of one wall.
-    straight = Rule(longest_gap, rule.bend, rule.bend, rule.distance)
+    straight = MergeRule(longest_gap, rule.bend, rule.bend, rule.distance)
     best = -1
     least = 1.0
     second = -1
@@ -209,7 +204,7 @@ def _span(one: Float, other: Float, line: Float) -> float:
 
 
 @compiled
-def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
+def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: MergeRule) -> float:
     """Offset of the shorter of two segments from the line of the longer; up to 1 is allowed."""
     x, y = vector_of(ends)
     u, v = vector_of(other_ends)

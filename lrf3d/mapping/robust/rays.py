@@ -1,4 +1,4 @@
-"""Rays: the path of each beam of a scan through the cells, and what it says of their clusters.
+"""Rays: the path of each beam through the cells, which supports or contradicts their clusters.
 
 The beams of a scan enter; the cells count those that pass. The returns in one cell whose beams had
 the same direction are a cluster: those that end enter its moments, those that continue where others

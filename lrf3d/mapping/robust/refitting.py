@@ -148,7 +148,7 @@ def violation_weight(count: Any) -> float:
     # hit and miss in turns is permanent.
     if scans == 0.0 or count.passes_between >= max(taken_turns * scans, turns_share * violations):
         return VIOLATION_WEIGHT
-    # What went through before it came says nothing of what has stood there ever since.
+    # Beams that passed before an object came do not contradict it after it has settled.
     both = hits * violations
     settled = min(count.passes_before, both) if count.spell >= SETTLED_AFTER else 0.0
     share = 1.0 - settled / max(both, TINY)
