@@ -89,7 +89,7 @@ def handle_signals(name: str) -> None:
 
 
 def limit_patience(name: str) -> None:
-    """End the program some time after the first signal, even while compiled code cannot handle signals.
+    """End the program soon after the first signal, even while compiled code cannot handle signals.
 
     Python calls handlers only between two of its own steps; another thread receives them at once.
     """

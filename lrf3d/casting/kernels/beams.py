@@ -252,7 +252,7 @@ def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
 
 @borrower
 def judged(wall: Wall, beam: Beam, nearest: Nearest) -> tuple[int, float, float]:
-    """Whether a wall is met before the nearest so far, decided in float64, and at which distances."""
+    """Whether a wall is met before the nearest so far, in float64, and at which distances."""
     ax = wall.px - beam.ox
     ay = wall.py - beam.oy
     bx = wall.qx - beam.ox

@@ -30,21 +30,27 @@ from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Float, Int, Records
 
-# How often mirrors turn a beam; at the next one it ends.
+# [turns] Mirrors that turn a beam; at the next one it ends.
 MOST_TURNS = 8
 
-# Walls so near [m] to the place from which a ray goes on, or so near in parts of its coordinates,
-# count as holding it: more than rounding, less than any gap.
+# [m] Distance up to which a wall counts as holding the place from which a ray goes on: more than
+# rounding, less than any gap.
 NEAR = 1e-9
+
+# [share] The part of that distance that grows with the coordinates of the place.
 NEAR_SHARE = 2.0**-50
 
-# A ray that goes on: its place, in plan seen from the laser so that no digits are lost far away,
-# and its direction; the direction in plan with which it arrived there, the way so far [m], its
-# share of the light, its turns, its walls, how many of these it met at this very place, and as bits
-# which it passed through.
-NUMBERS = ("x", "y", "z", "dx", "dy", "dz", "came_x", "came_y", "way", "gain")
-COUNTS = ("turns", "count", "here", "passed")
-LEFT = record(**dict.fromkeys(NUMBERS, float), **dict.fromkeys(COUNTS, int))
+# A ray that goes on.
+LEFT = record(
+    x=float, y=float, z=float,  # [m] its place; in plan from the laser, to lose no digits far away
+    dx=float, dy=float, dz=float,  # its direction
+    came_x=float, came_y=float,  # the direction in plan with which it arrived at the place
+    way=float,  # [m] the distance so far
+    gain=float,  # its share of the light
+    turns=int,  # how often mirrors turned it
+    count=int, here=int,  # the number of its walls, and of those that it met at this very place
+    passed=int,  # which of these it passed through, as bits
+)  # fmt: skip
 
 
 class WallMaterials(NamedTuple):

@@ -27,23 +27,24 @@ from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
-# Depth up to which a body that meets something does not touch it [m]: more than rounding.
+# [m] Depth up to which a body that meets something does not touch it: more than rounding.
 GRAZE = 1e-9
 
-# Depth at which it is decided on which side of a corner a point has passed [m].
+# [m] Depth at which it is decided on which side of a corner a point has passed.
 DEEPER = 1e-6
 
-# Longest turn that is decided at once [rad]: w is finite up to half a turn.
+# [rad] Longest turn that is decided at once: w is finite up to half a turn.
 LONGEST_TURN = 1.5
 
-# Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed.
+# [m] Shortest step towards a dynamic obstacle: shorter cuts of corners may be missed.
 STEP = 2e-5
 
-# A side of a body [m]; at the corner where it begins, the direction into the body, and whether it
-# is a notch, 0 or 1; and whether the next corner is.
-ENDS = ("px", "py", "qx", "qy")
-INWARD = ("inner_x", "inner_y", "notch", "next_notch")
-EDGE = record(**dict.fromkeys((*ENDS, *INWARD), float))
+# A side of a body.
+EDGE = record(
+    px=float, py=float, qx=float, qy=float,  # [m] the corners where it begins and ends
+    inner_x=float, inner_y=float,  # at the first corner, the direction into the body
+    notch=float, next_notch=float,  # whether the first, and the next corner, is a notch, 0 or 1
+)  # fmt: skip
 
 
 class Footprint(NamedTuple):

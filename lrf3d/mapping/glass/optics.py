@@ -322,9 +322,9 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     good = (np.abs(cross(unit, off)) <= CELL).all(axis=1)
     good &= shared > 0.5 * lengths(walls)[wall]
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
-    # [lines] Largest numbers of lines of a scan that count, those that most of its walls support;
-    # and of images that are compared for this, those that share most with a wall.
+    # [lines] Largest number of lines of a scan that count: those that most of its walls support.
     lines_a_scan = 8
+    # [images] Largest number of images compared for this: those that share most with a wall.
     most_a_scan = 64
     lines = np.column_stack([normals, distances])[rows[:most_a_scan]]
     same = line_distances(place, lines, lines) < CELL
