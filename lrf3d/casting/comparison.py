@@ -175,8 +175,9 @@ class BareEmbree:
         ranges = np.full(len(start), np.inf)
         walls = np.full(len(start), -1)
         if len(self.mesh.faces):
-            met = self.mesh.ray.intersects_location(start, way, multiple_hits=False)
-            places, ray, triangle = met
+            places, ray, triangle = self.mesh.ray.intersects_location(
+                start, way, multiple_hits=False
+            )
             ranges[ray] = np.einsum("ij,ij->i", places - start[ray], way[ray])
             walls[ray] = triangle // 2
         ranges = within_limits(ranges, lrf.range_min, lrf.range_max)

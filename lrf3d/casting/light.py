@@ -87,8 +87,8 @@ class Lighting:
     ) -> None:  # fmt: skip
         flat: Any = tuple(each.reshape(rays.size, *each.shape[rays.ndim :]) for each in lit)
         movers, own = among
-        numbers = own, float(lrf.height), float(lrf.range_max)
-        plain = (tree[:], self._optics[:], movers), numbers
+        limits = own, float(lrf.height), float(lrf.range_max)
+        plain = (tree[:], self._optics[:], movers), limits
         if rays.size:
             light_rays(plain, _receiver(lrf), rays.ravel(), inclined, flat)
 

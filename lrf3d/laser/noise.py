@@ -72,8 +72,8 @@ class RangeNoise(NamedTuple):
         cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
     ) -> "RangeNoise":
         """The noise of Eq. 7 with a sigma [m] at range_max [m], and a floor [m]."""
-        at_range_max = number(sigma, "range noise: sigma", "metres")
-        growth = at_range_max / number(range_max, "range noise: range_max", positive=True)
+        growth = number(sigma, "range noise: sigma", "metres")
+        growth /= number(range_max, "range noise: range_max", positive=True)
         return cls(number(floor, "range noise: floor", "metres"), growth)
 
     def variance(self, ranges: Float) -> Float:

@@ -24,7 +24,8 @@ from lrf3d.geometry.lines import (
 from lrf3d.world.free_cells import FreeCells
 
 # What a segment of a map may be.
-WALL, GLASS, MIRROR = KINDS = ("wall", "glass", "mirror")
+KINDS = ("wall", "glass", "mirror")
+WALL, GLASS, MIRROR = KINDS
 
 # The type of an array of kinds.
 KIND = np.dtype("<U6")

@@ -17,7 +17,15 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Bool, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
-from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BITS, Cells, block_at
+from lrf3d.mapping.robust.cells import (
+    FREE_DEPTH,
+    HIT_DEVIATIONS,
+    SIDE,
+    SIDE_BITS,
+    Cells,
+    block_at,
+    cell_of,
+)
 from lrf3d.mapping.robust.rays import forget_hits
 from lrf3d.mapping.robust.walls import Walls
 
@@ -75,8 +83,7 @@ COUNTS = record(
 @borrower
 def _patch_at(cells: Cells, x: float, y: float) -> int:
     """The row of the patch of a point [m], 0 where there is none."""
-    column = int(np.floor(x / CELL))
-    row = int(np.floor(y / CELL))
+    column, row = cell_of(x, y)
     half = SIDE // 2 - 1
     block = block_at(cells, column, row)
     inside = (((row >> 1) & half) << (SIDE_BITS - 1)) + ((column >> 1) & half)

@@ -19,6 +19,7 @@ from lrf3d.mapping.robust.cells import (
     Cells,
     block_at,
     cell_in,
+    cell_of,
     count_beams,
     ways_across,
 )
@@ -162,8 +163,7 @@ def _count_violations(lines: ExtendedWalls, k: int, cells: Cells) -> None:
         along = (piece + 0.5) * length / pieces
         x = x1 + along * ux
         y = y1 + along * uy
-        column = int(np.floor(x / CELL))
-        row = int(np.floor(y / CELL))
+        column, row = cell_of(x, y)
         # Most pieces lie in the block of the previous one: look it up only when it changes.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x = column >> SIDE_BITS
