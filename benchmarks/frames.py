@@ -24,11 +24,17 @@ from lrf3d.studio.render.film import Film
 from lrf3d.studio.scene.moments import LAYERS
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 
-SIZE, SCANS, MOMENTS = (1280, 720), 60, 24
-"""Size of the pictures [pixels], scans of a run, and moments that are drawn in turn."""
+SCANS = 60
+"""Scans of a run."""
 
-PLAYBACK, FACTOR = 4.0, 4
-"""Seconds of a run in a second of film, and pixels a side of the reference for each pixel."""
+MOMENTS = 24
+"""Moments that are drawn in turn."""
+
+PLAYBACK = 4.0
+"""Seconds of a run in a second of film."""
+
+FACTOR = 4
+"""Pixels a side of the reference for each pixel."""
 
 WORDS = ("hud", "inset")
 """Layers that are left out where pictures are compared: their size is in pixels."""
@@ -38,6 +44,7 @@ def bench(
     *,
     buildings: Annotated[str, "Sizes of the cities."] = "40,400,4000",
     seconds: Annotated[float, "Time for all [s]."] = 90.0,
+    width: Annotated[int, "Width of the pictures, 16 to 9 [pixels]."] = 1280,
     figure: Figure = None,
 ) -> Report:
     """Draw frames with lrf3d and with stock pyrender: run time against error."""
@@ -48,14 +55,16 @@ def bench(
     scenario = load_scenario("city")
     drive = scenario.trajectory().poses[:SCANS]
     city = simulate(scenario.world, drive, scenario.lrf, caster="planar", rng=0)
-    smoothing(report, city, seconds / 2)
-    layers(report, city, seconds / 4)
-    films = {str(n): film_of(generated_run(n)) for n in numbers("--buildings", buildings, least=4)}
+    size = (width, width * 9 // 16)
+    smoothing(report, city, size, seconds / 2)
+    layers(report, city, size, seconds / 4)
+    counts = numbers("--buildings", buildings, least=4)
+    films = {str(count): film_of(generated_run(count), size) for count in counts}
     timed = take_turns({key: frames(film) for key, film in films.items()}, seconds=seconds / 4)
     for key, timing in timed.items():
         report.add("frames by buildings", buildings=int(key), frame_s=timing.median)
     report.notes.append(
-        f"frames of {SIZE[0]} × {SIZE[1]} from the chase camera, one process, the median. error:"
+        f"frames of {size[0]} × {size[1]} from the chase camera, one process, the median. error:"
         f" root mean\nsquare of the differences, of 255, from {FACTOR**2} samples a pixel."
     )
     if figure is not None:
@@ -64,21 +73,21 @@ def bench(
     return report
 
 
-def smoothing(report: Report, run: Run, seconds: float) -> None:
+def smoothing(report: Report, run: Run, size: tuple[int, int], seconds: float) -> None:
     """Time and error of each way to draw the city."""
     makers: dict[tuple[str, int], Callable[..., Film | StockFilm]] = {
-        ("lrf3d", 0): lambda size=SIZE, shown=LAYERS: film_of(run, size, 0, shown),
-        ("lrf3d", 4): lambda size=SIZE, shown=LAYERS: film_of(run, size, 4, shown),
-        ("stock pyrender", 4): lambda size=SIZE, shown=(): StockFilm(
+        ("lrf3d", 0): lambda size=size, shown=LAYERS: film_of(run, size, 0, shown),
+        ("lrf3d", 4): lambda size=size, shown=LAYERS: film_of(run, size, 4, shown),
+        ("stock pyrender", 4): lambda size=size, shown=(): StockFilm(
             run, size=size, playback=PLAYBACK
         ),
     }
     timed = take_turns({str(key): frames(make()) for key, make in makers.items()}, seconds=seconds)
     plain = [layer for layer in LAYERS if layer not in WORDS]
-    large = (FACTOR * SIZE[0], FACTOR * SIZE[1])
+    large = (FACTOR * size[0], FACTOR * size[1])
     for (name, samples), make in makers.items():
         reference = averaged(makers[name, 4 if name != "lrf3d" else 0](large, plain))
-        off = averaged(make(SIZE, plain), 1) - reference
+        off = averaged(make(size, plain), 1) - reference
         report.add(
             "frames",
             drawn_by=name,
@@ -88,11 +97,12 @@ def smoothing(report: Report, run: Run, seconds: float) -> None:
         )
 
 
-def layers(report: Report, run: Run, seconds: float) -> None:
+def layers(report: Report, run: Run, size: tuple[int, int], seconds: float) -> None:
     """What each layer costs: what a film is spared that does not show it."""
-    films = {layer: film_of(run, shown=[each for each in LAYERS if each != layer])
+    films = {layer: film_of(run, size, shown=[each for each in LAYERS if each != layer])
              for layer in LAYERS}  # fmt: skip
-    calls = {layer: frames(film) for layer, film in films.items()} | {"": frames(film_of(run))}
+    films[""] = film_of(run, size)
+    calls = {layer: frames(film) for layer, film in films.items()}
     timed = take_turns(calls, seconds=seconds)
     for layer in LAYERS:
         # The differences are smaller than what a busy machine adds to medians.
@@ -100,7 +110,7 @@ def layers(report: Report, run: Run, seconds: float) -> None:
 
 
 def film_of(
-    run: Run, size: tuple[int, int] = SIZE, samples: int = 0, shown: Sequence[str] = LAYERS
+    run: Run, size: tuple[int, int], samples: int = 0, shown: Sequence[str] = LAYERS
 ) -> Film:
     """A film from the chase camera."""
     return Film(run, size=size, view="chase", samples=samples, playback=PLAYBACK, layers=shown)
@@ -124,7 +134,8 @@ def averaged(film: Film | StockFilm, factor: int = FACTOR) -> Float:
     times = film.timeline.run.trajectory.times
     picture = np.asarray(film.draw(float(times[len(times) // 2]))[:, :, :3], dtype=np.float64)
     film.close()
-    pixels = picture.reshape(SIZE[1], factor, SIZE[0], factor, 3)
+    rows, columns, _ = picture.shape
+    pixels = picture.reshape(rows // factor, factor, columns // factor, factor, 3)
     return np.asarray(pixels.mean(axis=(1, 3)), dtype=np.float64)
 
 

@@ -68,6 +68,7 @@ def bench(
     share: Annotated[float, "Share of its walls that is glass."] = 0.1,
     poses: Annotated[int, "Poses that scans are cast from."] = 200,
     seeds: Annotated[int, "Choices of the panes."] = 1,
+    seconds: Annotated[float, "Time for each caster [s]."] = 4.0,
 ) -> Report:
     """Compare ranges by reflectance with data sheets; map glass, and time casting among it."""
     report = Report(__doc__.splitlines()[0])
@@ -80,7 +81,7 @@ def bench(
     plan, around = load_world(world), LaserRangeFinder(-np.pi, np.pi, beams=361)
     for seed in range(seeds):
         report.add("glass", **found_glass(plan, seed, around, poses, share))
-    cost(report, plan, share, poses)
+    cost(report, plan, share, poses, seconds)
     report.notes.append(
         "glass: its length seen [m], how much of that is found, the length marked [m], how much of"
         " that is\nglass, and map segments where a mirror or a pane only shows something."
@@ -88,7 +89,7 @@ def bench(
     return report
 
 
-def cost(report: Report, world: World, share: float, poses: int) -> None:
+def cost(report: Report, world: World, share: float, poses: int, seconds: float) -> None:
     """Time both casters with walls without materials and with some of glass."""
     plain = World(world.segments, world.objects, world.heights)
     lit, _ = with_glass(world, share, np.random.default_rng(1000))
@@ -99,7 +100,7 @@ def cost(report: Report, world: World, share: float, poses: int) -> None:
 
     for kind in PlanarCaster, EmbreeCaster:
         calls = {"plain": casting(kind(plain)), "glass": casting(kind(lit))}
-        timed = take_turns(calls, seconds=4.0)
+        timed = take_turns(calls, seconds=seconds)
         beams = poses * lrf.beams
         report.add(
             "cost of glass",

@@ -110,14 +110,18 @@ Figure = Annotated[Path | None, "Draw the result to this .png."]
 
 
 def program(
-    bench: Callable[..., Report], name: str, example: str
+    bench: Callable[..., Report], name: str, example: str, quick: str = ""
 ) -> Callable[[Sequence[str]], None]:
     """A benchmark as a program that prints its report, with ``--json`` as one JSON value.
 
-    Its parameters are annotated with their help; those given by name alone are options.
+    Its parameters are annotated with their help; those given by name alone are options. With
+    ``--quick`` it takes the quick arguments, unless others are given.
     """
     parser = ArgumentParser(prog=name, description=bench.__doc__, epilog=f"Example: {example}")
     parser.add_argument("--json", action="store_true", help="Print one JSON value.")
+    if quick:
+        help_text = f"A form of a few seconds, to see that it works: {quick}."
+        parser.add_argument("--quick", action="store_true", help=help_text)
     for each in inspect.signature(bench).parameters.values():
         kind, (text,) = each.annotation.__origin__, each.annotation.__metadata__
         kinds = {int: "SEED" if each.name == "seed" else "N", float: "M", Path: "FILE"}
@@ -134,8 +138,10 @@ def program(
     def run(words: Sequence[str]) -> None:
         from lrf3d.apps.cli.console import print_json
 
-        options = vars(parser.parse_args(words))
+        given = [*quick.split(), *words] if "--quick" in words else words
+        options = vars(parser.parse_args(given))
         as_json = options.pop("json")
+        options.pop("quick", None)
         report = bench(**options)
         print_json(report.as_dict()) if as_json else print(report.text(), flush=True)
 

@@ -105,6 +105,9 @@ def _ground(structures: Structures) -> Mesh:
 
 
 def _robot(laser_height: float, radius: float) -> Mesh:
-    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height, radius))
-    colour = np.column_stack([colours, np.ones(len(colours))])
+    corners, colours = robot_body(laser_height, radius)
+    ups = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    ups = (ups / np.linalg.norm(ups, axis=1, keepdims=True)).repeat(3, axis=0)
+    colour = np.column_stack([colours.reshape(-1, 3), np.ones(len(ups))])
+    places = corners.reshape(-1, 3)
     return Mesh([pyrender.Primitive(positions=places, normals=ups, color_0=colour)])

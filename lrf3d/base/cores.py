@@ -94,12 +94,12 @@ def _watch() -> None:
 def share(work: Callable[[int, int], None], count: int) -> None:
     """Call work(start, stop) for pieces of range(count), in one thread for each core."""
     cores = core_count()
-    # With fewer pieces for each core the slowest one decides, with more Python's lock does.
+    # With fewer pieces a core the slowest core decides, with more Python's lock does.
     size = max(8, -(-count // (8 * cores)))
     if count <= size or cores < 2:
         work(0, count)
         return
-    # A piece of none builds what all threads need.
+    # An empty piece compiles or builds what all threads need.
     work(0, 0)
     starts = range(0, count, size)
     stops = (min(start + size, count) for start in starts)

@@ -37,9 +37,12 @@ def _plain(value: Any) -> Any:
         ordered = np.ascontiguousarray(value + 0, dtype=kind)
         return ["array", value.shape, hashlib.sha256(ordered.tobytes()).hexdigest()]
     if is_dataclass(value):
-        held = {each: getattr(value, each.name) for each in fields(value)}
-        # What a value does not show at its default is left out.
-        return {e.name: _plain(one) for e, one in held.items() if e.repr or one != e.default}
+        # A field that the repr hides counts only if it differs from its default.
+        value = {
+            each.name: getattr(value, each.name)
+            for each in fields(value)
+            if each.repr or getattr(value, each.name) != each.default
+        }
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, tuple | list):

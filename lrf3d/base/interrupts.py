@@ -23,12 +23,16 @@ Progress = Callable[[int, int], None]
 # Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed.
 SIGNALS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
 
-# The signal that asked to stop, 0 for none, when it came [s], and whether a file is being read.
+# The signal that asked to stop; 0 for none.
 _asked = 0
+
+# [s] When it came.
 _since = 0.0
+
+# Whether a file is being read.
 _reads = False
 
-# What is kept if the program ends now, innermost last.
+# Functions that say what is kept if the program ends now, the innermost last.
 _kept: list[Callable[[], str]] = []
 
 # Folders and files that are removed however the program ends.
@@ -62,7 +66,7 @@ def handle_signals(name: str) -> None:
 
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked, _since
-        # Time [s] within which a second signal counts as the first: programs that start others,
+        # [s] Time within which a second signal counts as the first: programs that start others,
         # such as `uv run`, forward a Ctrl-C that the terminal has sent to all.
         same = 0.1
         if not _asked:
@@ -85,9 +89,9 @@ def handle_signals(name: str) -> None:
 
 
 def limit_patience(name: str) -> None:
-    """End the program some time after the first signal, also while compiled code hears none.
+    """End the program soon after the first signal, even while compiled code cannot handle signals.
 
-    Python calls handlers between two of its own steps alone; another thread sees signals at once.
+    Python calls handlers only between two of its own steps; another thread receives them at once.
     """
     if not hasattr(os, "set_blocking"):  # Windows, up to Python 3.11.
         return
@@ -98,8 +102,8 @@ def limit_patience(name: str) -> None:
     def wait() -> None:
         while (number := os.read(reader, 1)[0]) not in SIGNALS:
             pass
-        # Time [s] after a signal at which a program ends that has not reached a check, as LLVM
-        # compiles for half a minute without one.
+        # [s] Time after which a program ends that has not reached a check: LLVM compiles for half
+        # a minute without one.
         patience = 1.5
         sleep(patience)
         _end_now(name, number)

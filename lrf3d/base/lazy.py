@@ -1,4 +1,4 @@
-"""What is loaded at its first use: public names (PEP 562), and what layers above do for a value."""
+"""Loading at first use: public names (PEP 562), and pictures of values, which rooms above draw."""
 
 from importlib import import_module
 

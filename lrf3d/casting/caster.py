@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from lrf3d.casting.light import Lighting
 
 
-# Largest number of beams of a scan that are cast one by one: a fan would take longer.
+# [beams] Largest scan that is cast beam by beam: as a fan it would take longer.
 FEW = 20
 
-# Number of rays that are prepared together: 160 kB, which stay in the cache of a core.
+# [rays] Rays that are prepared together: 160 kB, which stay in the cache of a core.
 AT_ONCE = 4_000
 
-# Heights of lasers whose walls are kept in trees.
+# [trees] Trees that are kept: one for all heights of lasers at which the same walls are met.
 MOST_TREES = 8
 
-# Number of rays above which all cores cast them: threads would take longer to start.
+# [rays] Above this number all cores cast rays; for fewer, starting threads would take longer.
 MANY = 4096
 
 
@@ -58,6 +58,7 @@ class PlanarCaster:
         expect(world, World, "caster for")
         self.world = world
         self._levels: list[float] = np.unique(world.heights).tolist()
+        # A world never changes, so a tree stays valid; threads of one scan share it.
         self._tree = lru_cache(MOST_TREES)(self._build)
         if world.materials:
             from lrf3d.casting.light import Lighting
@@ -170,7 +171,7 @@ class PlanarCaster:
         return self._tree(self._level(height))
 
     def _level(self, height: float) -> float:
-        """What is the same for all heights [m] at which the same walls are met."""
+        """A key that is equal for all heights [m] at which the same walls are met."""
         return bisect_left(self._levels, height)
 
     def _build(self, level: float) -> Tree:

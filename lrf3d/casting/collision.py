@@ -20,7 +20,7 @@ from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.world import World
 
-# Height of robots [m] as others see them.
+# [m] Height of robots as other lasers see them.
 ROBOT_HEIGHT = 1.0
 
 
@@ -41,7 +41,7 @@ class Body(Value):
     outline: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        largest = 50.0  # Reach of the largest body [m]: beyond it numbers are millimetres.
+        largest = 50.0  # [m] Largest reach of a body: larger numbers are millimetres.
         number(self.radius, "radius", "metres", most=largest)
         if self.outline is None:
             return
@@ -150,8 +150,8 @@ class CollisionChecker:
     ) -> tuple[Float, Int, Int]:
         """When bodies that hold moves (k,) first touch something: seconds, walls and obstacles.
 
-        They are +inf, −1 and −1 (k,) where nothing is touched within so many seconds (k,). Own (k,)
-        are the obstacles that are the bodies themselves.
+        They are +inf, −1 and −1 (k,) where nothing is touched within the seconds (k,). Own (k,) are
+        the obstacles that are the bodies themselves.
         """
         own = np.full(len(moves), self._crowd.own) if own is None else own
         walls, met = np.empty((2, len(moves)), np.int64)
@@ -160,7 +160,7 @@ class CollisionChecker:
         return found
 
     def hit(self, starts: Float, ends: Float, radius: float) -> Int:
-        """The walls (k,) that discs touch on straight ways from starts to ends (k, 2), or −1."""
+        """The walls (k,) that discs touch on straight paths from starts to ends (k, 2), or −1."""
         poses, ways = (np.column_stack([xy, np.zeros(len(xy))]) for xy in (starts, ends - starts))
         return self.touch(Body(radius), moves_of(0.0, poses, ways), np.ones(len(poses)))[1]
 
@@ -204,9 +204,13 @@ class CollisionChecker:
         if (found == np.inf).all():
             return None
         step = int(np.argmax(found < np.inf))
-        pose = Pose(*poses[step].tolist())
-        twist = tuple(twists[step].tolist())
-        return self.held(body, pose, twist, float(times[step]), float(seconds[step]))
+        return self.held(
+            body,
+            Pose(*poses[step].tolist()),
+            tuple(twists[step].tolist()),
+            float(times[step]),
+            float(seconds[step]),
+        )
 
     def checked(self, trajectory: Trajectory, body: Body, stops: bool) -> Trajectory:
         """A trajectory without a collision; one that ends where the body touches, if it stops.

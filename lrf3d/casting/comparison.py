@@ -77,8 +77,8 @@ class CrossCheck:
     def largest_error(self) -> float:
         """Largest difference [m] between the two ranges of any beam."""
         both = self.ranges[np.isfinite(self.ranges).all(axis=1)]
-        gaps = np.abs(both[:, 0] - both[:, 1])
-        return max(self.largest_difference, float(gaps.max(initial=0.0)))
+        gap = float(np.abs(both[:, 0] - both[:, 1]).max(initial=0.0))
+        return max(self.largest_difference, gap)
 
     def as_dict(self) -> dict[str, object]:
         """The findings in JSON's types; the range of a beam without return is null."""
@@ -151,8 +151,9 @@ def crosscheck(
     scan, beam = places.T
     delta = resolution(world, lrf)
     causes = _explain(world, lrf, poses[scan], beam, ranges, walls, delta)
-    number = len(poses) * lrf.beams
-    return CrossCheck(number, hits, largest, delta, scan, beam, ranges, walls, causes)
+    return CrossCheck(
+        len(poses) * lrf.beams, hits, largest, delta, scan, beam, ranges, walls, causes
+    )
 
 
 class BareEmbree:
@@ -174,8 +175,9 @@ class BareEmbree:
         ranges = np.full(len(start), np.inf)
         walls = np.full(len(start), -1)
         if len(self.mesh.faces):
-            met = self.mesh.ray.intersects_location(start, way, multiple_hits=False)
-            places, ray, triangle = met
+            places, ray, triangle = self.mesh.ray.intersects_location(
+                start, way, multiple_hits=False
+            )
             ranges[ray] = np.einsum("ij,ij->i", places - start[ray], way[ray])
             walls[ray] = triangle // 2
         ranges = within_limits(ranges, lrf.range_min, lrf.range_max)

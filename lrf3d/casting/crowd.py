@@ -1,7 +1,7 @@
 """Crowd: the dynamic obstacles around a laser, and the beams that they stop."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from copy import copy
 
 import numpy as np
@@ -31,8 +31,8 @@ from lrf3d.robot.kinematics import Twist
 class Crowd:
     """Dynamic obstacles as kernels take them.
 
-    Where they are at the last time is kept, as all robots of a fleet scan at the same times. With
-    discs [m], a radius for each, they touch others as discs; 0 is an outline.
+    Their places at the last time are kept, as all robots of a fleet scan at the same times. The
+    discs are a radius [m] for each obstacle that touches others as a disc, and 0 for an outline.
     """
 
     own = -1
@@ -42,24 +42,23 @@ class Crowd:
         self, obstacles: Sequence[DynamicObstacle], discs: Sequence[float] | float = 0.0
     ) -> None:
         self.obstacles = tuple(obstacles)
-        paths = [one.path for one in obstacles]
-        laps = [path.until(0.0) if isinstance(path, Patrol) else path for path in paths]
+        laps = [_lap(one.path) for one in obstacles]
         outlines = [np.empty((0, 2)), *(one.outline for one in obstacles)]
         times = np.concatenate([np.empty(0), *(lap.times for lap in laps)])
         poses = np.concatenate([np.empty((0, 3)), *(lap.poses for lap in laps)])
         movers = np.zeros(len(obstacles), MOVER)
-        movers["stop"], movers["last"] = (
-            np.cumsum([len(one) for one in rows]) for rows in (outlines[1:], laps)
-        )
-        movers["first"][1:], movers["leg"][1:] = movers["stop"][:-1], movers["last"][:-1]
-        movers["reach"] = [one.reach for one in obstacles]
-        movers["height"] = [one.height for one in obstacles]
+        movers["stop"] = _ends(outlines[1:])
+        movers["last"] = _ends(laps)
+        movers["first"][1:] = movers["stop"][:-1]
+        movers["leg"][1:] = movers["last"][:-1]
         movers["disc"] = discs
-        fastest = np.array([_fastest(lap) for lap in laps]).reshape(-1, 2)
-        movers["fastest"] = fastest[:, 0]
-        movers["rim"] = fastest[:, 0]
-        movers["rim"] += fastest[:, 1] * movers["reach"]
-        movers["period"] = [path.period if isinstance(path, Patrol) else 0.0 for path in paths]
+        for mover, one in zip(movers, obstacles, strict=True):
+            mover["reach"] = one.reach
+            mover["height"] = one.height
+            mover["period"] = one.path.period if isinstance(one.path, Patrol) else 0.0
+        speeds, turns = np.array([_fastest(lap) for lap in laps]).reshape(-1, 2).T
+        movers["fastest"] = speeds
+        movers["rim"] = speeds + turns * movers["reach"]
         corners = records(CORNER, *np.concatenate(outlines).T)
         self.plain: Plain = movers, corners, moves_of(times, poses)
         """The obstacles as kernels take them: kinds MOVER, CORNER, LEG."""
@@ -120,8 +119,7 @@ class Crowd:
         Walls become −1, or the row of the obstacles' side, counted on from a number of walls.
         """
         limits = (float(lrf.range_min), float(lrf.range_max))
-        seen = (self.own, float(lrf.height))
-        rays_among(self.plain, limits, (*seen, named), rays, ranges, walls)
+        rays_among(self.plain, limits, (self.own, float(lrf.height), named), rays, ranges, walls)
 
 
 def move_of(time: float, pose: Sequence[float], twist: Twist) -> Records:
@@ -141,6 +139,16 @@ def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:
     for name, column in zip(kind.names or (), columns, strict=True):
         rows[name] = column
     return rows
+
+
+def _lap(path: Trajectory | Patrol) -> Trajectory:
+    """A patrol's first lap; a trajectory as it is."""
+    return path.until(0.0) if isinstance(path, Patrol) else path
+
+
+def _ends(rows: Sequence[Sized]) -> Int:
+    """Where each of rows (n,) that follow each other in one array ends there."""
+    return np.cumsum([len(one) for one in rows], dtype=np.int64)
 
 
 def _fastest(path: Trajectory) -> tuple[float, float]:

@@ -58,7 +58,7 @@ class DynamicObstacle(Value):
 
     @property
     def poses(self) -> Trajectory:
-        """The path as a Trajectory; a Patrol has no end, and is none."""
+        """The path as a Trajectory; raises for a Patrol, which has no end."""
         if isinstance(self.path, Patrol):
             raise InputError("dynamic obstacle on a patrol without an end; call its until(time)")
         return self.path

@@ -110,8 +110,8 @@ class EmbreeCaster(PlanarCaster):
         if len(beams):
             if self._solid is None:
                 self._solid = MeshScene.of(self.world, self._triangles)
-            origin = np.array([x, y, lrf.height])
-            found, faces = self._solid.cast(origin, beams.reshape(-1, 3), lrf.range_max)
+            start = np.array([x, y, lrf.height])
+            found, faces = self._solid.cast(start, beams.reshape(-1, 3), lrf.range_max)
             found = within_limits(found, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
             faces = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
             ranges[~level] = found

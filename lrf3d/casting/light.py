@@ -15,7 +15,7 @@ from lrf3d.casting.kernels.echoes import (
     Lit,
     Receiver,
 )
-from lrf3d.casting.kernels.light import Optics, light_rays
+from lrf3d.casting.kernels.light import WallMaterials, light_rays
 from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
 from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry.lines import Float, Records, lengths
@@ -44,11 +44,12 @@ class Lighting:
         along = world.segments[:, 2:] - world.segments[:, :2]
         bright = np.array([_dullness(one) for one in rows])[kinds]
         dull = along * (bright / lengths(world.segments))[:, None]
-        table = np.array(surfaces, SURFACE)
-        self._optics = Optics(world.segments, world.heights, kinds, table, dull)
+        self._optics = WallMaterials(
+            world.segments, world.heights, kinds, np.array(surfaces, SURFACE), dull
+        )
 
     def empty(self, lrf: LaserRangeFinder, *count: int, chains: bool = False) -> Lit:
-        """Arrays for the light of so many scans, or of layers, and for the walls on the path."""
+        """Arrays for the light of scans or layers, and for the walls on the paths of beams."""
         shape = (*count, lrf.beams)
         slots = lrf.echoes if lrf.echoes > 1 else 0
         return Lit(
@@ -73,9 +74,7 @@ class Lighting:
         """The light of layers of beams (layers, beams, 3) in 3D; the tree is over all walls."""
         lit = self.empty(lrf, len(beams), chains=True)
         rays = np.zeros(beams.shape[:2], RAY)
-        x, y, z = origin
-        rays["x"] = x
-        rays["y"] = y
+        rays["x"], rays["y"], z = origin
         rays["dx"] = beams[..., 0]
         rays["dy"] = beams[..., 1]
         rise = np.column_stack([np.full(rays.size, z), beams[..., 2].ravel()])
@@ -86,19 +85,19 @@ class Lighting:
         self, lrf: LaserRangeFinder, tree: Tree, rays: Records, inclined: Float, lit: Lit,
         among: tuple[Plain, int],
     ) -> None:  # fmt: skip
-        count = rays.size
-        flat: Any = tuple(each.reshape(count, *each.shape[rays.ndim :]) for each in lit)
+        flat: Any = tuple(each.reshape(rays.size, *each.shape[rays.ndim :]) for each in lit)
         movers, own = among
-        numbers = own, float(lrf.height), float(lrf.range_max)
-        plain = (tree[:], self._optics[:], movers), numbers
-        if count:
+        limits = own, float(lrf.height), float(lrf.range_max)
+        plain = (tree[:], self._optics[:], movers), limits
+        if rays.size:
             light_rays(plain, _receiver(lrf), rays.ravel(), inclined, flat)
 
 
 def _receiver(lrf: LaserRangeFinder) -> tuple[float, float, int, float]:
     """What a range finder makes of the light, for kernels."""
-    numbers = float(lrf.threshold), float(lrf.near_field), CHOICES[lrf.echo], float(lrf.range_min)
-    return Receiver(*numbers)[:]
+    return Receiver(
+        float(lrf.threshold), float(lrf.near_field), CHOICES[lrf.echo], float(lrf.range_min)
+    )[:]
 
 
 def _dullness(material: Material) -> float:

@@ -40,18 +40,18 @@ class MeshScene:
         """
         distances = np.empty(len(directions))
         hits = np.empty(len(directions), np.int64)
-        starts = np.atleast_2d(origins)
-        cast_solid(self.tree[:], self.corners, starts, directions, reach, distances, hits)
+        rays = np.atleast_2d(origins), directions
+        cast_solid(self.tree[:], self.corners, *rays, reach, distances, hits)
         return distances, self.owners[hits]
 
 
 @cache
 def embreex_installed() -> bool:
-    """Whether embreex is installed; if it is not, a warning says once what is done instead."""
+    """Whether embreex is installed; if not, warns once, and beams are cast without it."""
     try:
         require_embreex("Embree")
     except MissingLibraryError:
-        # The processes that a program starts would each say the same again.
+        # The processes that a program starts would each repeat the warning.
         if multiprocessing.parent_process() is None:
             warnings.warn(
                 "embreex is not installed: beams are cast without Embree, to the same ranges",
@@ -63,7 +63,7 @@ def embreex_installed() -> bool:
 
 
 def require_embreex(task: str) -> None:
-    """See that embreex is there for a task that makes no sense without it."""
+    """Raise a MissingLibraryError if embreex, which a task needs, is not installed."""
     try:
         import embreex.rtcore_scene  # noqa: F401
     except ImportError:

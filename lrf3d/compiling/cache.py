@@ -64,7 +64,7 @@ def kind_of(kind: types.Type) -> Any:
 def _function(function: Any, functions: list[Any]) -> Any:
     """What numba compiles of a function; those that it calls are added to the functions."""
     code = function.__code__
-    names = _names(function.__code__)
+    names = _names(code)
     used = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         used[name] = cell.cell_contents
@@ -111,23 +111,27 @@ def _value(value: Any, names: Set[str], functions: list[Any], within: tuple[Any,
         if value.__module__.split(".")[0] in ("numpy", "numba"):
             return value.__module__, value.__qualname__
         return "function", _place(value, functions)
-    if isinstance(value, _SCALARS):
-        return type(value).__name__, repr(value)
     if isinstance(value, tuple | frozenset):
         parts = [_value(part, names, functions, within) for part in value]
         parts = sorted(parts, key=repr) if isinstance(value, frozenset) else parts
         return _value(type(value), names, functions), parts
+    if isinstance(value, ModuleType) and (value is np or not hasattr(value, "__getattr__")):
+        inside = () if value in within else sorted(names & vars(value).keys())
+        return value.__name__, [
+            (name, _value(vars(value)[name], names, functions, (*within, value))) for name in inside
+        ]
+    return _constant(value)
+
+
+def _constant(value: Any) -> Any:
+    """A description of a value that uses no others: see `_value`."""
+    if isinstance(value, _SCALARS):
+        return type(value).__name__, repr(value)
     if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
         return repr(value.dtype), value.shape, value.strides, sha256(value.tobytes()).hexdigest()
     if isinstance(value, EnumMeta):
         members: dict[str, Any] = dict(value.__members__)
         return value.__qualname__, [(name, repr(one.value)) for name, one in members.items()]
-    if isinstance(value, ModuleType) and (value is np or not hasattr(value, "__getattr__")):
-        inside = () if value in within else sorted(names & vars(value).keys())
-        within = (*within, value)
-        return value.__name__, [
-            (name, _value(vars(value)[name], names, functions, within)) for name in inside
-        ]
     if type(value) in _NAMED:
         fields = getattr(value, "_fields", ()), repr(getattr(value, "_field_defaults", ()))
         return getattr(value, "__module__", ""), value.__name__, fields
@@ -216,8 +220,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
         kinds = [kind_of(kind) for kind in signature]
-        checked = numba.config.BOUNDSCHECK
-        return sha256(repr((codegen.magic_tuple(), kinds, checked)).encode()).hexdigest()
+        rows = codegen.magic_tuple(), kinds, numba.config.BOUNDSCHECK
+        return sha256(repr(rows).encode()).hexdigest()
 
     def _name_of_kernel(self) -> str:
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"

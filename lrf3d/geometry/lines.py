@@ -14,18 +14,24 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from lrf3d.base.errors import InputError, shown
 
-# Rows of fields with names, as kernels take them.
 Float = NDArray[np.float64]
+
 Single = NDArray[np.float32]
+
 Int = NDArray[np.int64]
+
 Bool = NDArray[np.bool_]
+
+# Rows of named fields, as kernels take them.
 Records = NDArray[Any]
-# An angle, which files give in degrees.
+
+# An angle [rad]; files give it in degrees.
 Radians = Annotated[float, "rad"]
+
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
-# Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres.
+# [m, rad] Largest size of a coordinate and of a heading: beyond it float64 has no nanometres.
 LARGEST_COORDINATE = 1e9
 
 # Sizes below this count as 0: products of smaller numbers would underflow in exact decisions.
@@ -52,9 +58,9 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     call them by the name.
     """
     held = isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous
-    whole = values if held else None
+    whole = values
     while isinstance(whole, np.ndarray) and not whole.flags.writeable:
-        # So have to be all arrays that it is a view of.
+        # All arrays that it is a view of must be read-only, too.
         whole = whole.base
     if held and not isinstance(whole, np.ndarray):
         return values

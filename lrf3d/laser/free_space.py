@@ -11,19 +11,19 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.laser.scan import LaserScan, reflection_points
 from lrf3d.world.free_cells import FreeCells
 
-# Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart.
+# [m] Largest range at which a scan shows a cell to be free: beyond, beams are too far apart.
 SIGHT = 15.0
 
-# Distance [m] before a return, besides a cell, that is not marked free: the noise.
+# [m] Distance before a return, in addition to a cell, that is not marked free: the noise.
 MARGIN = 0.1
 
-# Radius [m] around each pose that is free, because the robot was there.
+# [m] Radius around each pose that is free, because the robot was there.
 DRIVEN = 0.2
 
 
 def distinct_poses(poses: Float) -> Int:
     """Rows of the poses (k, 3) that are the first in their cell of place and heading."""
-    # Cell [m], [rad] of poses from which only the first scan is used: the others add little.
+    # [m], [rad] Size of a cell of poses from which only the first scan is used: others add little.
     moved = 0.25
     turned = np.deg2rad(10.0)
     cells = np.floor(poses / [moved, moved, turned]).astype(np.int64)
@@ -38,14 +38,14 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     """
     from PIL import Image, ImageDraw
 
-    least_cell = 0.1  # Side of a cell [m]: a door is several cells wide.
+    least_cell = 0.1  # [m] Side of a cell: a door is several cells wide.
     if not len(scans):
         return FreeCells(np.zeros((1, 1), dtype=np.bool_), least_cell)
     places = np.array([scan.pose[:2] for scan in scans])
     most_cells = 4_000_000  # Largest number of cells of a grid; larger areas have larger cells.
-    # Cells of over half a metre hide doors: of scans too far apart for smaller ones, those around
-    # the most central one are used.
-    reach = 0.25 * np.sqrt(most_cells) - SIGHT - least_cell
+    largest_cell = 0.5  # [m] Larger cells hide doors.
+    # Of scans too far apart for such cells, those around the most central one are used.
+    reach = 0.5 * largest_cell * np.sqrt(most_cells) - SIGHT - least_cell
     off = np.abs(places - np.median(places, axis=0)).max(axis=1)
     if off.max() > reach:
         near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach

@@ -230,8 +230,7 @@ class MixedPixels:
 def on_one_wall(scan: LaserScan | ScanBatch) -> Bool:
     """Which beams (…, beams − 1) hit the same wall as the next one."""
     wall = scan.walls[..., :-1]
-    following = scan.walls[..., 1:]
-    return np.asarray((wall >= 0) & (wall == following))
+    return np.asarray((wall >= 0) & (wall == scan.walls[..., 1:]))
 
 
 def _degrees(angle: float, key: str) -> float:

@@ -40,16 +40,16 @@ class Noise(Protocol):
         ...
 
 
-# Default standard deviation of a range [m] at range_max: that of the paper's city (Fig. 7).
+# [m] Default standard deviation of a range at range_max: that of the paper's city (Fig. 7).
 SIGMA = 0.04
 
-# Default standard deviation of a range [m] at zero distance: that of common range finders.
+# [m] Default standard deviation of a range at zero distance: that of common range finders.
 FLOOR = 0.01
 
-# The range [m] at which the standard deviation is sigma, for scans without a range_max.
-USUAL_RANGE = 80.0
+# [m] The range at which the standard deviation is sigma, for scans without a range_max.
+USUAL_RANGE: float = LaserRangeFinder.range_max
 
-# The spread of a noise that does not scatter ranges about the true ones.
+# [m, m] The spread of a noise that does not scatter ranges about the true ones.
 NO_SPREAD = (0.0, 0.0)
 
 
@@ -72,8 +72,8 @@ class RangeNoise(NamedTuple):
         cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
     ) -> "RangeNoise":
         """The noise of Eq. 7 with a sigma [m] at range_max [m], and a floor [m]."""
-        at_range_max = number(sigma, "range noise: sigma", "metres")
-        growth = at_range_max / number(range_max, "range noise: range_max", positive=True)
+        growth = number(sigma, "range noise: sigma", "metres")
+        growth /= number(range_max, "range noise: range_max", positive=True)
         return cls(number(floor, "range noise: floor", "metres"), growth)
 
     def variance(self, ranges: Float) -> Float:
@@ -113,8 +113,9 @@ def noises_of(noise: Any, lasers: Sequence[LaserRangeFinder]) -> tuple[Noise, ..
     if not isinstance(noise, list | tuple):
         return (as_noise(noise),) * len(lasers)
     if len(noise) != len(lasers):
-        found = f"noise: {len(noise)} of them for {len(lasers)} lasers"
-        raise InputError(f"{found}; expected one, or one for each")
+        raise InputError(
+            f"noise: {len(noise)} of them for {len(lasers)} lasers; expected one, or one for each"
+        )
     return tuple(as_noise(each) for each in noise)
 
 

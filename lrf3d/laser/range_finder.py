@@ -30,7 +30,7 @@ Number = TypeVar("Number", float, Float)
 # The mount of a laser in the middle of its robot, facing ahead.
 CENTRE = Pose(0.0, 0.0, 0.0)
 
-# Largest angle [rad] of a beam: ten turns. Far beyond it float64 does not resolve beams.
+# [rad] Largest angle of a beam: ten turns. Far beyond it float64 does not resolve beams.
 LARGEST_ANGLE = 63.0
 
 

@@ -16,6 +16,9 @@ from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float
 from lrf3d.laser.range_finder import within_limits
 
+# Nanoseconds in a second.
+NANO = 1_000_000_000
+
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
@@ -28,24 +31,24 @@ class Stamp:
     def of(cls, time: float) -> "Stamp":
         """The stamp nearest to a time [s]."""
         sec = math.floor(time)
-        nanosec = round((time - sec) * 1e9)
-        return cls(sec + 1, 0) if nanosec == 1_000_000_000 else cls(sec, nanosec)
+        nanosec = round((time - sec) * NANO)
+        return cls(sec + 1, 0) if nanosec == NANO else cls(sec, nanosec)
 
     @property
     def nanoseconds(self) -> int:
         """All of it in nanoseconds."""
-        return self.sec * 1_000_000_000 + self.nanosec
+        return self.sec * NANO + self.nanosec
 
     @property
     def seconds(self) -> float:
         """The float64 nearest to it [s]."""
-        return self.nanoseconds / 1_000_000_000
+        return self.nanoseconds / NANO
 
 
 def read_ros_scan(message: Any) -> dict[str, Any]:
     """The arguments of a LaserScan, except its pose, of a message or of nested dicts.
 
-    Where the step of the beams cannot be, or runs against their ends, they lie evenly between.
+    The beams are evenly spread between their ends where their step is impossible.
     """
     try:
         low, step, increment, range_min, range_max = (
@@ -63,19 +66,8 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     count = len(ranges) if ranges.ndim == 1 else 0
     if count == 0:
         raise InputError("scan without ranges")
-    # At most a full turn, with room for rounding.
-    turn = 2.1 * math.pi
-    possible = count == 1 or 0.0 < abs(step) * (count - 1) <= turn
-    # Drivers that do not set angle_max leave it at 0.
-    against = step * wide < 0.0 and low + wide != 0.0
-    if 0.0 < abs(wide) <= turn and (against or not possible):
-        possible = True
-        step = wide / max(count - 1, 1)
-    if not (math.isfinite(low) and possible):
-        beams = f"{count} beams {step:g} rad apart from {low:g} rad"
-        raise InputError(f"scan of {beams}, expected at most a turn, in radians")
-    angles: Float = low + step * np.arange(count, dtype=np.float64)
-    # Some drivers do not say how far their laser sees.
+    angles: Float = low + _step(low, wide, step, count) * np.arange(count, dtype=np.float64)
+    # Some drivers do not set the largest range of their laser.
     range_max = math.inf if range_max == 0.0 or math.isnan(range_max) else range_max
     return {
         "angles": angles,
@@ -87,6 +79,27 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
         # Many drivers leave them out, and some send fewer than ranges.
         "intensities": intensities if intensities.shape == ranges.shape else None,
     }
+
+
+def _step(low: float, wide: float, step: float, count: int) -> float:
+    """The step of beams [rad], or that of an even spread where the step is impossible.
+
+    It is impossible if it runs against the ends of the fan, or takes the beams beyond a turn.
+    """
+    # [rad] At most a full turn, with room for rounding.
+    turn = 2.1 * math.pi
+    possible = count == 1 or 0.0 < abs(step) * (count - 1) <= turn
+    # Drivers that do not set angle_max leave it at 0.
+    against = step * wide < 0.0 and low + wide != 0.0
+    if 0.0 < abs(wide) <= turn and (against or not possible):
+        possible = True
+        step = wide / max(count - 1, 1)
+    if not (math.isfinite(low) and possible):
+        raise InputError(
+            f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn,"
+            " in radians"
+        )
+    return step
 
 
 def field_of(message: Any, name: str, *other: Any) -> Any:

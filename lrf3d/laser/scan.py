@@ -32,7 +32,10 @@ from lrf3d.laser.range_finder import (
 )
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 
-# What a scan has of the light: the number of axes, and what stands for nothing, by attribute.
+# [s] Least time of a scan, and least time between two beams.
+EARLIEST = -1e12
+
+# The attributes of a scan for its light: number of axes, and the value of a beam without return.
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
 
 
@@ -125,12 +128,11 @@ class LaserScan(Value, Pictured):
         met = np.full(distances.shape, -1) if walls is None else walls
         met = read_only(met, "walls", np.int64)
         if turns.ndim != 1 or not turns.shape == distances.shape == met.shape:
-            found = f"angles {turns.shape}, ranges {distances.shape} and walls {met.shape}"
-            raise InputError(f"scan with {found}: expected one of each for every beam")
-        if not (inside := np.abs(turns) <= LARGEST_ANGLE).all():
-            beam = int(np.argmin(inside))
-            found = f"the angle {turns[beam]:g} of beam {beam}"
-            raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
+            raise InputError(
+                f"scan with angles {turns.shape}, ranges {distances.shape} and walls {met.shape}:"
+                " expected one of each for every beam"
+            )
+        _check_angles(turns)
         light = zip(LIGHT, (intensities, echoes, echo_intensities), strict=True)
         self.__dict__.update(
             {name: _of_beams(value, len(turns), name) for name, value in light},
@@ -140,8 +142,8 @@ class LaserScan(Value, Pictured):
             walls=met,
             range_min=near,
             range_max=far if far <= LARGEST_COORDINATE else np.inf,
-            time=number(time, "scan: time", "seconds", least=-1e12),
-            time_increment=number(time_increment, "scan: time_increment", least=-1e12),
+            time=number(time, "scan: time", "seconds", least=EARLIEST),
+            time_increment=number(time_increment, "scan: time_increment", least=EARLIEST),
             pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
             mount=as_pose(mount),
             laser=laser,
@@ -266,6 +268,16 @@ class ScanBatch:
         return cls(first.angles, range_min=first.range_min, range_max=first.range_max, **rows)
 
 
+def _check_angles(angles: Float) -> None:
+    inside = np.abs(angles) <= LARGEST_ANGLE
+    if not inside.all():
+        beam = int(np.argmin(inside))
+        raise InputError(
+            f"scan with the angle {angles[beam]:g} of beam {beam}: expected at most"
+            f" ±{LARGEST_ANGLE:g} rad"
+        )
+
+
 def _within(ranges: Float, range_max: float) -> Float:
     """Ranges, in which NaN and what is not within range_max are no return, +inf.
 
@@ -285,8 +297,9 @@ def _of_beams(values: Any, beams: int, name: str) -> Float | None:
     array: Float = read_only(values, name)
     axes, nothing = LIGHT[name]
     if array.ndim != axes or len(array) != beams:
-        found = f"scan with {name} {array.shape}"
-        raise InputError(f"{found}: expected a row for each of {beams} beams")
+        raise InputError(
+            f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
+        )
     return sealed(np.where(np.isnan(array), nothing, array)) if np.isnan(array).any() else array
 
 
@@ -305,8 +318,10 @@ def _covariance(values: Any) -> Float:
         even = np.abs(matrix - matrix.T).max() <= rounding
         if even and np.linalg.eigvalsh(matrix).min() >= -rounding:
             return matrix
-    found = f"scan with pose_covariance {shown(matrix.tolist())}"
-    raise InputError(f"{found}: expected a symmetric matrix (3, 3), without negative eigenvalues")
+    raise InputError(
+        f"scan with pose_covariance {shown(matrix.tolist())}: expected a symmetric matrix (3, 3),"
+        " without negative eigenvalues"
+    )
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:
@@ -315,18 +330,20 @@ def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Fl
 
 
 def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
-    """A sentence that says why the ranges of a drive are not in metres; None if they may be."""
+    """Why the ranges of a drive are hardly in metres, in a sentence; None if they may be."""
     ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
     beams = sum(len(scan.ranges) for scan in scans)
-    # Fewer show no walls.
-    if len(ranges) < 0.02 * beams:
+    # [share] With fewer returns no wall is recognised.
+    least_returned = 0.02
+    if len(ranges) < least_returned * beams:
         return (
             f"{len(ranges)} of {beams} beams returned, too few to show walls; are the ranges in"
             " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
             " largest range right?"
         )
-    # No such laser sees as far.
-    if (middle := float(np.median(ranges))) > 300.0:
+    # [m] The largest median range that a laser on a robot measures.
+    largest_median = 300.0
+    if (middle := float(np.median(ranges))) > largest_median:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

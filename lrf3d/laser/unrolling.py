@@ -17,7 +17,7 @@ from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.scan import LIGHT, LaserScan
 
-# Scans that are farther apart [s] say nothing of how the robot moved during one of them.
+# [s] Longest time between two scans from which the motion during one of them is interpolated.
 LONGEST_GAP = 1.0
 
 
@@ -34,8 +34,8 @@ def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
         >>> drive = lrf3d.drive((0, 0, 0), 1.0, 1.0, duration=0.2)
         >>> run = lrf3d.simulate(wall, drive, lrf, rng=0)
         >>> scans = run.scan(0), unrolled(run.scan(0))
-        >>> [abs(scan.points()[:, 0] - 3).max().round(2) for scan in scans]
-        [0.22, 0.0]
+        >>> [float(abs(scan.points()[:, 0] - 3).max().round(2)) for scan in scans]
+        [0.45, 0.0]
     """
     motion = scan.motion if motion is None else motion
     if motion is None or scan.time_increment == 0.0 or not np.any(motion):
@@ -59,20 +59,24 @@ def together(scans: Sequence[LaserScan]) -> LaserScan:
     """
     if len(scans) == 1:
         return scans[0]
-    flat = [unrolled(scan) for scan in scans]
-    parts = [_seen(scan, np.array([scan.mount])) for scan in flat]
-    known = [name for name in parts[0] if all(name in part for part in parts)]
+    parts = [_seen(scan, np.array([scan.mount])) for scan in map(unrolled, scans)]
+    known = set(parts[0]).intersection(*parts)
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in known}
     arrays["angles"] = wrap_angle(arrays["angles"])
     order = np.argsort(arrays["angles"], kind="stable")
     values: dict[str, Any] = dict.fromkeys(LIGHT)
     values |= {name: each[order] for name, each in arrays.items()}
-    limits = min(each.range_min for each in flat), max(each.range_max for each in flat)
     return replace(
-        flat[0], **values, pose=flat[0].robot, mount=CENTRE, range_min=limits[0],
-        range_max=limits[1], laser="+".join(each.laser for each in flat), motion=None,
+        scans[0],
+        **values,
+        pose=scans[0].robot,
+        mount=CENTRE,
+        range_min=min(each.range_min for each in scans),
+        range_max=max(each.range_max for each in scans),
+        laser="+".join(each.laser for each in scans),
+        motion=None,
         time_increment=0.0,
-    )  # fmt: skip
+    )
 
 
 def _seen(scan: LaserScan, places: Float) -> dict[str, Any]:
@@ -85,8 +89,7 @@ def _seen(scan: LaserScan, places: Float) -> dict[str, Any]:
     # What was measured stays a return, though it may be a little farther from the first beam.
     most = math.nextafter(scan.range_max, 0.0)
     ranges = np.where(scan.hits, np.minimum(np.hypot(x, y), most), scan.ranges)
-    angles = headings + turn
-    values: dict[str, Any] = {"angles": angles, "ranges": ranges, "walls": scan.walls}
+    values: dict[str, Any] = {"angles": headings + turn, "ranges": ranges, "walls": scan.walls}
     values |= {name: getattr(scan, name) for name in LIGHT if getattr(scan, name) is not None}
     if scan.echoes is not None:
         farther = np.where(scan.hits, ranges - away, 0.0)
@@ -110,14 +113,17 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
     The scans are in the order of time. The last of a laser moves on as before it, and a scan whose
     beams would take longer than the time to the next keeps its motion unknown.
     """
-    if not any(scan.time_increment and scan.motion is None for scan in scans):
-        return list(scans)
     found = list(scans)
+    if not any(scan.time_increment for scan in scans):
+        return found
+    lasers: dict[str, list[int]] = {}
+    for number, scan in enumerate(scans):
+        lasers.setdefault(scan.laser, []).append(number)
     rate = np.zeros(3)
-    # Share of the time to the next scan that the beams of one may take: more is a mistaken driver.
+    # [share] Largest share of the time to the next scan that the beams of a scan may take: a larger
+    # one is an error of the driver.
     too_long = 1.1
-    for laser in dict.fromkeys(scan.laser for scan in scans):
-        own = [number for number, scan in enumerate(scans) if scan.laser == laser]
+    for own in lasers.values():
         for number, following in zip(own, [*own[1:], None], strict=True):
             scan = scans[number]
             gap = LONGEST_GAP

@@ -24,7 +24,8 @@ from lrf3d.geometry.lines import (
 from lrf3d.world.free_cells import FreeCells
 
 # What a segment of a map may be.
-WALL, GLASS, MIRROR = KINDS = ("wall", "glass", "mirror")
+KINDS = ("wall", "glass", "mirror")
+WALL, GLASS, MIRROR = KINDS
 
 # The type of an array of kinds.
 KIND = np.dtype("<U6")
@@ -66,18 +67,17 @@ class LineMap(Value, Pictured):
         self._hold("segments")
         self._hold("objects", "points", dtype=np.int64)
         segments = self.segments
-        objects = self.objects
-        points = self.points
-        if not (segments.shape[1:] == (4,) and objects.shape == points.shape == segments.shape[:1]):
+        shapes = segments.shape, self.objects.shape, self.points.shape
+        if not (segments.shape[1:] == (4,) and shapes[1] == shapes[2] == segments.shape[:1]):
             raise InputError(
-                f"map of segments {segments.shape}, objects {objects.shape} and points"
-                f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
+                f"map of segments {shapes[0]}, objects {shapes[1]} and points {shapes[2]}:"
+                " expected shapes (m, 4), (m,) and (m,)"
             )
         kinds = np.array(self.kinds, dtype=KIND)
         if not kinds.ndim:
             kinds = np.full(len(segments), kinds)
         known = (kinds == WALL) | (kinds == GLASS) | (kinds == MIRROR)
-        if kinds.shape != objects.shape or not known.all():
+        if kinds.shape != self.objects.shape or not known.all():
             raise InputError(
                 f"map of {len(segments)} segments with kinds {kinds.tolist()}: expected"
                 f" {', '.join(KINDS)}, one for each segment"
@@ -176,9 +176,7 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
             " other formats"
         )
     ends = line_map.segments.reshape(-1, 2, 2)
-    objects = line_map.objects
-    points = line_map.points
-    columns = (*line_map.lines.T, objects, points, line_map.kinds, ends)
+    columns = (*line_map.lines.T, line_map.objects, line_map.points, line_map.kinds, ends)
     features = []
     for alpha, p, number, count, kind, shape in zip(
         *(each.tolist() for each in columns), strict=True

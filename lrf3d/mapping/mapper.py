@@ -53,11 +53,20 @@ def _robust(limits: Thresholds) -> Any:
 # The modes of the mapper; others may be entered, which world files and sweeps then have, too.
 MODES = {"paper": Mode(_paper, 0.1, 0.5, 2), "robust": Mode(_robust, 0.5, 0.0, 4)}
 
-# Largest values [m] of the settings: larger ones would merge all walls of a place.
+# [m] Largest gap and split: larger ones would join all returns of a scan.
+_MOST_GAP = 1e6
+
+# [m] Largest standard deviation of a range.
+_MOST_NOISE = 1e3
+
+# [m] Largest values of the settings: larger ones would merge all walls of a place.
 MOST = {
-    "gap": 1e6, "split": 1e6, "merge_length": 100.0, "merge_distance": 10.0, "floor": 1e3,
-    "sigma": 1e3,
+    "gap": _MOST_GAP, "split": _MOST_GAP, "merge_length": 100.0, "merge_distance": 10.0,
+    "floor": _MOST_NOISE, "sigma": _MOST_NOISE,
 }  # fmt: skip
+
+# [m] Part of the default split and merge_distance that does not depend on the noise.
+_TOLERANCE = 0.1
 
 
 class LineMapper:
@@ -111,13 +120,13 @@ class LineMapper:
         usual = MODES[mode]
         sigma = SIGMA if sigma is None else sigma
         number(sigma, "mapper: sigma", "metres", most=MOST["sigma"])
-        split = 0.1 + 1.5 * sigma if split is None else split
+        split = _TOLERANCE + 1.5 * sigma if split is None else split
         self._settings = (
             f"{mode!r}, {gap=}, {split=}, {merge_length=}, {merge_distance=}, {sigma=}, {floor=},"
             f" {min_points=}"
         )
         length = usual.merge_length if merge_length is None else merge_length
-        distance = 0.1 + usual.noise * sigma if merge_distance is None else merge_distance
+        distance = _TOLERANCE + usual.noise * sigma if merge_distance is None else merge_distance
         limits = {
             "gap": gap, "split": split, "merge_length": length, "merge_distance": distance,
             "floor": floor,

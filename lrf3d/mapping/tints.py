@@ -8,26 +8,27 @@ from lrf3d.geometry.lines import Float, Int
 
 
 class _Palette(NamedTuple):
-    """Colours of the objects of maps in Oklch.
+    """Colours of the objects of maps in Oklch."""
 
-    A hue that no object has, that of the laser or of the trail, and how far off it those of objects
-    are [turns]; the lightness of one object after the other, and their chroma. The hue of the first
-    object and the step to the next [turns] are of Roberts' sequence, and leave the nearest two of
-    sixty objects furthest apart; with the golden step every 21st looks the same.
-    """
-
-    taken: float
-    free: float
-    tones: Float
+    taken: float  # [turns] The hue of the laser or of the trail, which no object has,
+    free: float  # [turns] and the least distance of an object's hue from it.
+    tones: Float  # The lightnesses that objects take in turn.
     chroma: float
-    start: float = 0.85
-    step: float = 0.5698402910
 
 
-# Those of figures, legible on white, and those of films, legible in the dark.
+# [turns] Hue of the first object, and the step from one object to the next, of Roberts' sequence:
+# they leave the nearest two of sixty objects furthest apart. With the golden step every 21st looks
+# the same.
+_FIRST_HUE = 0.85
+_HUE_STEP = 0.5698402910
+
+# The palette of figures: legible on white.
 _ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
+
+# The palette of films: legible in the dark.
 _ON_DARK = _Palette(0.189, 0.1, np.array([0.66, 0.78, 0.70, 0.83, 0.74]), 0.105)
 
+# From Oklab to the responses of cones, and from these to linear sRGB (Ottosson, 2020).
 _LMS_FROM_LAB = np.array(
     [
         [1.0, 0.3963377774, 0.2158037573],
@@ -49,12 +50,14 @@ def object_tints(objects: Int, *, dark: bool = False) -> Float:
     palette = _ON_DARK if dark else _ON_PAPER
     number = np.asarray(objects, dtype=np.float64)
     # Hues such a step apart never come round; five tones part those that come near.
-    turn = np.mod(palette.start - number * palette.step, 1.0)
+    turn = np.mod(_FIRST_HUE - number * _HUE_STEP, 1.0)
     hue = 2.0 * np.pi * (palette.taken + palette.free + turn * (1.0 - 2.0 * palette.free))
     lightness = palette.tones[number.astype(np.int64) % len(palette.tones)]
     # In Oklch (Ottosson, 2020) all hues look equally bright.
     lab = np.column_stack([lightness, palette.chroma * np.cos(hue), palette.chroma * np.sin(hue)])
     linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
-    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    # The transfer curve of sRGB (IEC 61966-2-1).
+    offset = 0.055
+    curved = (1.0 + offset) * linear ** (1.0 / 2.4) - offset
     colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
     return colours

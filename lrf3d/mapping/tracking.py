@@ -11,12 +11,12 @@ import shapely
 from lrf3d.geometry.lines import Float, Int, lengths, sealed
 from lrf3d.mapping.line_map import LineMap
 
-# How far a segment may have moved from one map to the next [m]: walls that face each other are
-# farther apart, and what noise moves a segment by is less.
+# [m] Largest shift of a segment from one map to the next: more than noise moves it, less than the
+# distance of walls that face each other.
 _NEAR = 0.5
 
-# Where along a segment it is compared, as shares: off its ends, where others begin.
-_PLACES = np.array([1.0, 3.0, 5.0]) / 6.0
+# [share] Places along a segment at which it is compared, off its ends, where others begin.
+_PLACES = (np.arange(3) + 0.5) / 3
 
 
 class ObjectTracker:
@@ -60,9 +60,8 @@ def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, In
     place = np.searchsorted(others[order, 0], segments[:, 0]).clip(max=len(others) - 1)
     still = np.flatnonzero((others[order[place]] == segments).all(axis=1))
     moved = np.setdiff1d(np.arange(len(segments)), still)
-    start = segments[moved, None, :2]
-    way = (segments[moved, 2:] - segments[moved, :2])[:, None]
-    places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
+    start, end = segments[moved, None].reshape(-1, 2, 1, 2).swapaxes(0, 1)
+    places = shapely.points((start + _PLACES[:, None] * (end - start)).reshape(-1, 2))
     tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
     near_by, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)
     segment = np.append(still, moved[near_by // len(_PLACES)])

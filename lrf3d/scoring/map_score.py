@@ -73,9 +73,11 @@ def seen_share(run: Run) -> float | None:
 
     Examples:
         >>> import lrf3d
-        >>> run = lrf3d.simulate("paper_room", [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> from lrf3d.scoring.map_score import seen_share
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
         >>> round(seen_share(run), 1)
-        0.5
+        0.4
     """
     return shown_share(run.world, run.trajectory.poses[:, :2], *visible_walls(run, 0.0))
 

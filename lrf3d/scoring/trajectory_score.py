@@ -139,7 +139,7 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
         >>> truth = lrf3d.Trajectory([0, 1, 2], [(0, 0, 0), (1, 0, 0), (2, 0, 0)])
         >>> turned = lrf3d.Trajectory([0, 1, 2], [(5, 0, 1.57), (5, 1, 1.57), (5, 2.1, 1.57)])
         >>> pose_errors(truth, turned).absolute.round(3).tolist()
-        [0.05, 0.0, 0.05]
+        [0.033, 0.033, 0.067]
     """
     first = estimate.times[0]
     last = estimate.times[-1]

@@ -139,3 +139,19 @@ def test_in_a_corridor_without_end_the_error_stays_within_its_ellipse():
     assert figures["weak_direction_reported"] == 1.0
     assert figures["places_within_95_percent_ellipse"] > 0.9
     assert figures["largest_error_m"] > 0.05
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        pytest.param("frames", marks=[pytest.mark.slow, pytest.mark.gl]),
+        pytest.param("maps", marks=pytest.mark.slow),
+        *(part for part in PARTS if part not in ("frames", "maps")),
+    ],
+)
+def test_each_part_ends_with_figures_within_seconds(part, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    bench([part, "--quick", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    tables = [rows for name, rows in report.items() if name not in ("machine", "notes", "question")]
+    assert tables and all(rows for rows in tables)

@@ -12,8 +12,8 @@ from synthetic_run import box
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, ProportionalNoise, World
 from lrf3d.base.errors import InputError, Lrf3dWarning
-from lrf3d.mapping.robust.glass.optics import Optics, image_lines
-from lrf3d.mapping.robust.glass.surfaces import IS_GLASS, IS_MIRROR
+from lrf3d.mapping.glass.optics import Optics, image_lines
+from lrf3d.mapping.glass.surfaces import IS_GLASS, IS_MIRROR
 from lrf3d.world import Material
 
 ALONG = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.zeros(60)])

@@ -87,7 +87,7 @@ class Block(NamedTuple):
     sifted: Float  # (SIFTED,) room for the walls of a leaf.
 
 
-# In place of guesses, where there are none.
+# Stands for guesses where nothing guesses.
 NO_GUESSES = np.empty(0, np.int32)
 
 
@@ -252,7 +252,7 @@ def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
 
 @borrower
 def judged(wall: Wall, beam: Beam, nearest: Nearest) -> tuple[int, float, float]:
-    """Whether a wall is met before the nearest so far, as float64 tells, and at which distances."""
+    """Whether a wall is met before the nearest so far, in float64, and at which distances."""
     ax = wall.px - beam.ox
     ay = wall.py - beam.oy
     bx = wall.qx - beam.ox

@@ -20,24 +20,26 @@ import numpy as np
 from lrf3d.compiling import borrower, record
 from lrf3d.geometry.lines import Float, Int
 
-# Distance [m] up to which intensities do not depend on the distance.
+# [m] Distance up to which intensities do not depend on the distance.
 CLOSEST = 0.01
 
-# Least share of the light, there and back, with which a beam goes on: less is lost in the noise of
-# all but the strongest echoes.
+# [share] Least light, there and back, with which a beam goes on: less is lost in the noise of all
+# but the strongest echoes.
 LEAST_SHARE = 0.01
 
-# Number of walls on the path of a beam, those that it passes through included.
+# [walls] Most walls on the path of a beam, those that it passes through included.
 MOST_WALLS = 16
 
-# Which echo is the range of a beam.
+# The choices of the echo that is the range of a beam.
 FIRST = 0
 LAST = 1
 STRONGEST = 2
 
-# The optics of a material, and whether beams go on mirrored, 0 or 1.
-SHARES = ("diffuse", "specular", "lobe", "transmission", "index", "retro", "mirrors")
-SURFACE = record(**dict.fromkeys(SHARES, float))
+# The optics of a material.
+SURFACE = record(
+    diffuse=float, specular=float, lobe=float, transmission=float, index=float, retro=float,
+    mirrors=float,  # whether beams go on mirrored, 0 or 1
+)  # fmt: skip
 
 
 class Receiver(NamedTuple):

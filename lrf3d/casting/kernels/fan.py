@@ -76,7 +76,7 @@ class Fan(NamedTuple):
     per_step: float  # One over the angle from beam to beam [1/rad], or 0 where all are but one.
 
 
-class Buffer(NamedTuple):
+class DepthBuffer(NamedTuple):
     """The depth buffer over the beams (beams,) of a fan."""
 
     low: Float  # 1 / t is not below this [1/m],
@@ -104,7 +104,7 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
         low[i] = edge
         high[i] = edge
         hit[i] = -1
-    buffer = Buffer(low, high, hit, np.empty(beams, np.int64))
+    buffer = DepthBuffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
     waiting = np.empty(STACK, WAITING)
     root = waiting[0]
@@ -311,7 +311,7 @@ def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> No
 
 
 @inner
-def draw(row: int, k: int, sketch: Float, fan: Fan, buffer: Buffer) -> int:
+def draw(row: int, k: int, sketch: Float, fan: Fan, buffer: DepthBuffer) -> int:
     """Draw wall k of a sketch where that is sure, and leave the beams that are not in `contested`.
 
     Returns:
@@ -379,7 +379,7 @@ def depth_line(area: float, size: float, ex: float, ey: float) -> tuple[float, f
 
 
 @inner
-def settle(left_open: int, row: int, tree: Tree, fan: Fan, buffer: Buffer) -> None:
+def settle(left_open: int, row: int, tree: Tree, fan: Fan, buffer: DepthBuffer) -> None:
     """Decide the beams that `draw` left open, exactly."""
     low, high, hit, contested = buffer
     wall = wall_at(tree.walls, row)
@@ -404,7 +404,7 @@ def settle(left_open: int, row: int, tree: Tree, fan: Fan, buffer: Buffer) -> No
 
 
 @inner
-def _settle_in_line(row: int, tree: Tree, fan: Fan, buffer: Buffer) -> None:
+def _settle_in_line(row: int, tree: Tree, fan: Fan, buffer: DepthBuffer) -> None:
     """Decide all beams for a wall whose line goes through the laser."""
     low, high, hit, _ = buffer
     wall = wall_at(tree.walls, row)

@@ -30,24 +30,30 @@ from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Float, Int, Records
 
-# How often mirrors turn a beam; at the next one it ends.
+# [turns] Mirrors that turn a beam; at the next one it ends.
 MOST_TURNS = 8
 
-# Walls so near [m] to the place from which a ray goes on, or so near in parts of its coordinates,
-# count as holding it: more than rounding, less than any gap.
+# [m] Distance up to which a wall counts as holding the place from which a ray goes on: more than
+# rounding, less than any gap.
 NEAR = 1e-9
+
+# [share] The part of that distance that grows with the coordinates of the place.
 NEAR_SHARE = 2.0**-50
 
-# A ray that goes on: its place, in plan seen from the laser so that no digits are lost far away,
-# and its direction; the direction in plan with which it arrived there, the way so far [m], its
-# share of the light, its turns, its walls, how many of these it met at this very place, and as bits
-# which it passed through.
-NUMBERS = ("x", "y", "z", "dx", "dy", "dz", "came_x", "came_y", "way", "gain")
-COUNTS = ("turns", "count", "here", "passed")
-LEFT = record(**dict.fromkeys(NUMBERS, float), **dict.fromkeys(COUNTS, int))
+# A ray that goes on.
+LEFT = record(
+    x=float, y=float, z=float,  # [m] its place; in plan from the laser, to lose no digits far away
+    dx=float, dy=float, dz=float,  # its direction
+    came_x=float, came_y=float,  # the direction in plan with which it arrived at the place
+    way=float,  # [m] the distance so far
+    gain=float,  # its share of the light
+    turns=int,  # how often mirrors turned it
+    count=int, here=int,  # the number of its walls, and of those that it met at this very place
+    passed=int,  # which of these it passed through, as bits
+)  # fmt: skip
 
 
-class Optics(NamedTuple):
+class WallMaterials(NamedTuple):
     """The walls (n,) of the world and their materials, of which the last is that of obstacles.
 
     Dull vectors (n, 2) lie along the walls that only scatter light, as long as these are bright
@@ -61,15 +67,15 @@ class Optics(NamedTuple):
     dull: Float
 
 
-class Scene(NamedTuple):
-    """What rays meet up to a reach [m]: walls in their tree, with their materials, and obstacles.
+class Surroundings(NamedTuple):
+    """What rays can hit up to a reach [m]: walls in their tree, their materials, and obstacles.
 
-    A side of an obstacle is named by its row, counted on from the walls. The robot's own is left
-    out, and so are obstacles that are lower than the laser.
+    The sides of obstacles are numbered on from the walls. The robot's own and those of obstacles
+    lower than the laser are left out.
     """
 
     tree: Tree
-    optics: Optics
+    optics: WallMaterials
     among: Movers
     own: int
     height: float
@@ -94,9 +100,9 @@ def light_rays(
     unit length, and have a height [m] and a rise (n, 2).
     """
     (plain_tree, plain_optics, plain_movers), (own, height, reach) = plain
-    optics = Optics(*plain_optics)
+    optics = WallMaterials(*plain_optics)
     among = anywhere(plain_movers)
-    scene = Scene(Tree(*plain_tree), optics, among, own, height, reach)
+    scene = Surroundings(Tree(*plain_tree), optics, among, own, height, reach)
     receiver = Receiver(*plain_receiver)
     lit = Lit(*plain_lit)
     # A ray that is taken makes room for one of the two that it leaves, so no more ever wait.
@@ -124,7 +130,7 @@ def light_rays(
 
 
 @borrower
-def _is_dull(optics: Optics, receiver: Receiver, ray: Any, i: int, lit: Lit) -> bool:
+def _is_dull(optics: WallMaterials, receiver: Receiver, ray: Any, i: int, lit: Lit) -> bool:
     """Whether a beam needs no more than the intensity of its wall, which is filled in."""
     short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 == lit.chains.shape[1]
     wall = lit.walls[i]
@@ -142,12 +148,12 @@ def _is_dull(optics: Optics, receiver: Receiver, ray: Any, i: int, lit: Lit) -> 
 
 @borrower
 def _follow(
-    scene: Scene, receiver: Receiver, start: Vector, first: tuple[float, int], room: Room, i: int,
-    lit: Lit,
+    scene: Surroundings, receiver: Receiver, start: Vector, first: tuple[float, int], room: Room,
+    i: int, lit: Lit,
 ) -> None:  # fmt: skip
     """Follow beam i, the first of the rays, from a place, and all that it leaves, to its echoes.
 
-    The way to its first wall [m] and this wall are known, unless the wall is −1.
+    The distance to its first wall [m] and this wall are known, unless the wall is −1.
     """
     clear(i, lit)
     optics = scene.optics
@@ -224,7 +230,7 @@ def _follow(
 
 
 @borrower
-def _wall_of(scene: Scene, name: int) -> Wall:
+def _wall_of(scene: Surroundings, name: int) -> Wall:
     """A wall, or a side of an obstacle, by its name."""
     walls = scene.optics.segments
     return (
@@ -234,7 +240,7 @@ def _wall_of(scene: Scene, name: int) -> Wall:
 
 @borrower
 def _next_wall(
-    scene: Scene, start: Vector, ray: Any, chain: Int, stack: Stack
+    scene: Surroundings, start: Vector, ray: Any, chain: Int, stack: Stack
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
     tree = scene.tree

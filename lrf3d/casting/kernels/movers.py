@@ -26,22 +26,26 @@ from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import TINY, Float, Int, Records
 
-ROWS = ("first", "stop", "leg", "last")
-MEASURES = ("reach", "height", "period", "fastest", "rim", "disc")
-# An obstacle: its corners and the legs of its path, from the first to before the last; its largest
-# distance from its origin to a corner [m] and its height [m]; after which time its path begins
-# again [s], 0 for never; the largest speeds of its origin and of a corner [m/s]; and its radius [m]
-# if it touches others as a disc, or 0.
-MOVER = record(**dict.fromkeys(ROWS, int), **dict.fromkeys(MEASURES, float))
+# An obstacle.
+MOVER = record(
+    first=int, stop=int,  # its corners, from the first to before the last
+    leg=int, last=int,  # the legs of its path, likewise
+    reach=float,  # [m] the largest distance from its origin to a corner
+    height=float,  # [m]
+    period=float,  # [s] the time after which its path begins again, 0 for never, or HELD
+    fastest=float, rim=float,  # [m/s] the largest speeds of its origin and of a corner
+    disc=float,  # [m] its radius if it touches others as a disc, or 0
+)  # fmt: skip
 
 # A corner [m] in the frame of its obstacle.
 CORNER = record(x=float, y=float)
 
-# A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
-# itself [rad/s] that are held from then on, where the period of the obstacle is HELD.
-STAMPED = ("time", "x", "y", "theta")
-RATES = ("ahead", "left", "turn")
-LEG = record(**dict.fromkeys((*STAMPED, *RATES), float))
+# A pose of a path; where the period of the obstacle is HELD, it holds the speeds from then on.
+LEG = record(
+    time=float,  # [s]
+    x=float, y=float, theta=float,  # [m], [m], [rad]
+    ahead=float, left=float, turn=float,  # [m/s], [m/s], [rad/s]
+)  # fmt: skip
 
 # A pose x, y [m], theta [rad].
 Pose = tuple[float, float, float]

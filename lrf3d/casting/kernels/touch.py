@@ -27,35 +27,36 @@ from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
-# Depth up to which a body that meets something does not touch it [m]: more than rounding.
+# [m] Depth up to which a body that meets something does not touch it: more than rounding.
 GRAZE = 1e-9
 
-# Depth at which it is decided on which side of a corner a point has passed [m].
+# [m] Depth at which it is decided on which side of a corner a point has passed.
 DEEPER = 1e-6
 
-# Longest turn that is decided at once [rad]: w is finite up to half a turn.
+# [rad] Longest turn that is decided at once: w is finite up to half a turn.
 LONGEST_TURN = 1.5
 
-# Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed.
+# [m] Shortest step towards a dynamic obstacle: shorter cuts of corners may be missed.
 STEP = 2e-5
 
-# A side of a body [m]; at the corner where it begins, the direction into the body, and whether it
-# is a notch, 0 or 1; and whether the next corner is.
-ENDS = ("px", "py", "qx", "qy")
-INWARD = ("inner_x", "inner_y", "notch", "next_notch")
-EDGE = record(**dict.fromkeys((*ENDS, *INWARD), float))
+# A side of a body.
+EDGE = record(
+    px=float, py=float, qx=float, qy=float,  # [m] the corners where it begins and ends
+    inner_x=float, inner_y=float,  # at the first corner, the direction into the body
+    notch=float, next_notch=float,  # whether the first, and the next corner, is a notch, 0 or 1
+)  # fmt: skip
 
 
-class Body(NamedTuple):
-    """An outline, counter-clockwise around the origin, or a disc: one point with a radius [m]."""
+class Footprint(NamedTuple):
+    """The body in plan: a counter-clockwise outline around the origin, or a disc."""
 
-    edges: Records
-    radius: float
+    edges: Records  # Of a disc: one point, at its middle.
+    radius: float  # Of a disc [m]; 0 of an outline.
     reach: float  # Largest distance of a point of the body from the origin [m].
 
 
-class Motion(NamedTuple):
-    """A point [m] of which the velocity [m/s] turns at a rate [rad/s]."""
+class ArcMotion(NamedTuple):
+    """The motion of a point on an arc: place [m], velocity [m/s], and turn rate [rad/s]."""
 
     x: float
     y: float
@@ -64,8 +65,8 @@ class Motion(NamedTuple):
     turn: float
 
 
-class Line(NamedTuple):
-    """A segment: where it begins [m], its direction, its length, and where on it points count."""
+class ClippedLine(NamedTuple):
+    """A segment: start, unit vector, length [m], and from where to where on it contacts count."""
 
     x: float
     y: float
@@ -90,7 +91,7 @@ def touched(
     times, walls, met = found
     tree = Tree(*plain_tree)
     among = anywhere(plain_movers)
-    body = Body(*plain_body)
+    body = Footprint(*plain_body)
     movers = among.movers
     stack = np.empty(STACK, np.int64)
     wall = np.empty(1, SIDE)
@@ -124,7 +125,7 @@ def touched(
 
 @inner
 def _first_touch(
-    tree: Tree, body: Body, move: Any, seconds: float, stack: Int, seen: Records
+    tree: Tree, body: Footprint, move: Any, seconds: float, stack: Int, seen: Records
 ) -> tuple[float, int]:
     """The time at which a body first touches a wall, and the wall; +inf and −1 for none."""
     # After a whole turn it is where it was.
@@ -188,7 +189,7 @@ def _first_touch(
 
 
 @inner
-def _contact(body: Body, move: Any, end: float, wall: Wall) -> float:
+def _contact(body: Footprint, move: Any, end: float, wall: Wall) -> float:
     """The w up to an end at which a body touches a wall, which it sees from its pose at w = 0."""
     edges = body.edges
     ahead = move.ahead
@@ -196,11 +197,11 @@ def _contact(body: Body, move: Any, end: float, wall: Wall) -> float:
     turn = move.turn
     best = np.inf
     line = _line(wall, 0.0, 0.0)
-    start = Motion(wall.px, wall.py, turn * wall.py - ahead, -turn * wall.px - left, -turn)
-    stop = Motion(wall.qx, wall.qy, turn * wall.qy - ahead, -turn * wall.qx - left, -turn)
+    start = ArcMotion(wall.px, wall.py, turn * wall.py - ahead, -turn * wall.px - left, -turn)
+    stop = ArcMotion(wall.qx, wall.qy, turn * wall.qy - ahead, -turn * wall.qx - left, -turn)
     for k in range(len(edges)):
         tip = edges[k]
-        motion = Motion(tip.px, tip.py, ahead - turn * tip.py, left + turn * tip.px, turn)
+        motion = ArcMotion(tip.px, tip.py, ahead - turn * tip.py, left + turn * tip.px, turn)
         side = _beside(line, tip.px, tip.py)
         clear = abs(side) > GRAZE or len(edges) == 1
         if not clear:
@@ -221,24 +222,24 @@ def _contact(body: Body, move: Any, end: float, wall: Wall) -> float:
 
 
 @inner
-def _line(wall: Wall, opened: float, open_after: float) -> Line:
+def _line(wall: Wall, opened: float, open_after: float) -> ClippedLine:
     """The line of a wall; at ends that are open, points beyond them count, too."""
     ex = wall.qx - wall.px
     ey = wall.qy - wall.py
     length = math.sqrt(ex * ex + ey * ey)
     low = -np.inf if opened > 0.0 else GRAZE
     high = np.inf if open_after > 0.0 else length - GRAZE
-    return Line(wall.px, wall.py, ex / length, ey / length, length, low, high)
+    return ClippedLine(wall.px, wall.py, ex / length, ey / length, length, low, high)
 
 
 @inner
-def _beside(line: Line, x: float, y: float) -> float:
+def _beside(line: ClippedLine, x: float, y: float) -> float:
     """How far to the left of a line a point lies [m]."""
     return line.ex * (y - line.y) - line.ey * (x - line.x)
 
 
 @inner
-def _along(motion: Motion, line: Line, w: float) -> float:
+def _along(motion: ArcMotion, line: ClippedLine, w: float) -> float:
     """How far along a line a point is at w [m]."""
     half = 0.5 * motion.turn * w
     share = w / (1.0 + half * half)
@@ -248,7 +249,9 @@ def _along(motion: Motion, line: Line, w: float) -> float:
 
 
 @inner
-def _crossing(motion: Motion, line: Line, side: float, radius: float, end: float) -> float:
+def _crossing(
+    motion: ArcMotion, line: ClippedLine, side: float, radius: float, end: float
+) -> float:
     """The w at which a point comes from a side as near as a radius to a segment."""
     c = side * _beside(line, motion.x, motion.y) - radius
     b = side * (line.ex * motion.uy - line.ey * motion.ux)
@@ -268,7 +271,7 @@ def _crossing(motion: Motion, line: Line, side: float, radius: float, end: float
 
 
 @inner
-def _nearing(motion: Motion, x: float, y: float, radius: float, end: float) -> float:
+def _nearing(motion: ArcMotion, x: float, y: float, radius: float, end: float) -> float:
     """The w at which a point comes as near as a radius to another one."""
     dx = motion.x - x
     dy = motion.y - y
@@ -360,7 +363,7 @@ def _off(wall: Wall, x: float, y: float) -> tuple[float, float]:
 
 @inner
 def _first_meeting(
-    among: Movers, j: int, body: Body, move: Any, seconds: float, sides: Records, spot: Records
+    among: Movers, j: int, body: Footprint, move: Any, seconds: float, sides: Records, spot: Records
 ) -> float:
     """The seconds after which a body touches an obstacle, or infinity."""
     rate = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach + among.movers[j].rim
@@ -390,7 +393,7 @@ def _first_meeting(
 
 @inner
 def _gap_at(
-    among: Movers, j: int, body: Body, move: Any, time: float, sides: Records, spot: Records
+    among: Movers, j: int, body: Footprint, move: Any, time: float, sides: Records, spot: Records
 ) -> float:
     """The distance [m] of a body that has held a move for a time from an obstacle.
 

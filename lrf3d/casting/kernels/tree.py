@@ -293,7 +293,7 @@ def _cut(
                 part = count * _half_perimeter(box) if count > 0 else np.inf
                 if side == 0:
                     cost[b] = part
-                elif cost[b - 1] + part < best:
+                if side == 1 and cost[b - 1] + part < best:
                     best = cost[b - 1] + part
                     best_axis = axis
                     best_bin = b

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, RangeNoise
@@ -36,8 +36,10 @@ NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
 # [m] Resolution of the noise.
 NOISE_UNIT = 1e-5
 
-
+# [bins] Bins of the sizes of residuals: from the resolution on, eight decades.
 RESIDUAL_BINS = 200
+
+# [bins] Bins in a decade of sizes.
 PER_DECADE = 24
 
 
@@ -98,6 +100,12 @@ def plain(values: Float) -> Float:
     return np.array(values)
 
 
+@borrower
+def is_return(reach: float, range_max: float) -> bool:
+    """Whether a range [m] is that of a return."""
+    return 0.0 < reach <= range_max and reach < np.inf
+
+
 @inner
 def longest_loss(ranges: Float, range_max: float) -> int:
     """Longest run of missing returns that is attributed to lost beams.
@@ -108,13 +116,13 @@ def longest_loss(ranges: Float, range_max: float) -> int:
     returned = False
     for beam in range(len(ranges)):
         before = returned
-        reach = ranges[beam]
-        returned = reach > 0.0 and reach <= range_max and reach < np.inf
+        returned = is_return(ranges[beam], range_max)
         hits += returned
         gaps += before and not returned
-    # [beams] Bounds on a run of missing returns attributed to lost beams. More ignores views
-    # through narrow gaps, less takes lost beams for gaps of walls.
+    # [beams] Least bound on a run of missing returns that is attributed to lost beams: less takes
+    # lost beams for gaps of walls.
     least_lost = 2
+    # [beams] Largest bound on such a run: more ignores views through narrow gaps.
     most_lost = 8
     if gaps == 0 or gaps >= hits:
         return most_lost if gaps else least_lost
@@ -156,8 +164,14 @@ def measure_beams(
             # Nothing is known before what is too near, nor where any range may be measured.
             known = 0.0 < measured[beam] < MOST_RANGE
             ranges[beam] = measured[beam] if known else 0.0
-    for beam in range(count):
-        reach = ranges[beam]
+    _measure_deviations(noise, spread, beams)
+
+
+@inner
+def _measure_deviations(noise: RangeNoise, spread: tuple[float, float], beams: Beams) -> None:
+    """Fill in the standard deviations of the end points of beams."""
+    for beam in range(len(beams.ranges)):
+        reach = beams.ranges[beam]
         variance = noise.floor * noise.floor + (noise.growth * reach) * (noise.growth * reach)
         beams.deviations[beam] = np.sqrt(variance + (spread[0] + spread[1] * (reach * reach)))
 

@@ -177,8 +177,14 @@ def move_squares(keys: Int, squares: Int, larger: Int, moved: Int) -> None:
 
 
 @borrower
+def cell_of(x: float, y: float) -> tuple[int, int]:
+    """The column and the row of the cell of a place [m]."""
+    return int(np.floor(x / CELL)), int(np.floor(y / CELL))
+
+
+@borrower
 def block_at(cells: Cells, column: int, row: int) -> int:
-    """The block of a cell; 0 where there is none."""
+    """The block of a cell; 0 if it has none."""
     slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
     if cells.keys[slot] == EMPTY:
         return 0
@@ -256,8 +262,7 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 @borrower
 def _passes(cells: Cells, x: float, y: float, way: int) -> int:
     """The number of beams of a direction that passed through the cell of a place [m]."""
-    column = int(np.floor(x / CELL))
-    row = int(np.floor(y / CELL))
+    column, row = cell_of(x, y)
     # Nothing has passed the cells of block 0.
     passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
     return passed & MOST_PASSES
@@ -274,9 +279,8 @@ def count_beams(
         if (ways >> way) & 1:
             passed = cells.passes[block, way, cell] & MOST_PASSES
             if deeper > 0.0:
-                dx = COSINES[way]
-                dy = SINES[way]
-                passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+                behind = _passes(cells, x + deeper * COSINES[way], y + deeper * SINES[way], way)
+                passed = min(passed, behind)
             count += passed
     return count
 
@@ -304,8 +308,7 @@ def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float)
         for k in range(first, steps, stride):
             x = x1 + (end + (k + 0.5) * step) * ux
             y = y1 + (end + (k + 0.5) * step) * uy
-            column = int(np.floor(x / CELL))
-            row = int(np.floor(y / CELL))
+            column, row = cell_of(x, y)
             block = block_at(cells, column, row)
             cell = cell_in(column, row)
             spare -= count_beams(cells, block, cell, ways, x, y, depth - FREE_DEPTH)

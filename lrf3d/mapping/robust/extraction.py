@@ -26,6 +26,7 @@ from lrf3d.mapping.robust.beams import (
     MOST_RANGE,
     Beams,
     in_order,
+    is_return,
     longest_loss,
     plain,
 )
@@ -105,7 +106,7 @@ def _joined_returns(
     joined = np.zeros(count, np.bool_)
     for place in range(count):
         reach = ranges[place]
-        if reach > 0.0 and reach <= range_max and reach < np.inf:
+        if is_return(reach, range_max):
             angle = theta + angles[place]
             beams[kept, 0] = np.cos(angle)
             beams[kept, 1] = np.sin(angle)
@@ -119,7 +120,7 @@ def _joined_returns(
         k = (i + 1) % kept
         if k == i or (k == 0 and not circle):
             continue
-        # A beam that is lost says nothing of the wall between its neighbours.
+        # A lost beam does not show whether the wall goes on between its neighbours.
         if (places[k] - places[i]) % count > 1 + lost:
             continue
         turn = abs(angles[places[k]] - angles[places[i]])
@@ -164,9 +165,8 @@ def extract_walls(
     beams, joined = _joined_returns(theta, angles, ranges, range_max, noise, gap)
     count = len(beams.ranges)
     spans = np.empty(count // LEAST_POINTS + 1, SPAN)
-    begin = found = clusters = 0
-    while begin < count and joined[begin]:
-        begin += 1
+    found = clusters = 0
+    begin = _first_gap(joined)
     closed = begin == count
     if closed and count and segment_cluster(beams, spans) > 1:
         # The scan closes on itself: begin at a corner, so that no wall is cut in two.
@@ -188,6 +188,15 @@ def extract_walls(
         clusters += size > 0
         found += size
     return found
+
+
+@inner
+def _first_gap(joined: Bool) -> int:
+    """The first return that is not joined to the next one; their number if all are."""
+    place = 0
+    while place < len(joined) and joined[place]:
+        place += 1
+    return place
 
 
 @inner
@@ -230,6 +239,13 @@ def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> in
             ends[rows, 2 * k] = reach * ux
             ends[rows, 2 * k + 1] = reach * uy
         rows += 1
+    _join_corners(beams, spans[:rows], ends)
+    return rows
+
+
+@inner
+def _join_corners(beams: Beams, spans: Records, ends: Float) -> None:
+    """Move the ends of walls (n,) of one cluster that meet at a corner to that corner."""
     # [sine] Least angle of a corner of a scan: lines that are almost parallel cross at an arbitrary
     # place.
     scan_corner_sine = 0.2
@@ -238,7 +254,7 @@ def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> in
     # [steps] Largest distance from the two ends to the corner, relative to their distance and
     # noise.
     scan_corner_steps = 1.5
-    for row in range(rows - 1):
+    for row in range(len(spans) - 1):
         one = spans[row]
         other = spans[row + 1]
         turn = one.x * other.y - one.y * other.x
@@ -250,11 +266,9 @@ def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> in
         ax, ay = end_of(ends[row], 1)
         bx, by = end_of(ends[row + 1], 0)
         step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[one.last]
-        reach = scan_corner_steps * step
-        if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
+        if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= scan_corner_steps * step:
             put_line(ends[row], *end_of(ends[row], 0), x, y)
             put_line(ends[row + 1], x, y, *end_of(ends[row + 1], 1))
-    return rows
 
 
 @inner
@@ -294,7 +308,7 @@ def segment_cluster(returns: Beams, spans: Records) -> int:
         after.ii = before.ii + weight * inverse * inverse
     best = np.zeros(count + 1)
     origin = np.zeros(count + 1, np.int64)
-    # Where a wall may still begin; a beginning that has become too dear is struck off for good.
+    # Where a wall may still begin; a beginning that costs too much is dropped for good.
     open_first = np.empty(count + 1, np.int64)
     opened = 0
     for last in range(1, count + 1):
@@ -332,8 +346,14 @@ def segment_cluster(returns: Beams, spans: Records) -> int:
         opened = kept
         best[last] = cheapest
         origin[last] = choice
+    return _fill_spans(origin, spans)
+
+
+@inner
+def _fill_spans(origin: Int, spans: Records) -> int:
+    """Fill in the walls of the cheapest division, by where each begins; returns how many."""
     found = 0
-    last = count
+    last = len(origin) - 1
     while last > 0:
         if origin[last] >= 0:
             spans[found].first = origin[last]

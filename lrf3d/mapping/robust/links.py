@@ -77,21 +77,33 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
             put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
-                # A search of numpy's takes half a second to compile.
-                farthest = 0
-                for link in range(1, MOST_LINKS):
-                    farthest = link if lengths[link] > lengths[farthest] else farthest
+                farthest = _largest(lengths)
                 reach = lengths[farthest]
-        wall = walls.rows[rows[k]]
-        wall.links = 0
-        for place in range(found):
-            other = others[place]
-            if _joins(lines[place], own, walls.ends[other], cells):
-                link = walls.links[rows[k], wall.links]
-                link.wall = other
-                link.linked = walls.rows[other].linked
-                wall.links += 1
+        _keep_links(walls, cells, rows[k], others[:found], lines)
     _retest_links(walls, cells, lines[0])
+
+
+@borrower
+def _largest(values: Float) -> int:
+    """The index of the first of the largest values; a search of numpy's is slow to compile."""
+    largest = 0
+    for place in range(1, len(values)):
+        largest = place if values[place] > values[largest] else largest
+    return largest
+
+
+@inner
+def _keep_links(walls: Walls, cells: Cells, row: int, others: Int, lines: Float) -> None:
+    """Make those of the links (n,) of a wall to others that no beam has crossed."""
+    wall = walls.rows[row]
+    wall.links = 0
+    for place in range(len(others)):
+        other = others[place]
+        if _joins(lines[place], walls.ends[row], walls.ends[other], cells):
+            link = walls.links[row, wall.links]
+            link.wall = other
+            link.linked = walls.rows[other].linked
+            wall.links += 1
 
 
 @inner
@@ -211,8 +223,9 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
 def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
     """Whether no beam has crossed a line of sight behind both of two walls."""
     line = np.empty(4)
-    # [share] Where along two walls the lines of sight between them begin and end.
-    sight_places = (0.1, 0.5, 0.9)
+    # [share] Lines of sight begin and end this far from the ends of two walls, and midway.
+    inset = 0.1
+    sight_places = (inset, 0.5, 1.0 - inset)
     for own in sight_places:
         for across in sight_places:
             for k in range(2):
@@ -261,8 +274,8 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
     count = len(places)
     partners = np.full(len(places), -1)
     corner = np.empty(2)
-    # Ends that are farther apart meet nowhere near to both.
-    farthest = 2.01 * CORNER_REACH
+    # No corner is near to both of two ends that are farther apart.
+    farthest = 2.0 * CORNER_REACH
     least = np.full(count, farthest * farthest)
     for k in range(count):
         end = order[k]

@@ -12,13 +12,13 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
+from lrf3d.mapping.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, NoiseEstimate, in_world, pose_in, widen
 from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, LEAST, MOST_EXPLAINED, Cells, open_squares
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.links import close_corners, find_objects, link_walls
-from lrf3d.mapping.robust.merging import BEND, Rule, merge_walls
+from lrf3d.mapping.robust.merging import BEND, MergeRule, merge_walls
 from lrf3d.mapping.robust.pieces import FOLLOWED
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.refitting import Parts, refit_walls
@@ -27,6 +27,7 @@ from lrf3d.mapping.robust.walls import (
     count_evidence,
     end_of,
     give_back,
+    marked_rows,
     near,
     put_line,
     put_row,
@@ -50,7 +51,7 @@ class RobustMapper:
         self._extract = extract
         self._least = least
         self.local_map = extract.local_map
-        self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
+        self._rule = MergeRule(length, distance, BEND * distance, MOST_EXPLAINED)
         self._noise = NoiseEstimate(extract.floor)
         self._optics = Optics()
         self._cells = Cells.of_size(LEAST)
@@ -78,8 +79,8 @@ class RobustMapper:
         self._walls = self._walls.with_room(len(found.ends))
         unowned = self._add_beams(Beams.of(scan, heading, noise), place)
         segments = self._walls.ends[self._shown_rows()]
-        pose = (*place, heading)
-        self._optics.update(whole, pose, noise, found.ends, segments, self._cells, self._walls)
+        own = noise, found.ends, segments, self._cells, self._walls
+        self._optics.update(whole, (*place, heading), *own)
         walls = self._walls
         cells = self._cells
         tolerance = self._rule.distance
@@ -142,7 +143,6 @@ def walls_to_refit(walls: Walls, cells: Cells, unowned: Int, merged: Int, tolera
     """
     _count_unowned_hits(walls, cells, unowned, tolerance)
     counters = walls.counters[0]
-    rows = np.empty(counters.taken, np.int64)
     marks = np.zeros(counters.taken, np.bool_)
     for k in range(len(merged)):
         marks[merged[k]] = True
@@ -158,12 +158,7 @@ def walls_to_refit(walls: Walls, cells: Cells, unowned: Int, merged: Int, tolera
         if walls.fits[counters.refit].points > 0:
             marks[counters.refit] = True
             break
-    count = 0
-    for row in range(counters.taken):
-        if marks[row] and walls.fits[row].points > 0:
-            rows[count] = row
-            count += 1
-    return rows[:count]
+    return marked_rows(walls, marks)
 
 
 @inner
@@ -197,7 +192,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
     Returns the rows of the walls that are new or have moved: they are to be linked, and may now
     merge with others.
     """
-    ends, fits, clusters, owners = parts
+    ends, fits, _, _ = parts
     old = np.concatenate((rows, gone))
     taken = np.zeros(len(old), np.bool_)
     places = np.full(len(ends), -1)
@@ -223,14 +218,21 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
             fresh[added] = row
             added += 1
             put_row(walls.placed, row, ends[part])
+    _assign_clusters(walls, cells, parts, places)
+    return fresh[:added]
+
+
+@borrower
+def _assign_clusters(walls: Walls, cells: Cells, parts: Parts, rows: Int) -> None:
+    """Give the clusters of parts to the rows (n,) of these; clusters of no part become free."""
+    _, _, clusters, owners = parts
     for k in range(len(clusters)):
         cluster = cells.clusters[clusters[k]]
         part = owners[k]
         cluster.owner_version = 0
         if part >= 0:
-            cluster.owner = places[part]
-            cluster.owner_version = walls.rows[places[part]].version
-    return fresh[:added]
+            cluster.owner = rows[part]
+            cluster.owner_version = walls.rows[rows[part]].version
 
 
 @borrower

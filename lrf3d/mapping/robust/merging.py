@@ -28,6 +28,7 @@ from lrf3d.mapping.robust.walls import (
     along_of,
     end_of,
     give_back,
+    marked_rows,
     near,
     put_line,
     take_row,
@@ -41,24 +42,19 @@ from lrf3d.mapping.robust.walls import (
 BEND = 0.4
 
 
-class Rule(NamedTuple):
-    """When two segments are one wall.
+class MergeRule(NamedTuple):
+    """Limits [m] within which two segments are one wall."""
 
-    The largest gap [m] between them along the line; beside noise, the largest offset of two views
-    of a wall, and the largest bend where it is continued; and the largest offset that noise may
-    explain.
-    """
-
-    length: float
-    distance: float
-    bend: float
-    most_explained: float
+    length: float  # The largest gap between them along the line.
+    distance: float  # The largest offset of two views of a wall, in addition to noise.
+    bend: float  # The largest offset where a wall is continued, in addition to noise.
+    most_explained: float  # The largest offset that noise may explain.
 
 
 @compiled
 def merge_walls(
     walls: Walls, new: LocalWalls, place: tuple[float, float], waiting: Int, cells: Cells,
-    rule: Rule,
+    rule: MergeRule,
 ) -> tuple[Int, Int]:  # fmt: skip
     """Add the walls of a scan around its place [m], and merge those that are one.
 
@@ -74,24 +70,9 @@ def merge_walls(
             queue[top] = waiting[k]
             top += 1
     known = top
-    for k in range(len(new.ends)):
-        row = take_row(walls)
-        for side in range(4):
-            walls.ends[row, side] = new.ends[k, side] + place[side % 2]
-        walls.fits[row] = new.fits[k]
-        walls.fits[row].x += place[0]
-        walls.fits[row].y += place[1]
-        # Hide it from searches until all are compared: walls of one scan do not cover each other.
-        walls.fits[row].points *= -1
-        if _is_covered(walls, row, rule):
-            give_back(walls, row)
-        else:
-            queue[top] = row
-            top += 1
+    top = _add_walls(walls, new, place, rule, queue, known)
     for k in range(known, top):
         marks[queue[k]] = True
-        walls.fits[queue[k]].points *= -1
-        widen_box(walls, queue[k])
     turn = 0
     while turn < top:
         row = queue[turn]
@@ -111,17 +92,37 @@ def merge_walls(
         lost += 1
         queue[top] = kept
         top += 1
-    dirty = np.empty(len(queue), np.int64)
-    count = 0
-    for row in range(walls.counters[0].taken):
-        if marks[row] and walls.fits[row].points > 0:
-            dirty[count] = row
-            count += 1
-    return dirty[:count], gone[:lost]
+    return marked_rows(walls, marks), gone[:lost]
 
 
 @inner
-def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
+def _add_walls(
+    walls: Walls, new: LocalWalls, place: tuple[float, float], rule: MergeRule, queue: Int, top: int
+) -> int:
+    """Add the walls of a scan that no known walls cover, and queue their rows; returns the top."""
+    known = top
+    for k in range(len(new.ends)):
+        row = take_row(walls)
+        for side in range(4):
+            walls.ends[row, side] = new.ends[k, side] + place[side % 2]
+        walls.fits[row] = new.fits[k]
+        walls.fits[row].x += place[0]
+        walls.fits[row].y += place[1]
+        # Hide it from searches until all are compared: walls of one scan do not cover each other.
+        walls.fits[row].points *= -1
+        if _is_covered(walls, row, rule):
+            give_back(walls, row)
+        else:
+            queue[top] = row
+            top += 1
+    for k in range(known, top):
+        walls.fits[queue[k]].points *= -1
+        widen_box(walls, queue[k])
+    return top
+
+
+@inner
+def _is_covered(walls: Walls, row: int, rule: MergeRule) -> bool:
     """Whether walls with at least as many points cover a wall of a scan, but for a cell.
 
     The number of points of a wall that is not in the map yet is negative.
@@ -147,13 +148,13 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
 
 
 @inner
-def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
+def _partner(walls: Walls, row: int, cells: Cells, rule: MergeRule) -> int:
     """The wall to merge a row with: the best fit, or the nearest continuation; −1 if none."""
     # [m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess.
     longest_gap = 3.0
     # Without an overlap nothing shows where two walls lead, so a continuation must be straight and
     # no farther off than two views of one wall.
-    straight = Rule(longest_gap, rule.bend, rule.bend, rule.distance)
+    straight = MergeRule(longest_gap, rule.bend, rule.bend, rule.distance)
     best = -1
     least = 1.0
     second = -1
@@ -177,12 +178,11 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
             ):
                 best = other
                 least = value
-        elif best < 0 and fit.shown and its.shown:
-            if misfit(one, fit, two, its, straight) < 1.0:
-                gap = _span(one, two, line)
-                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
-                    second = other
-                    narrowest = gap
+        elif best < 0 and fit.shown and its.shown and misfit(one, fit, two, its, straight) < 1.0:
+            gap = _span(one, two, line)
+            if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
+                second = other
+                narrowest = gap
     return best if best >= 0 else second
 
 
@@ -204,7 +204,7 @@ def _span(one: Float, other: Float, line: Float) -> float:
 
 
 @compiled
-def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
+def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: MergeRule) -> float:
     """Offset of the shorter of two segments from the line of the longer; up to 1 is allowed."""
     x, y = vector_of(ends)
     u, v = vector_of(other_ends)

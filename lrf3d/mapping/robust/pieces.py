@@ -19,6 +19,7 @@ from lrf3d.mapping.robust.cells import (
     Cells,
     block_at,
     cell_in,
+    cell_of,
     count_beams,
     ways_across,
 )
@@ -44,7 +45,7 @@ PIECE = record(
 )  # fmt: skip
 
 
-class Lines(NamedTuple):
+class ExtendedWalls(NamedTuple):
     """Walls extended at both ends and divided into pieces.
 
     Args:
@@ -65,7 +66,7 @@ class Lines(NamedTuple):
 
 
 @inner
-def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
+def follow(rows: Int, ends: Float, near: float, clusters: int) -> ExtendedWalls:
     """Extend walls (rows, 4), of some rows (n,), at both ends and divide them into pieces."""
     count = len(rows)
     followed = np.empty((count, 4))
@@ -76,12 +77,12 @@ def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
             along = FOLLOWED * (ux if side % 2 == 0 else uy)
             followed[k, side] = ends[rows[k], side] + (along if side > 1 else -along)
         first[k + 1] = first[k] + max(int(np.ceil((length + 2.0 * FOLLOWED) / CELL)), 1)
-    pieces = np.zeros(first[count], PIECE)
-    return Lines(rows, followed, first, pieces, near, np.empty(clusters, np.int64))
+    claimed = np.empty(clusters, np.int64)
+    return ExtendedWalls(rows, followed, first, np.zeros(first[count], PIECE), near, claimed)
 
 
 @inner
-def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
+def gather_evidence(lines: ExtendedWalls, cells: Cells, walls: Walls) -> int:
     """Count the hits and the free-space violations of each piece of each line.
 
     A cluster is assigned to the nearest wall alone; what other walls lose is new evidence of them.
@@ -149,11 +150,10 @@ def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
 
 
 @borrower
-def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
+def _count_violations(lines: ExtendedWalls, k: int, cells: Cells) -> None:
     """Count the beams that passed through each piece of a line."""
     x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
-    begin = lines.first[k]
     pieces = lines.first[k + 1] - lines.first[k]
     ways = ways_across(ux, uy, WALL_SINE)
     at_x = 1 << 40
@@ -163,19 +163,18 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
         along = (piece + 0.5) * length / pieces
         x = x1 + along * ux
         y = y1 + along * uy
-        column = int(np.floor(x / CELL))
-        row = int(np.floor(y / CELL))
+        column, row = cell_of(x, y)
         # Most pieces lie in the block of the previous one: look it up only when it changes.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x = column >> SIDE_BITS
             at_y = row >> SIDE_BITS
             block = block_at(cells, column, row)
         beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
-        lines.pieces[begin + piece].violations = beams
+        lines.pieces[lines.first[k] + piece].violations = beams
 
 
 @borrower
-def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
+def _claim(lines: ExtendedWalls, k: int, cells: Cells, walls: Walls, found: int) -> int:
     """Assign the clusters that are nearest to a line; returns how many are assigned so far."""
     band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, MOST_EXPLAINED)
     x1, y1 = end_of(lines.ends[k], 0)
@@ -211,7 +210,7 @@ def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
 
 @borrower
 def _claim_one(
-    lines: Lines, k: int, cells: Cells, place: int, walls: Walls, band: float,
+    lines: ExtendedWalls, k: int, cells: Cells, place: int, walls: Walls, band: float,
     found: int,
 ) -> int:  # fmt: skip
     """Assign a cluster to a line if it may hit it and is nearer to it than to its owner."""

@@ -1,4 +1,4 @@
-"""Rays: the path of each beam of a scan through the cells, and what it says of their clusters.
+"""Rays: the path of each beam through the cells, which supports or contradicts their clusters.
 
 The beams of a scan enter; the cells count those that pass. The returns in one cell whose beams had
 the same direction are a cluster: those that end enter its moments, those that continue where others
@@ -26,6 +26,7 @@ from lrf3d.mapping.robust.cells import (
     Cells,
     block_at,
     cell_in,
+    cell_of,
     take_block,
 )
 from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
@@ -215,10 +216,8 @@ def forget_hits(
     cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, walls: Walls
 ) -> None:
     """Delete the clusters of a direction around a place [m], within about a reach [m]."""
-    first_x = int(np.floor((x - reach) / CELL))
-    last_x = int(np.floor((x + reach) / CELL))
-    first_y = int(np.floor((y - reach) / CELL))
-    last_y = int(np.floor((y + reach) / CELL))
+    first_x, first_y = cell_of(x - reach, y - reach)
+    last_x, last_y = cell_of(x + reach, y + reach)
     for cx in range(first_x, last_x + 1):
         for cy in range(first_y, last_y + 1):
             block = block_at(cells, cx, cy)
@@ -226,9 +225,10 @@ def forget_hits(
             place = cells.heads[block, cell]
             while place > 0:
                 cluster = cells.clusters[place]
-                if goes_along(cluster, dx, dy):
-                    if walls.rows[cluster.owner].version == cluster.owner_version:
-                        count_evidence(walls, cluster.owner, cluster.hits)
+                along = goes_along(cluster, dx, dy)
+                if along and walls.rows[cluster.owner].version == cluster.owner_version:
+                    count_evidence(walls, cluster.owner, cluster.hits)
+                if along:
                     cluster.hits = 0.0
                 place = cluster.next
             _delete_few(cells, block, cell)
@@ -325,8 +325,7 @@ def add_hit(
     x = x + reading * dx
     y = y + reading * dy
     way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
-    column = int(np.floor(x / CELL))
-    row = int(np.floor(y / CELL))
+    column, row = cell_of(x, y)
     block = take_block(cells, column, row)
     cell = cell_in(column, row)
     at = cells.heads[block, cell]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import TINY, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells
 from lrf3d.mapping.robust.extraction import WALL_COST
@@ -88,10 +88,11 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
                 place_part(lines.ends[wall], pieces, total[0], run, parts[found], fit)
                 hits = _weigh(pieces[start:last], length_of(parts[found]), least, fit)
                 # A part that only extends a wall needs enough hits of its own.
-                if fit.shown or (hits >= 1.0 and last > spare and start < len(pieces) - spare):
-                    found += 1
-                    for piece in range(start, last):
-                        pieces[piece].part = found
+                own = hits >= 1.0 and last > spare and start < len(pieces) - spare
+                kept = fit.shown or own
+                found += kept
+                for piece in range(start, last if kept else start):
+                    pieces[piece].part = found
     owners = np.empty(claimed, np.int64)
     for k in range(claimed):
         cluster = cells.clusters[lines.claimed[k]]
@@ -112,7 +113,7 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
         spell = max(spell, piece.spell)
         weight = violation_weight(piece) if piece.hits else VIOLATION_WEIGHT
         against += weight * piece.violations
-    passed = before / max(hits, 1e-9)
+    passed = before / max(hits, TINY)
     # [beams] A wall shorter than SHORT_WALL that was hit over fewer scans is transient if more
     # beams than this, and than scans with hits, passed before. At 20 more slow obstacles remain; at
     # 5 a map of an office explains 0.1 % less of its returns.
@@ -147,10 +148,10 @@ def violation_weight(count: Any) -> float:
     # hit and miss in turns is permanent.
     if scans == 0.0 or count.passes_between >= max(taken_turns * scans, turns_share * violations):
         return VIOLATION_WEIGHT
-    # What went through before it came says nothing of what has stood there ever since.
+    # Beams that passed before an object came do not contradict it after it has settled.
     both = hits * violations
     settled = min(count.passes_before, both) if count.spell >= SETTLED_AFTER else 0.0
-    share = 1.0 - settled / max(both, 1e-9)
+    share = 1.0 - settled / max(both, TINY)
     # [scans] Weight of a violation against a scan with hits where they do not alternate, as at a
     # moving object, which few scans hit with many beams each. More removes what robots saw only in
     # passing from maps of offices, less leaves more trails of people.
@@ -185,11 +186,9 @@ def real_pieces(counts: Records) -> Int:
                     following[state] = cost
                     came[i, state] = other
             following[state] += counts[i].hits
-        hits = counts[i].hits
-        violations = counts[i].violations
-        nearer = counts[i].nearer
-        weight = violation_weight(counts[i])
-        following[REAL] += weight * violations + duplicate_weight * nearer + unseen_cost - hits
+        piece = counts[i]
+        against = violation_weight(piece) * piece.violations + duplicate_weight * piece.nearer
+        following[REAL] += against + unseen_cost - piece.hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)
     state = 0

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.compiling import borrower, inner, record
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import Bool, Float, Int, Records
 
 # [walls] Rows that share a bounding box. It changes speed only.
 BLOCK = 64
@@ -116,6 +116,19 @@ def count_evidence(walls: Walls, row: int, weight: float) -> None:
         wall.last_scan = counters.scan
         walls.changed[counters.changed] = row
         counters.changed += 1
+
+
+@inner
+def marked_rows(walls: Walls, marks: Bool) -> Int:
+    """The rows, rising, of the walls with a mark (≥ taken,)."""
+    taken = walls.counters[0].taken
+    rows = np.empty(taken, np.int64)
+    count = 0
+    for row in range(taken):
+        if marks[row] and walls.fits[row].points > 0:
+            rows[count] = row
+            count += 1
+    return rows[:count]
 
 
 @borrower

@@ -21,11 +21,7 @@ from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.compiling import record
 from lrf3d.geometry.lines import Bool, Float, Records, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
-from lrf3d.mapping.robust.beams import CELL, Beams
-from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
-from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
-from lrf3d.mapping.robust.glass.surfaces import (
+from lrf3d.mapping.glass.surfaces import (
     COUNTS,
     FLASH,
     IS_MIRROR,
@@ -38,12 +34,19 @@ from lrf3d.mapping.robust.glass.surfaces import (
     find_turned,
     turn_rays,
 )
+from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
+from lrf3d.mapping.robust.beams import CELL, Beams
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.walls import Walls
 
-# [votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
-# metal flash, while an image gives one; and number of observations that a line is averaged over.
+# [votes] New votes after which a line is examined.
 LEAST_VOTES = 2.0
+
+# [votes] Votes of a flash, as only glass, mirrors and metal flash; an image gives one.
 FLASH_VOTES = 8.0
+
+# [votes] Number of observations that a line is averaged over.
 MOST_VOTES = 50.0
 
 # [cosine] Largest angle between two observations of one line.
@@ -51,7 +54,7 @@ SAME_COSINE = np.cos(np.radians(2.0))
 
 # The votes for a line.
 VOTES = record(
-    total=float, new=float,  # in all, and since the line was looked at
+    total=float, new=float,  # in all, and since the line was examined
     last=float,  # the number of the last one
     kind=int,  # what the line was found to be
 )  # fmt: skip
@@ -126,9 +129,9 @@ class LitScans:
         rays["bright"] = light / np.exp(self._usual)
         self._read_reflectances(rays, light, walls)
         self._count += 1
-        # [share, pairs] Intensities are light if this share of at least this many pairs fits: metal
-        # and glass never do.
+        # [share] Least share of pairs that fits if intensities are light: metal and glass never do.
         least_fitting = 0.5
+        # [pairs] Fewest pairs by which that is decided.
         least_pairs = 100
         are_light = self._fitting >= least_fitting * self._pairs
         if self._pairs >= least_pairs and not are_light and not self._warned:
@@ -157,9 +160,9 @@ class LitScans:
         cosine = cosines[there, wall[there]]
         wall = wall[there]
         rays["reflectance"][lit] = reflectance = light[lit] / cosine
-        # [share, log] Distance in the scan, and difference by the laser equation, from which on two
-        # returns of a wall are compared.
+        # [share] Least distance in the scan of two returns of a wall that are compared.
         farther_apart = 0.05
+        # [log] Least difference of these by the laser equation.
         least_change = 0.2
         # Adjacent returns differ too little to be compared.
         apart = int(farther_apart * len(rays)) + 1
@@ -198,8 +201,7 @@ class Optics:
             return scan
         turned = np.zeros(len(scan.angles), np.bool_)
         ranges = np.array(scan.ranges)
-        headings = scan.angles + heading
-        find_turned(np.array(place), headings, ranges, self.surfaces, turned)
+        find_turned(np.array(place), scan.angles + heading, ranges, self.surfaces, turned)
         if not turned.any():
             return scan
         return replace(
@@ -320,9 +322,9 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     good = (np.abs(cross(unit, off)) <= CELL).all(axis=1)
     good &= shared > 0.5 * lengths(walls)[wall]
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
-    # [lines] Largest numbers of lines of a scan that count, those that most of its walls support;
-    # and of images that are compared for this, those that share most with a wall.
+    # [lines] Largest number of lines of a scan that count: those that most of its walls support.
     lines_a_scan = 8
+    # [images] Largest number of images compared for this: those that share most with a wall.
     most_a_scan = 64
     lines = np.column_stack([normals, distances])[rows[:most_a_scan]]
     same = line_distances(place, lines, lines) < CELL
@@ -353,15 +355,13 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     objects = line_map.objects
     along = directions(surfaces)
     size = lengths(surfaces)
-    length = lengths(segments)[:, None]
     # Where both ends (m, 2) of each segment lie along each surface (s,), and beside it.
     off = segments.reshape(-1, 2, 1, 2) - surfaces[:, :2]
     stations = (off * along).sum(axis=3)
-    aside = cross(along, off)
     low = stations.min(axis=1)
     high = stations.max(axis=1)
-    part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * length
-    part &= np.abs(aside).max(axis=1) < CELL
+    part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * lengths(segments)[:, None]
+    part &= np.abs(cross(along, off)).max(axis=1) < CELL
     # Surfaces become as long as what they take in.
     first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
     last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)
@@ -376,8 +376,7 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     if len(segments):
         tips = (segments.reshape(-1, 1, 2) - ends.reshape(-1, 2)).reshape(len(segments), 2, -1, 4)
         apart = np.hypot(tips[..., ::2], tips[..., 1::2]).min(axis=(1, 3))
-        nearest = apart.argmin(axis=0)
-        owners = np.where(apart.min(axis=0) < joins, objects[nearest], owners)
+        owners = np.where(apart.min(axis=0) < joins, objects[apart.argmin(axis=0)], owners)
     return LineMap(
         np.concatenate([segments, ends]),
         np.unique(np.concatenate([objects, owners]), return_inverse=True)[1],

@@ -17,7 +17,15 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Bool, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
-from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BITS, Cells, block_at
+from lrf3d.mapping.robust.cells import (
+    FREE_DEPTH,
+    HIT_DEVIATIONS,
+    SIDE,
+    SIDE_BITS,
+    Cells,
+    block_at,
+    cell_of,
+)
 from lrf3d.mapping.robust.rays import forget_hits
 from lrf3d.mapping.robust.walls import Walls
 
@@ -34,26 +42,32 @@ PATCH = record(
 # glass nor mirrors.
 GRAZING = 0.26
 
-# Class of the pieces of a line, or 0.
+# Class of the pieces of a line that are glass; 0 is neither.
 IS_GLASS = 1
+
+# Class of those that are a mirror.
 IS_MIRROR = 2
 
-# [m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
-# m.
+# [m] Length of a piece of a line in which beams are counted.
 PIECE_LENGTH = 0.25
+
+# [pieces] Pieces of a line: 64 m.
 PIECES = 256
 
 # [beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
 # contradicting beams outnumber supporting ones by this many.
 SEEN = 3
 
-# [usual light] Returns above the one are flashes, below the other dim. Diffuse walls reach 3 at
-# most, glass some hundreds and, askew, about a hundredth.
+# [usual light] Brighter returns are flashes: diffuse walls reach 3 at most, glass some hundreds.
 FLASH = 5.0
+
+# [usual light] Darker returns are dim: glass that is met askew returns about a hundredth.
 DIM = 0.04
 
-# [cosine] Glass may flash at this incidence, and always does at the second.
+# [cosine] Incidence at which glass may flash.
 FLASHES = np.cos(0.04)
+
+# [cosine] Incidence at which glass always flashes.
 FLASHING = np.cos(np.radians(0.55))
 
 # The rays that are counted at a piece of a line.
@@ -69,8 +83,7 @@ COUNTS = record(
 @borrower
 def _patch_at(cells: Cells, x: float, y: float) -> int:
     """The row of the patch of a point [m], 0 where there is none."""
-    column = int(np.floor(x / CELL))
-    row = int(np.floor(y / CELL))
+    column, row = cell_of(x, y)
     half = SIDE // 2 - 1
     block = block_at(cells, column, row)
     inside = (((row >> 1) & half) << (SIDE_BITS - 1)) + ((column >> 1) & half)
@@ -78,7 +91,7 @@ def _patch_at(cells: Cells, x: float, y: float) -> int:
 
 
 @borrower
-def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
+def _distances(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
     """Distances [m] of a ray to the first of surfaces (s, 5), and to the first that may turn it."""
     first = turn = np.inf
     edge = 0.3  # [m] Beams that pass a mirror by less may have met it.
@@ -105,9 +118,8 @@ def find_turned(
 ) -> None:
     """Mark the beams (n,) that continue behind surfaces (s, 5), which may have turned them."""
     for beam in range(len(headings)):
-        ux = np.cos(headings[beam])
-        uy = np.sin(headings[beam])
-        _, turn = _ways(place[0], place[1], ux, uy, surfaces)
+        ahead = np.cos(headings[beam]), np.sin(headings[beam])
+        _, turn = _distances(place[0], place[1], *ahead, surfaces)
         turned[beam] = turn < ranges[beam] - FREE_DEPTH
 
 
@@ -127,7 +139,7 @@ def turn_rays(
         for beam in range(rays.shape[1]):
             ray = rays[scan, beam]
             reach = ray.range
-            ray.first, turn = _ways(x, y, ray.ux, ray.uy, surfaces)
+            ray.first, turn = _distances(x, y, ray.ux, ray.uy, surfaces)
             direct = turn >= reach - FREE_DEPTH
             if reach <= 0.0 or direct == (ray.direct > 0.0):
                 continue
@@ -220,9 +232,8 @@ def count_rays(
                 count.images += reflectance >= 0.0
                 count.wrong += reflectance < 0.0
                 if reflectance > 0.0 and ray.reflectance > 0.0:
-                    share = ray.reflectance / reflectance
                     count.lit += 1.0
-                    count.alike += dimmed[0] < share < dimmed[1]
+                    count.alike += dimmed[0] < ray.reflectance / reflectance < dimmed[1]
 
 
 def glass_pieces(pieces: Records) -> Bool:
@@ -233,9 +244,9 @@ def glass_pieces(pieces: Records) -> Bool:
     found = np.zeros(PIECES, np.bool_)
     if not flashed.any():
         return found
-    # [share, share] Largest share of returns as of a wall at a piece of glass; and least share of
-    # the pieces of a pane that beams pass.
+    # [share] Largest share of returns as of a wall at a piece of glass.
     most_opaque = 0.3
+    # [share] Least share of the pieces of a pane that beams pass.
     passed_share = 0.6
     good = (shown + passed > 0) & (pieces["opaque"] <= most_opaque * (shown + passed))
     good &= (pieces["missing"] == 0) | (shown > 0)
@@ -256,9 +267,10 @@ def mirror_pieces(pieces: Records) -> Bool:
     wrong = pieces["wrong"]
     known = pieces["lit"]
     alike = pieces["alike"]
-    # [beams, share] Least number of images of walls of known reflectance, and least share of them
-    # that are as bright as in a mirror: others are of metal, or at an edge of two walls.
+    # [beams] Fewest images of walls of known reflectance.
     least_lit = 16
+    # [share] Least share of them that is as bright as in a mirror: others are of metal, or at an
+    # edge of two walls.
     alike_share = 0.85
     if alike.sum() < least_lit:
         return np.zeros(PIECES, np.bool_)
