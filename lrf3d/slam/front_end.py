@@ -26,7 +26,7 @@ from lrf3d.matching.key_scans import (
 from lrf3d.matching.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.matching.search import CLEARLY, Submap, clearest
 from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, moved, thinned
-from lrf3d.slam.motion import DOUBTFUL, Coasting, Prediction, Stretch, Wheels, size_of
+from lrf3d.slam.motion import DOUBTFUL, Coasting, KeyStep, Prediction, Wheels, size_of
 
 # Distance to the next key scan [m]. Errors hardly change from 0.4 to 0.6 m.
 KEY_DISTANCE = 0.5
@@ -141,7 +141,7 @@ class FrontEnd:
         self._speeds = np.full(2, 3.0)
         # Whether the last scan contradicted the wheels.
         self._contradicted = False
-        self._stretch = Stretch()
+        self._key_step = KeyStep()
 
     def track(self, scan: Key, increment: Float | None, since: float = 1.0) -> Tracked:
         """Place the next scan, by the odometry increment (3,) over some time [s] if any."""
@@ -173,7 +173,7 @@ class FrontEnd:
             self._coasting.lost()
             self._certain.clear()
         ahead_known = bool(information[0, 0] > WEAK)
-        self._stretch.add(increment if accepted else None, step, ahead_known)
+        self._key_step.add(increment if accepted else None, step, ahead_known)
         self.pose = pose
         self._recent.append((pose, self.surface))
         return Tracked(pose, information, accepted, match.deviation, covariance, jump is not None)
@@ -368,10 +368,10 @@ class FrontEnd:
     def add_key(self, scan: Key) -> Key:
         """Add the scan that was just placed to the local map as a key scan."""
         key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
-        stretch = self._stretch
-        if stretch.complete:
-            self.wheels.learn(stretch.measured, stretch.matched, stretch.ahead_known)
-        self._stretch = Stretch()
+        step = self._key_step
+        if step.complete:
+            self.wheels.learn(step.measured, step.matched, step.ahead_known)
+        self._key_step = KeyStep()
         self._recent.clear()
         self.mixed_pixels.learn(self._certain, key)
         self._certain.append(key)

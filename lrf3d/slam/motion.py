@@ -143,7 +143,7 @@ class Coasting:
         self._step = 0.5 * self._step
 
 
-class Stretch:
+class KeyStep:
     """The motion since the last key scan, by the wheels and by matching: sums of increments (3,).
 
     It is complete if each of its scans has both. Its distance ahead is known if the walls in view
@@ -233,7 +233,8 @@ class Wheels:
         error = excess_turn / spread
         row = np.array([turn, ahead, 0.0]) / spread
         weight = self._regress(row, error, self.excess.heading)
-        self._squares, self._stretches = self._squares + weight * error**2, self._stretches + weight
+        self._squares += weight * error**2
+        self._stretches += weight
         # Weight of the prior in the residuals: with the full prior, wheels far from it look noisy.
         ridge_weight = 0.01
         ridge = ridge_weight * np.diag(EXPECTED**-2.0)[:2, :2]
