@@ -176,7 +176,7 @@ def _graph(places: KnownPlaces) -> Records:
 
 
 def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
-    """Move poses (n, 3) of scans as their key scans, by number (m,), moved from old poses to new."""
+    """Move poses (n, 3) of scans as key scans, by number (m,), moved from old poses to new."""
     return bent(poses, numbers, compose(new, between(old, poses[numbers])))
 
 

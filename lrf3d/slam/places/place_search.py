@@ -65,7 +65,7 @@ REMEMBERED = 8
 TRIED = 12
 
 # Information of the step of a hypothesis, before it is matched: 0.1 m and 0.05 rad.
-OFF = np.linalg.inv(np.diag(np.square([0.1, 0.1, 0.05])))
+STEP_INFORMATION = np.linalg.inv(np.diag(np.square([0.1, 0.1, 0.05])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,7 +297,7 @@ class PlaceSearch:
         worth = []
         for each in hypotheses:
             *_, heading = each.pose.tolist()
-            found = self._places.judged(now.scan, each.pose, turned(OFF, heading))
+            found = self._places.judged(now.scan, each.pose, turned(STEP_INFORMATION, heading))
             worth.append(-np.inf if found is None else found.evidence)
             each.pose = each.pose if found is None else found.match.pose
         now.best = max([now.best, *worth])
