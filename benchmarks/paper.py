@@ -24,7 +24,7 @@ from lrf3d.scoring import buildings_seen
 from lrf3d.simulation.recorder import collect
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import load_scenario
-from lrf3d.slam.places.monte_carlo import score_localisation
+from lrf3d.slam.places.monte_carlo import FilterSettings, score_localisation
 
 ROOM, OBJECTS = "paper_room", 3
 """The world of Fig. 5, and its objects G1, G2 and G3."""
@@ -184,7 +184,7 @@ def search(scans: int | None) -> Finding:
 def localisation(scans: int | None) -> Finding:
     """Sections 1 and 3.1: the map can be used to localise the robot."""
     drive, sigma = drive_through("city", "robust", scans), load_scenario("city").sigmas[0]
-    score = score_localisation(drive.run, sigma, known="map", seeds=8)
+    score = score_localisation(drive.run, FilterSettings(sigma), known="map", seeds=8)
     mean = score["mean_position_error_m"]
     return Finding(
         "1, 3.1: a robot finds itself on the map (to 5 cm)",

@@ -1,8 +1,8 @@
-"""Key scans: the scans of all lasers at one moment, and how they agree with other points.
+"""Key scans: the scans of all lasers at one moment, and how well other points agree with them.
 
-Scans enter, and become key scans. A point is out of view of a key scan, hidden behind what its
-beams hit, passed by them, or hit. At the right place most of what a scan hit was hit by others, or
-is new, and hardly any of it lies where their beams passed.
+Scans enter; key scans leave. A key scan classifies points as out of view, hidden behind a hit,
+passed by a beam (a free-space violation), or hit. At the right place most points of another scan
+are hit or new, and hardly any are passed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
@@ -21,6 +21,7 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.surface import (
     CONNECTED,
     CONNECTED_GROWTH,
+    DEVIATIONS,
     FLATTEST,
     LEAST_NOISE,
     concatenated,
@@ -37,11 +38,13 @@ FORGETTING = 0.98
 # How a key scan sees a point. Of several lasers the highest value counts.
 OUT_OF_VIEW, HIDDEN, PASSED, HIT = range(4)
 
-# A beam passed a point if it ends this far behind it [m], and hit it if within the second [m].
+# Distance behind a point [m] beyond which the end of a beam shows that it passed the point.
 BEHIND = 0.3
+
+# Distance of a beam's end from a point [m] within which the beam hit it.
 AT = 0.05
 
-# Largest share of points that beams may pass through: doors open and people walk.
+# Largest share of points that beams may pass at a right place: doors open and people walk.
 MOST_THROUGH = 0.04
 
 # The scans of all lasers at one moment.
@@ -51,8 +54,8 @@ Moment = tuple[LaserScan, ...]
 class Fans(NamedTuple):
     """The beams of lasers (f,) at x, y [m] on their robots.
 
-    Each laser belongs to a key scan, by its number, whose ranges have a noise [m]; its beams begin
-    at a first one among all (b,), with rising angles [rad], and ranges [m].
+    Each laser belongs to a key scan, by number, and its ranges have a standard deviation [m]. Its
+    beams start at index ``first`` of all beams (b,), which have rising angles [rad] and ranges [m].
     """
 
     keys: Int
@@ -68,7 +71,7 @@ class Fans(NamedTuple):
 class Key:
     """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
 
-    It is recognised by its surface, in the frame of the robot, and adds walls to a map; its hits
+    Its surface, in the frame of the robot, is matched with maps; its walls are added to them. Hits
     are the points of all returns, without normals.
     """
 
@@ -81,9 +84,9 @@ class Key:
 
 
 class ScanConverter:
-    """Converts scans to candidates for key scans, and learns their range noise.
+    """Converts scans to candidates for key scans, and estimates their range noise.
 
-    Lasers without a mount are a distance [m] ahead of the robot's centre.
+    Lasers without a mount stand a distance [m] ahead of the robot's centre.
     """
 
     def __init__(self, laser_offset: float = 0.0) -> None:
@@ -128,7 +131,7 @@ def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:
 
 
 def all_fans(fans: Iterable[Fans]) -> Fans:
-    """The fans of some key scans, which are numbered from 0 on."""
+    """Join the fans of several key scans, which are numbered from 0."""
     keys, *at, first, angles, ranges = zip(*fans, strict=True)
     numbers = np.repeat(np.arange(len(keys)), [len(each) for each in keys])
     begins = np.cumsum(np.concatenate([[0], *map(np.diff, first)]))
@@ -141,74 +144,80 @@ def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
     """How each of the key scans (k,) of fans sees points (m,): `OUT_OF_VIEW`, …, `HIT`, as (k, m).
 
     The frame of the points is at poses (k, 3), as seen from the key scans. Walls that beams run
-    along are out of view. A beam counts with the smallest range of itself and its neighbours, so
-    that one that slips past an edge is no free-space violation. A point between two hits on one
-    surface is a hit, too.
+    along are out of view.
     """
     views = np.zeros((len(poses), len(points)), np.uint8)
     for number, key in enumerate(fans.keys):
         first = fans.first[number]
         last = fans.first[number + 1] - 1
         at = placement(poses[key])
-        angles = fans.angles
-        ranges = fans.ranges
         begin = fans.angles[first]
-        step = (angles[last] - begin) / (last - first)
-        passed = BEHIND + 3.0 * fans.noise[number]
-        hit = AT + 3.0 * fans.noise[number]
+        step = (fans.angles[last] - begin) / (last - first)
         for i in range(len(points)):
             point = points[i]
             dx = at.x + at.cos * point.x - at.sin * point.y - fans.x[number]
             dy = at.y + at.sin * point.x + at.cos * point.y - fans.y[number]
             away = np.arctan2(dy, dx) - begin
             away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-            # The beam nearest to the point. Those of several lasers together are not spread evenly.
-            beam = first + max(int(away / step + 0.5), 0)
-            bearing = begin + away
-            beam = min(beam, last)
-            while beam > first and bearing - angles[beam - 1] < angles[beam] - bearing:
-                beam -= 1
-            while beam < last and angles[beam + 1] - bearing < bearing - angles[beam]:
-                beam += 1
-            if beam <= first or beam >= last:
-                continue
-            least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
-            if not (least > 0.0 and np.isfinite(least)):
-                continue
+            beam = _nearest_beam(fans.angles, first, last, begin + away, away / step)
             distance = np.sqrt(dx * dx + dy * dy)
             nx = at.cos * point.nx - at.sin * point.ny
             ny = at.sin * point.nx + at.cos * point.ny
             # A post has no normal.
-            if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
-                continue
-            view = PASSED if least > distance + passed else HIDDEN
-            for side in range(-1, 2):
-                one = ranges[beam]
-                other = ranges[beam + side]
-                surface = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
-                if surface and min(one, other) - hit < distance < max(one, other) + hit:
-                    view = HIT
-            views[key, i] = max(views[key, i], view)
+            flat = 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance
+            if first < beam < last and not flat:
+                view = _view_along(fans.ranges, beam, distance, DEVIATIONS * fans.noise[number])
+                views[key, i] = max(views[key, i], view)
     return views
+
+
+@borrower
+def _nearest_beam(angles: Float, first: int, last: int, bearing: float, steps: float) -> int:
+    """The beam nearest to a bearing [rad], which is some mean spacings from the first beam."""
+    beam = min(first + max(int(steps + 0.5), 0), last)
+    # Beams of several lasers taken together are not evenly spaced.
+    while beam > first and bearing - angles[beam - 1] < angles[beam] - bearing:
+        beam -= 1
+    while beam < last and angles[beam + 1] - bearing < bearing - angles[beam]:
+        beam += 1
+    return beam
+
+
+@borrower
+def _view_along(ranges: Float, beam: int, distance: float, noise: float) -> int:
+    """How a beam sees a point at a distance, by ranges that may be off by a noise [m].
+
+    The shortest range of the beam and its neighbours counts, so that one that slips past an edge is
+    no free-space violation. A point between two hits on one surface is hit as well.
+    """
+    one = ranges[beam]
+    least = min(ranges[beam - 1], one, ranges[beam + 1])
+    if not (least > 0.0 and np.isfinite(least)):
+        return OUT_OF_VIEW
+    near = AT + noise
+    for side in range(-1, 2):
+        other = ranges[beam + side]
+        surface = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
+        if surface and min(one, other) - near < distance < max(one, other) + near:
+            return HIT
+    return PASSED if least > distance + (BEHIND + noise) else HIDDEN
 
 
 def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float:
     """The log odds of a place from which a scan hit points (m,).
 
     The share of points that matching explains and the share that other beams hit support the place;
-    points that beams passed contradict it. The other arguments are those of `views_of`.
+    points that beams passed contradict it. Poses and fans are those of `views_of`.
     """
     if not len(hits):
         return -np.inf
-    counted = 120  # Most points of a scan that count as evidence.
+    counted = 120  # Points of a scan that are enough as evidence.
     views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, fans)
     hit = (views == HIT).any(axis=0)
     passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
     shares = np.array([float(hit.mean()), explained])
-    # Share of points that agree or disagree by chance, and share of new points that count as
-    # disagreeing.
-    chance = 0.05
-    new = 0.1
+    chance = 0.05  # Share of points that agree or disagree by chance.
+    new = 0.1  # Weight of a new point against a place, next to that of a passed one.
     against = passed + new * np.maximum(1.0 - shares - passed, 0.0)
     return float(np.log((shares + chance) / (against + chance)).sum())
 
@@ -216,19 +225,17 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
 def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
     """Whether two poses (3,) are the same place."""
     x, y, turn = first - second
-    apart = np.hypot(x, y)
-    turned = abs(wrap_angle(turn))
-    # Two poses that differ by more [m], [rad] are different places.
-    farther_apart = 0.3
-    turned_apart = 0.1
-    return bool(apart < tolerance * farther_apart and turned < tolerance * turned_apart)
+    most_apart = 0.3  # Distance [m] up to which two poses are one place.
+    most_turned = 0.1  # And turn [rad].
+    near = np.hypot(x, y) < tolerance * most_apart
+    return bool(near and abs(wrap_angle(turn)) < tolerance * most_turned)
 
 
 def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int, int]:
     """Count the points that beams of the other side pass, and all in view of the other side.
 
-    The sides are a key scan, at poses (k, 3) as seen from older ones, and these. A point counts for
-    each key scan that has it in view.
+    One side is a key scan at poses (k, 3) as seen from older ones, which are the other side. A
+    point counts once for each key scan that has it in view.
     """
     views = [views_of(new.surface, poses, all_fans(old.fans for old in olds)).ravel()]
     for old, back in zip(olds, between(poses, np.zeros(3)), strict=True):
@@ -237,17 +244,17 @@ def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int,
     return passed, hidden + passed + hit
 
 
-class MixedPixels:
-    """The share of points that beams pass although the pose is right, by adjacent key scans.
+class MixedPixelModel:
+    """Learns the share of points that beams pass at right poses, from adjacent key scans.
 
-    It differs between recordings, by beams that meet two surfaces, hedges and glass.
+    It differs between recordings: beams meet two surfaces at once, hedges and glass.
     """
 
     def __init__(self) -> None:
         self._through = self._seen = 0
 
     def learn(self, olds: Iterable[Key], new: Key) -> None:
-        """Add a key scan and those just before it, at their poses by the front end."""
+        """Add a key scan and those just before it, at the front end's poses."""
         if olds := list(olds):
             poses = between(np.array([key.pose for key in olds]), new.pose)
             through, seen = seen_through_both(olds, new, poses)
@@ -255,17 +262,17 @@ class MixedPixels:
 
     @property
     def rate(self) -> float:
-        """The share; 0 at first."""
-        enough = 1000  # Points from which the rate counts fully.
+        """The share of passed points; 0 at first."""
+        enough = 1000  # Points below which the rate is reduced, as it is uncertain.
         return self._through / max(self._seen, enough)
 
     def contradict(self, olds: Sequence[Key], new: Key, poses: Float) -> bool:
-        """Whether beams pass more points than at a right place: see `seen_through_both`."""
+        """Whether beams pass more points than they do at a right place."""
         through, seen = seen_through_both(olds, new, poses)
         return through > most_through(self.rate) * max(seen, 1)
 
 
 def most_through(rate: float) -> float:
-    """Largest share of points that beams may pass, by the rate of mixed pixels."""
-    farther_off = 2.0  # Factor on the rate: from farther off more beams meet edges.
+    """Largest share of points that beams may pass at a right place, by the rate of mixed pixels."""
+    farther_off = 2.0  # Factor on the rate of adjacent scans: farther off, more edges are met.
     return MOST_THROUGH + farther_off * rate

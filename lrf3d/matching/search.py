@@ -1,8 +1,8 @@
-"""Search: the places in a window from which a scan fits into a map, by all that its beams met.
+"""Search: the places in a window at which a scan fits a map, by correlative scan matching.
 
-Key scans and their poses enter, as a `Submap`. A cell that one of their beams hit is a wall, one
-that beams passed is free, and the others are unknown. The poses of a window at which the hits of
-another scan meet most walls, and few free cells, are matched with the map (Olson 2009), and leave.
+Key scans and their poses enter as a `Submap`. A cell that one of their beams hit is a wall, one
+that beams passed is free, and the others are unknown. The poses in the window at which the hits of
+another scan lie in most walls and few free cells (Olson 2009) are matched with the map, and leave.
 """
 
 from collections.abc import Sequence
@@ -17,31 +17,36 @@ from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import between
 from lrf3d.matching.key_scans import BEHIND, Fans, Key, all_fans, evidence, same_place
 from lrf3d.matching.scan_matching import Match, match_scan
-from lrf3d.matching.surface import SurfaceGrid, concatenated, grid_of, moved, placement
+from lrf3d.matching.surface import DEVIATIONS, SurfaceGrid, concatenated, grid_of, moved, placement
 
 # Side of a cell [m]: matching converges from one and a half of them.
 CELL = 0.15
 
-# Size of a window in standard deviations to each side.
-DEVIATIONS = 3.0
-
-# Score of a hit in the cell of a wall, and in a free one. It falls by one for each cell away from a
-# wall, which therefore reaches `WALL` cells to each side.
+# Score of a hit in the cell of a wall. It falls by one for each cell away from it, so that a wall
+# reaches `WALL` cells to each side.
 WALL = 2
+
+# Score of a hit in a free cell.
 FREE = -2
 
-# Prior of the refinement of a peak: 0.5 m and 0.2 rad, which hardly constrain it.
-LOOSE = np.diag([4.0, 4.0, 25.0])
+# Least score of a peak that is matched, as a share of the best one.
+CLOSE = 0.7
 
-# Prior of a peak that would slide away: 1 mm and 0.3 mrad.
-HELD = np.diag([1e6, 1e6, 1e7])
+# Most peaks of a window that are matched.
+MOST_MATCHED = 6
 
-# Margin of the evidence by which a place must beat all others elsewhere.
+# Information of a peak that is refined: 0.5 m and 0.2 rad, which hardly constrain it.
+LOOSE = np.diag([2.0, 2.0, 5.0]) ** 2
+
+# Information of a peak that would slide away: 1 mm and 0.3 mrad.
+HELD = 1e6 * np.diag([1.0, 1.0, 10.0])
+
+# Margin of the evidence [log odds] by which a place must beat all others elsewhere.
 CLEARLY = 0.8
 
 
 class Field(NamedTuple):
-    """Scores of the cells (rows, columns) of a map from its lower left corner [m]."""
+    """Scores of the cells (rows, columns) of a map, and its lower left corner [m]."""
 
     cells: NDArray[np.int8]
     left: float
@@ -49,9 +54,10 @@ class Field(NamedTuple):
 
 
 def field_of(keys: Sequence[Key], poses: Float, fans: Fans) -> Field:
-    """The field that key scans with some fans show from poses (k, 3)."""
+    """Draw the field of key scans at poses (k, 3), with their fans."""
     reach = max(float(np.abs([key.hits["x"], key.hits["y"]]).max(initial=0.0)) for key in keys)
-    farthest = 50.0  # Largest range of the cells around key scans [m].
+    farthest = 50.0  # Range [m] up to which hits are drawn.
+    # A hit lies up to √2 times as far away as its larger coordinate.
     around = 1.5 * min(reach, farthest) + WALL * CELL
     low = poses[:, :2].min(axis=0) - around
     high = poses[:, :2].max(axis=0) + around
@@ -65,13 +71,13 @@ def field_of(keys: Sequence[Key], poses: Float, fans: Fans) -> Field:
 
 @compiled
 def _clear(field: Field, poses: Float, fans: Fans) -> None:
-    """Mark the cells free that the beams of key scans at poses (k, 3) passed."""
+    """Mark the cells that beams of key scans at poses (k, 3) passed as free."""
     high, wide = field.cells.shape
     ranges = fans.ranges
     for number, key in enumerate(fans.keys):
         at = placement(poses[key])
         heading = poses[key, 2]
-        behind = BEHIND + 3.0 * fans.noise[number]
+        behind = BEHIND + DEVIATIONS * fans.noise[number]
         x = fans.x[number]
         y = fans.y[number]
         column = (at.x + at.cos * x - at.sin * y - field.left) / CELL
@@ -92,7 +98,7 @@ def _clear(field: Field, poses: Float, fans: Fans) -> None:
 
 @compiled
 def _mark(field: Field, pose: Float, hits: Records) -> None:
-    """Mark the cells of the hits of a scan from a pose (3,) as walls, and those around."""
+    """Mark the cells of the hits of a scan from a pose (3,) as walls, and the cells around them."""
     high, wide = field.cells.shape
     at = placement(pose)
     for i in range(len(hits)):
@@ -110,8 +116,8 @@ def _mark(field: Field, pose: Float, hits: Records) -> None:
 
 @compiled
 def shifts_within(guess: Float, spread: Float, near: float) -> Int:
-    """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
-    # A step more, so that the least window has neighbours to each side.
+    """The shifts (s, 2) [cells] in the ellipse of a window that stay near the origin."""
+    # One cell more, so that the least window has neighbours to each side.
     wide = (CELL / DEVIATIONS) ** 2
     xx = spread[0, 0] + wide
     xy = spread[0, 1]
@@ -135,7 +141,7 @@ def shifts_within(guess: Float, spread: Float, near: float) -> Int:
 def window_scores(
     points: Records, field: Field, centre: Float, shifts: Int, angles: Float
 ) -> Float:
-    """The scores (a, s) of points in the field, for each heading and shift [cells]."""
+    """The scores (a, s) of points in the field, for each heading and each shift [cells]."""
     high, wide = field.cells.shape
     scores = np.zeros((len(angles), len(shifts)))
     turned = centre.copy()
@@ -156,15 +162,14 @@ def window_scores(
 
 
 @compiled
-def _peaks(scores: Float, shifts: Int, close: float, most: int) -> Int:
-    """The heading and the shift (p, 2), by number, of at most some peaks of scores (a, s).
+def _peaks(scores: Float, shifts: Int) -> Int:
+    """The heading and the shift (p, 2), by number, of the highest peaks of scores (a, s).
 
-    Their scores are positive, and at least close to the best, as a share of it. Those around a
-    peak, which lead to the same place, are set to 0.
+    Scores around a peak, which lead to the same place, are set to 0.
     """
-    peaks = np.empty((most, 2), np.int64)
-    least = max(close * scores.max(), 0.0)
-    for number in range(most):
+    peaks = np.empty((MOST_MATCHED, 2), np.int64)
+    least = max(CLOSE * scores.max(), 0.0)
+    for number in range(MOST_MATCHED):
         a, s = divmod(scores.argmax(), len(shifts))
         if scores[a, s] <= least:
             return peaks[:number]
@@ -185,7 +190,7 @@ class Place(NamedTuple):
 
 
 class Submap:
-    """Key scans at poses (k, 3), as the map that another scan is matched with."""
+    """A local map that another scan is matched with: key scans at poses (k, 3)."""
 
     def __init__(self, keys: Sequence[Key], poses: Float) -> None:
         self.keys = keys
@@ -193,12 +198,12 @@ class Submap:
 
     @cached_property
     def fans(self) -> Fans:
-        """The fans of all key scans."""
+        """The beams of all key scans."""
         return all_fans(key.fans for key in self.keys)
 
     @cached_property
     def field(self) -> Field:
-        """The field of all key scans."""
+        """The walls and free cells that all key scans show."""
         return field_of(self.keys, self.poses, self.fans)
 
     @cached_property
@@ -209,73 +214,73 @@ class Submap:
         return grid_of(walls) if len(walls) else None
 
     def seen_from(self, pose: Float) -> Float:
-        """Poses (k, 3) of a robot at a pose (3,) as seen from each key scan."""
+        """The pose (3,) of a robot as seen from each key scan (k, 3)."""
         return between(self.poses, pose)
 
     def match(self, scan: Key, guess: Float, prior: Float) -> Match | None:
-        """The match of a scan from a guess (3,) on; None if either of them shows no walls."""
+        """Match a scan, starting from a guess (3,); None if scan or map show no walls."""
         if self.grid is None or not len(scan.surface):
             return None
         match = match_scan(scan.surface, self.grid, guess, prior)
         return match if np.isfinite(match.pose).all() else None
 
     def place(self, scan: Key, match: Match) -> Place:
-        """A match with the evidence for it."""
+        """Weigh a match by the evidence for it."""
         poses = self.seen_from(match.pose)
         return Place(match, evidence(scan.hits, match.explained, poses, self.fans))
 
     def places(self, scan: Key, guess: Float, spread: Float, near: float = np.inf) -> list[Place]:
-        """The places in a window where a scan lies on the map, those first whose hits fit best.
+        """The places in a window where a scan fits the map, those with the highest score first.
 
         The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
         distance [m] from the map's origin are left out.
         """
         shifts = shifts_within(guess, spread, near)
-        surface = scan.surface
-        hits = scan.hits
-        if self.grid is None or not len(surface) or not len(shifts):
+        if self.grid is None or not len(scan.surface) or not len(shifts):
             return []
-        far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))
-        # Bounds of the step of the heading [rad]; it moves far-off points by a cell.
-        angle_steps = 0.01, 0.03
-        step = float(np.clip(CELL / max(far, 1e-3), *angle_steps))
-        *_, turn = np.sqrt(spread.diagonal())
-        turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
-        angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-        sample = thin(surface)
-        scores = window_scores(thin(hits), self.field, guess, shifts, angles)
+        angles = _headings(scan.hits, spread)
+        scores = window_scores(thin(scan.hits), self.field, guess, shifts, angles)
+        sample = thin(scan.surface)
         found: list[tuple[Float, Float]] = []
-        # Least score of a peak, as a share of the best, and peaks that are refined.
-        close = 0.7
-        most_matched = 6
-        for a, s in _peaks(scores, shifts, close, most_matched).tolist():
+        for a, s in _peaks(scores, shifts).tolist():
             peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
             place = match_scan(sample, self.grid, peak, LOOSE).pose
             prior = LOOSE
             if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
-                # It slid away, as along a corridor: that is another place.
+                # It slid away to another place, as along a corridor.
                 place = peak
                 prior = HELD
             if not any(same_place(place, other) for other, _ in found):
                 found.append((place, prior))
-        matches = [match_scan(surface, self.grid, place, prior) for place, prior in found]
-        return [self.place(scan, match) for match in matches]
+        return [
+            self.place(scan, match_scan(scan.surface, self.grid, place, prior))
+            for place, prior in found
+        ]
+
+
+def _headings(hits: Records, spread: Float) -> Float:
+    """The headings (a,) of a window, relative to its middle [rad].
+
+    A step moves points far away by a cell; these are 5 to 15 m away.
+    """
+    far = np.quantile(np.hypot(hits["x"], hits["y"]), 0.8)
+    step = float(CELL / np.clip(far, 5.0, 15.0))
+    *_, turn = np.sqrt(spread.diagonal())
+    turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
+    return step * np.arange(-turns, turns + 1, dtype=np.float64)
 
 
 def thin(points: Records) -> Records:
     """A subsample of many points that is enough to find a place."""
-    coarse_points = 80  # Points of a scan that a window is searched with.
+    coarse_points = 80  # Points of a scan with which a window is searched.
     return np.ascontiguousarray(points[:: 1 + len(points) // coarse_points])
 
 
-def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
-    """The index of the place (3,) whose evidence clearly beats all others elsewhere, if any."""
+def clearest(places: Sequence[tuple[Float, float]]) -> int | None:
+    """The index of the pose (3,) whose evidence clearly beats all others elsewhere, if any."""
     if not places:
         return None
-    best = int(np.argmax(worth))
-    others = [
-        value
-        for place, value in zip(places, worth, strict=True)
-        if not same_place(place, places[best], tolerance=2.0)
-    ]
-    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None
+    best = int(np.argmax([worth for _, worth in places]))
+    pose, most = places[best]
+    others = [worth for other, worth in places if not same_place(other, pose, tolerance=2.0)]
+    return best if most - max(others, default=-np.inf) > CLEARLY else None

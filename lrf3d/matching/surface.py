@@ -1,7 +1,7 @@
 """Surfaces: the walls that a scan shows, as points with normals, and a grid to look them up.
 
-Scans enter; rows of `SURFACE` leave. On a straight wall the normal is that of the wall, and faces
-the laser. A post, such as a trunk or the leg of a table, is one point without a normal.
+Scans enter; rows of `SURFACE` leave. The normal of a point on a straight wall faces the laser. A
+post, such as a trunk or the leg of a table, is one point without a normal.
 """
 
 from collections.abc import Iterable
@@ -15,17 +15,25 @@ from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
-# A point [m] and the unit normal there, which is zero where there is none.
+# A point [m] and the unit normal there, which is zero at a post.
 SURFACE = record(x=float, y=float, nx=float, ny=float)
+
+# Standard deviations up to which an error is taken for noise: the three-sigma rule.
+DEVIATIONS = 3.0
 
 # Range [m] from which baseline and straightness grow: beams fan out.
 FAR_OFF = 8.0
 
-# Largest gap between adjacent points of one surface: in metres, as a share of the range, in beam
-# spacings, and in standard deviations of the range noise.
+# Largest gap between adjacent points of one surface near the laser [m].
 CONNECTED = 0.2
+
+# Growth of that gap with the range, as a share of it.
 CONNECTED_GROWTH = 0.1
+
+# Least bound on that gap in beam spacings, for lasers of few beams.
 CONNECTED_SPACING = 3.0
+
+# Least bound on that gap in standard deviations of the range noise.
 CONNECTED_NOISE = 5.0
 
 # Least cosine between beam and normal: a line along the beam joins two surfaces.
@@ -34,8 +42,10 @@ FLATTEST = 0.1
 # Distance along a wall over which a map point supports it [m].
 ALONG = 0.25
 
-# Least side of a grid cell [m], and most cells of a grid; lookups read 3 by 3 cells.
+# Least side of a grid cell [m]; lookups read 3 by 3 cells.
 CELL = 0.3
+
+# Largest number of cells in a grid: above it, cells grow.
 MOST_CELLS = 4_000_000
 
 # Least standard deviation of the range noise that is assumed [m].
@@ -53,7 +63,7 @@ class Placement(NamedTuple):
 
 @inner
 def placement(pose: Float) -> Placement:
-    """The position, and the cosine and sine of the heading, of a pose (3,)."""
+    """Convert a pose (3,) to a position and the cosine and sine of its heading."""
     return Placement(pose[0], pose[1], np.cos(pose[2]), np.sin(pose[2]))
 
 
@@ -61,7 +71,7 @@ def range_noise(scan: LaserScan) -> float:
     """Estimate the standard deviation [m] of a scan's ranges; 0 where there are too few.
 
     On a straight wall the inverse range of a beam follows from those of its neighbours, however far
-    apart beams lie; what differs is noise. The median over beams on one surface ignores corners.
+    apart beams lie; the deviation is noise. The median over beams on one surface ignores corners.
     """
     ranges = np.where(scan.hits, scan.ranges, np.nan)
     angles = scan.angles
@@ -73,12 +83,11 @@ def range_noise(scan: LaserScan) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = (gaps[1:] / before + gaps[:-1] / after) / np.sin(angles[2:] - angles[:-2])
         rough = 2.0 * np.abs(inverse - 1.0 / middle) * middle * middle
-    # Largest difference of adjacent ranges on one surface, also where their noise is 0.3 m [m], and
-    # its growth per metre.
-    apart = 0.5
-    growth = 0.2
+    # Gap [m] in a surface even where the noise is 0.3 m; it grows twice as fast as `CONNECTED`.
+    apart = 0.5 + 2.0 * CONNECTED_GROWTH * middle
     differences = np.maximum(np.abs(before - middle), np.abs(after - middle))
-    known = rough[(differences < apart + growth * middle) & np.isfinite(rough)]
+    known = rough[(differences < apart) & np.isfinite(rough)]
+    # The median gives a standard deviation, and a second difference has six times the variance.
     return float(1.4826 * np.median(known) / np.sqrt(6.0)) if len(known) else 0.0
 
 
@@ -101,7 +110,7 @@ def surface_of_scan(scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE) ->
 
 
 def concatenated(surfaces: Iterable[Records]) -> Records:
-    """Several surfaces as one: as plain numbers, for joining records takes ten times as long."""
+    """Join surfaces, as plain numbers: joining records takes ten times as long."""
     numbers = [np.empty(0), *(np.ascontiguousarray(each).view(np.float64) for each in surfaces)]
     one: Records = np.concatenate(numbers).view(SURFACE)
     return one
@@ -111,12 +120,12 @@ def concatenated(surfaces: Iterable[Records]) -> Records:
 def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: float) -> Records:
     """The posts among points (n,) of beams with ranges and angles (n,).
 
-    A post stands in front of its neighbours on both sides: the edge of a partly hidden thing moves
+    A post stands in front of its neighbours on both sides: the edge of a partly hidden object moves
     with the robot.
     """
-    # Largest extent of a post [m], and least number of its points, as one may be noise.
-    widest_post = 0.6
-    least_hits = 2
+    widest_post = 0.6  # Largest extent of a post [m].
+    least_hits = 2  # Fewest points of a post, as one may be noise.
+    missed = 1.5 * step  # Angle between hits [rad] beyond which a beam between them had no return.
     posts = np.zeros_like(points)
     found = 0
     sum_x = sum_y = left_x = left_y = 0.0
@@ -127,15 +136,13 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
         apart = max(CONNECTED + 0.5 * CONNECTED_GROWTH * ranges[k], CONNECTED_NOISE * noise)
         if np.hypot(points[k + 1].x - points[k].x, points[k + 1].y - points[k].y) <= apart:
             continue
-        # Between two gaps lie the points of one thing; beyond them, its neighbours.
+        # Between two gaps lie the points of one object; beyond them, its neighbours.
         first = left + 1
         number = k - left
         wide = np.hypot(points[k].x - points[first].x, points[k].y - points[first].y)
         if left >= 0 and number >= least_hits and wide < widest_post:
-            missed = angles[first] - angles[left]
-            missing = angles[k + 1] - angles[k]
-            before = abs(missed) > 1.5 * step or ranges[left] > ranges[first]
-            behind = abs(missing) > 1.5 * step or ranges[k + 1] > ranges[k]
+            before = abs(angles[first] - angles[left]) > missed or ranges[left] > ranges[first]
+            behind = abs(angles[k + 1] - angles[k]) > missed or ranges[k + 1] > ranges[k]
             if before and behind:
                 posts[found].x = (sum_x - left_x) / number
                 posts[found].y = (sum_y - left_y) / number
@@ -158,7 +165,7 @@ class Line(NamedTuple):
 
 @inner
 def _line(points: Records, first: int, last: int) -> Line:
-    """The line through points from a first to a last one; its variance is inf if it is none."""
+    """The line through points from a first to a last one; its variance is inf if they form none."""
     number = last - first + 1
     mean_x = mean_y = 0.0
     for k in range(first, last + 1):
@@ -175,19 +182,21 @@ def _line(points: Records, first: int, last: int) -> Line:
     across = 0.5 * (xx + yy) - root
     along = 0.5 * (xx + yy) + root
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    variance = np.inf if number < 3 or across > 0.1 * along else across / (number - 2)
+    widest = 0.1  # Variance of a line across, as a share of that along it.
+    variance = np.inf if number < 3 or across > widest * along else across / (number - 2)
     return Line(mean_x, mean_y, -np.sin(angle), np.cos(angle), variance)
 
 
 @compiled
 def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: float) -> Records:
-    """Those of points (n,) that lie on straight walls, with normals, as seen by their laser."""
+    """The points on straight walls, among points (n,), with normals that face their laser."""
     found = points.copy()
     kept = 0
-    # Largest deviation of points from their line [m], its growth per metre beyond `FAR_OFF`,
-    # where hedges serve as walls, and the same in standard deviations of the range noise.
+    # Largest RMS distance of points from their line [m].
     rms_limit = 0.03
+    # Its growth per metre beyond `FAR_OFF`, where hedges serve as walls.
     rms_growth = 0.006
+    # Its least value in standard deviations of the range noise.
     rms_noise = 1.5
     for i in range(len(points)):
         x = points[i].x - laser_x
@@ -222,19 +231,20 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
 @inner
 def _reach(points: Records, i: int, side: int, away: float, step: float, noise: float) -> int:
     """The last point of a point's baseline on one side."""
-    # Half the baseline of a normal [m], its growth per metre beyond `FAR_OFF`, and its least size
-    # in standard deviations of the range noise: adjacent points 2 cm apart would give random
-    # normals.
+    # Half the baseline of a normal [m].
     half_baseline = 0.15
+    # Its growth per metre beyond `FAR_OFF`.
     baseline_growth = 0.06
+    # Its least size in standard deviations of the range noise: adjacent points 2 cm apart would
+    # give random normals.
     baseline_noise = 8.0
     baseline = half_baseline + baseline_growth * max(away - FAR_OFF, 0.0)
     baseline = max(baseline, baseline_noise * noise)
     gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
     gap = max(gap, CONNECTED_NOISE * noise)
-    # Bounds on the points of a baseline on each side: few beams still show a wall, and near walls
-    # cost no more than others. The upper one grows with the noise.
+    # Fewest points of a baseline on each side: few beams still show a wall.
     least_to_side = 2
+    # Most of them, so that near walls cost no more than others; more where the noise is large.
     most_to_side = 8
     most = int(most_to_side * max(1.0, baseline_noise * noise / half_baseline))
     end = i
@@ -255,11 +265,11 @@ def _reach(points: Records, i: int, side: int, away: float, step: float, noise: 
 
 
 def moved(surface: Records, pose: Float) -> Records:
-    """A surface moved by a pose (3,)."""
+    """Move a surface by a pose (3,)."""
     x, y, turn = pose
     cos = np.cos(turn)
     sin = np.sin(turn)
-    # Points and normals turn alike.
+    # Points and normals rotate alike.
     pairs = np.ascontiguousarray(surface).view(np.float64).reshape(-1, 2)
     there = np.ascontiguousarray(pairs @ np.array([[cos, sin], [-sin, cos]]))
     rows: Records = there.reshape(-1, 4).view(SURFACE)[:, 0]
@@ -270,18 +280,19 @@ def moved(surface: Records, pose: Float) -> Records:
 
 @compiled
 def thinned(surface: Records) -> Records:
-    """A surface without points nearer to the last than a map needs them."""
+    """Drop the points of a surface that lie nearer to the last one than a map needs them."""
     kept = np.ones(len(surface), np.bool_)
     last = 0
     # Least distance between map points of a wall [m]; 0.03 takes 10 % longer for the same errors.
     spacing = 0.05
+    alike = 0.98  # Cosine between normals above which two points belong to one wall.
     for i in range(1, len(surface)):
         point = surface[i]
         before = surface[last]
         dx = point.x - before.x
         dy = point.y - before.y
         facing = point.nx * before.nx + point.ny * before.ny
-        kept[i] = dx * dx + dy * dy >= spacing * spacing or facing <= 0.98
+        kept[i] = dx * dx + dy * dy >= spacing * spacing or facing <= alike
         last = i if kept[i] else last
     return surface[kept]
 
@@ -299,7 +310,7 @@ class SurfaceGrid(NamedTuple):
 
 
 def grid_of(surface: Records) -> SurfaceGrid:
-    """Sort a surface, which may not be empty, into cells."""
+    """Sort a surface of at least one point into cells."""
     return SurfaceGrid(*_sorted(surface))
 
 
@@ -316,7 +327,7 @@ def _sorted(surface: Records) -> tuple[Records, Int, float, float, int, int, flo
     width = right - left
     height = high - low
     cell = max(CELL, np.sqrt(width * height / MOST_CELLS))
-    # One empty cell all around spares lookups from asking whether a neighbour exists.
+    # An empty cell all around: every point of the surface has neighbours on all sides.
     columns = int(width / cell) + 3
     rows = int(height / cell) + 3
     first = np.zeros(columns * rows + 1, np.int64)

@@ -24,21 +24,23 @@ from lrf3d.world.grid_walls import grown, on_border, parts_of
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pieces import groups
 
-# Widths [m] of an opening above which the space behind it is outside, like the land around; and up
-# to which it is a door between two rooms.
+# Width of an opening [m] above which the space behind it is outside, like the land around.
 WIDEST_DOOR = 2.5
+
+# Width of an opening [m] up to which it is a door between two rooms.
 DOORWAY = 1.3
 
 # Least length of the walls along rooms, as a share of those along the outside, for the robot to
 # drive inside.
 SUBSTANTIAL = 0.7
 
-# Distances [m] of the robot from walls: the least, for what the follower is off the route, and that
-# which is kept where there is room.
+# Least distance of the robot from walls [m]: the error of the follower.
 MARGIN = 0.05
+
+# Distance of the robot from walls [m] where there is room.
 COMFORT = 0.3
 
-# Radius [m] of the smallest usual robot, for which sides of walls and rooms are looked for.
+# Radius [m] of the smallest usual robot, for which sides of walls and rooms are computed.
 THINNEST = 0.12
 
 
@@ -311,9 +313,10 @@ def find_free_space(
 def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
     """Corners (2,) of the box around all ends (n, 2), or where most are if that is too wide."""
     inside = ends if around is None else np.vstack([ends, around])
-    # The middle of the world is at (0, 0). A robot may drive up to 6 m around the walls.
-    low = inside.min(axis=0, initial=0.0) - 6.0
-    high = inside.max(axis=0, initial=0.0) + 6.0
+    border = 6.0  # Distance around the walls [m] in which the robot may drive.
+    # The middle of the world is at (0, 0).
+    low = inside.min(axis=0, initial=0.0) - border
+    high = inside.max(axis=0, initial=0.0) + border
     # Largest side [m] of the part of a world that is planned in, as much as a drive can show.
     widest_window = 500.0
     if (high - low).max() > widest_window:

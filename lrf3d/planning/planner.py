@@ -1,10 +1,10 @@
 """Planning a route: way-points through a world without a route, past most of its walls.
 
-Lookouts are chosen in the free space and joined to a tour by paths with clearance to the walls; the
-paths are straightened, and the drive along them is checked.
+Lookouts in the free space are joined to a tour by paths with clearance to the walls. The paths are
+straightened, and the drive along them is checked for collisions.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,8 @@ import numpy as np
 from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.collision import CollisionChecker
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, is_finite, numbers
-from lrf3d.geometry.pose import as_pose
+from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning import Side
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_free_space
 from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
@@ -23,12 +24,24 @@ from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World
 from lrf3d.world.model import check_size
 
+# Largest range [m] of a laser for which none is given.
+RANGE_MAX = LaserRangeFinder().range_max
+
+# Least look-ahead [m]: with it the robot keeps within centimetres of the route.
+LEAST_LOOKAHEAD = 2.0 * MARGIN
+
+# Speed [m/s] down to which a robot that would touch something is slowed.
+LEAST_SPEED = 0.25
+
+# Speed indoors [m/s]: a brisk walk.
+INDOOR_SPEED = 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
     """Way-points (m, 2) [m], the side of the walls, and the robot's radius, speed and look-ahead.
 
-    The notes are what the user should know: the rooms that are not reached, and why.
+    The notes report which rooms the route does not reach, and why.
     """
 
     waypoints: Float
@@ -43,7 +56,7 @@ def plan_route(
     world: World,
     *,
     radius: float = RADIUS,
-    range_max: float = 80.0,
+    range_max: float = RANGE_MAX,
     lookahead: float = LOOKAHEAD,
     where: Side | None = None,
     start: Sequence[float] | Float | None = None,
@@ -85,7 +98,7 @@ def find_route(
     *,
     radius: float | None = None,
     speed: float | None = None,
-    range_max: float = 80.0,
+    range_max: float = RANGE_MAX,
     lookahead: float = LOOKAHEAD,
     dt: float = CONTROL_STEP,
     where: Side | None = None,
@@ -100,98 +113,124 @@ def find_route(
     Raises:
         InputError: As of `plan_route`.
     """
-    sizes = (radius or RADIUS, speed or SPEED, range_max, lookahead, dt)
-    if not (is_finite(*sizes) and min(sizes) > 0.0):
+    _check(world, where, radius, speed, range_max, lookahead, dt)
+    checker = CollisionChecker(world)
+    position, pose = _checked_start(checker, start, radius or RADIUS)
+    notes: list[str] = []
+    if world.free is not None and not world.free.cells.any():
+        world = replace(world, free=None)
+        notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
+    ground = Ground(world, position)
+    fitting = radius or _fitting_radius(ground, where, position)
+    if radius is None and fitting < RADIUS:
+        smaller = f"the robot's radius is {fitting:g} m instead of {RADIUS:g} m"
+        notes.append(f"{smaller}: doors are too narrow for a wider one")
+    space = find_free_space(ground, fitting, where=where, start=position)
+    legs = find_tour(space, world, range_max)
+    waypoints = _straightened(space, legs, position)
+
+    def touched(pace: float, ahead: float) -> float:
+        """Metres of a drive at a speed and with a look-ahead that touch something."""
+        # A long run drives back along the route, and sets out again from where it arrives.
+        laps = drive_laps(
+            waypoints, start=pose, speed=pace, lookahead=ahead, dt=dt, most=MOST_POSES
+        )
+        drive = np.vstack([lap.poses[:, :2] for lap in laps])
+        moves = np.hypot(*np.diff(drive, axis=0).T)
+        return float(moves[checker.hit(drive[:-1], drive[1:], fitting) >= 0].sum())
+
+    if speed is None:
+        trials = _ever_slower(INDOOR_SPEED if space.side == "inside" else SPEED, lookahead)
+    else:
+        trials = _ever_closer(speed, lookahead)
+    pace, lookahead = _with_care(trials, touched)
+    notes += missed_rooms(space, legs)
+    return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, tuple(notes))
+
+
+def _check(world: World, where: Side | None, *sizes: float | None) -> None:
+    """Check a world, the side of its walls, and sizes of a robot, where these are given."""
+    given = [size for size in sizes if size is not None]
+    if not (is_finite(*given) and min(given) > 0.0):
+        radius, speed, range_max, lookahead, _ = sizes
         found = f"radius {radius}, speed {speed}, range_max {range_max}, lookahead {lookahead}"
         raise InputError(f"{found}: expected positive numbers")
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {shown(where)}: expected 'inside', 'outside' or None")
     expect(world, World, "world")
     check_size(world)
-    checker = CollisionChecker(world)
-    position = None if start is None else _checked_start(checker, start, radius or RADIUS)
-    notes: list[str] = []
-    if world.free is not None and not world.free.cells.any():
-        world = replace(world, free=None)
-        notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
-    ground = Ground(world, position)
-    if radius is None:
-        radius = _fitting_radius(ground, where, position)
-        if radius < RADIUS:
-            smaller = f"the robot's radius is {radius:g} m instead of {RADIUS:g} m"
-            notes.append(f"{smaller}: doors are too narrow for a wider one")
-    space = find_free_space(ground, radius, where=where, start=position)
-    legs = find_tour(space, world, range_max)
-    waypoints = _straightened(space, legs) + world.origin
-    if position is not None and (waypoints[0] != position).any():
-        waypoints = np.vstack([position, waypoints])
-    # Indoors, a brisk walk.
-    pace = speed or (1.0 if space.side == "inside" else SPEED)
-    pose = None if start is None or len(start) < 3 else as_pose(start)
-    touched = np.inf
-    # Least look-ahead [m], with which the robot keeps within centimetres of the route; and about
-    # the least speed [m/s] to which a robot that would still touch something is slowed down.
-    least_lookahead = 0.1
-    least_speed = 0.25
-    while True:
-        # A long run drives back along the route, and sets out again from where it arrives.
-        laps = drive_laps(
-            waypoints, start=pose, speed=pace, lookahead=lookahead, dt=dt, most=MOST_POSES
-        )
-        drive = np.vstack([lap.poses[:, :2] for lap in laps])
-        moves = np.hypot(*np.diff(drive, axis=0).T)
-        before = touched
-        touched = moves[checker.hit(drive[:-1], drive[1:], radius) >= 0].sum()
-        # Where driving with more care does not help, the route itself is too close to a wall.
-        if not 0.0 < touched < 0.8 * before:
+
+
+def _ever_closer(pace: float, lookahead: float) -> Iterator[tuple[float, float]]:
+    """A speed [m/s] with ever shorter look-aheads [m], which keep the robot closer to the route."""
+    yield pace, lookahead
+    while lookahead > LEAST_LOOKAHEAD:
+        lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
+        yield pace, lookahead
+
+
+def _ever_slower(pace: float, lookahead: float) -> Iterator[tuple[float, float]]:
+    """The same, and then ever lower speeds with even shorter look-aheads."""
+    yield from _ever_closer(pace, lookahead)
+    lookahead = min(lookahead, LEAST_LOOKAHEAD)
+    while pace > LEAST_SPEED:
+        pace *= 0.5
+        lookahead *= 0.5
+        yield pace, lookahead
+
+
+def _with_care(
+    trials: Iterator[tuple[float, float]], touched: Callable[[float, float], float]
+) -> tuple[float, float]:
+    """The first speed and look-ahead with which nothing is touched, or the last that were tried.
+
+    Where more care does not help, the route itself is too close to a wall.
+    """
+    before = np.inf
+    for pace, lookahead in trials:
+        now = touched(pace, lookahead)
+        if not 0.0 < now < 0.8 * before:
             break
-        if lookahead > least_lookahead:
-            lookahead = max(0.5 * lookahead, least_lookahead)
-        elif speed is None and pace > least_speed:
-            pace = 0.5 * pace
-            lookahead = 0.5 * lookahead
-        else:
-            break
-    if space.side == "inside":
-        entered = np.zeros(space.allowed.shape, dtype=np.bool_)
-        entered[tuple(np.argwhere(space.allowed)[np.concatenate(legs)].T)] = True
-        notes += missed_rooms(space, entered)
-    return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))
+        before = now
+    return pace, lookahead
 
 
 def _checked_start(
-    checker: CollisionChecker, start: Sequence[float] | Float, radius: float
-) -> Float:
-    """The position (2,) of a start [m], which must not be in a wall."""
+    checker: CollisionChecker, start: Sequence[float] | Float | None, radius: float
+) -> tuple[Float | None, Pose | None]:
+    """The position (2,) [m] of a start, which must not be in a wall, and its pose if given."""
+    if start is None:
+        return None, None
     position = np.asarray(numbers(start, "start"), dtype=np.float64)
     if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
         raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
+    pose = as_pose(start) if len(position) == 3 else None
     x, y = position = position[:2]
     if checker.hit(position[None], position[None], radius)[0] >= 0:
         near = f"nearer to a wall than the robot's radius of {radius:g} m"
         raise InputError(f"start ({x:g}, {y:g}): {near}; move it")
-    return position
+    return position, pose
 
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
     """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
-    *wider, smallest = (radius for radius in USUAL_RADII if radius >= 0.18)
+    *wider, smallest = USUAL_RADII[:4]  # Those from 0.18 m.
     small = find_free_space(ground, smallest, where=where, start=start)
     if small.side == "outside":
         return RADIUS
     for radius in wider:
-        # The cells that the robot could be in if all doors were wide.
+        # The cells where the robot could be if all doors were wide.
         roomy = int((small.gaps >= radius + MARGIN).sum())
         with suppress(InputError):
-            # A wider one may be at home in another house.
+            # A wider one may end up in another part of the free space.
             space = find_free_space(ground, radius, where=where, start=start)
             if roomy and (space.allowed & small.allowed).sum() >= 2 / 3 * roomy:
                 return radius
     return smallest
 
 
-def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
-    """Way-points (m, 2) along the legs, straight as far as that costs no more than the legs.
+def _straightened(space: FreeSpace, legs: list[Int], start: Float | None) -> Float:
+    """Way-points (m, 2) [m] from a start along the legs, straight where that costs no more.
 
     The ends of the legs, which are lookouts, always stay.
     """
@@ -214,11 +253,12 @@ def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
             waypoints.append(places[there - 1])
             here = there - 1
             there = there + 1
-    return np.array(waypoints)
+    route: Float = np.array(waypoints) + space.ground.world.origin
+    return route if start is None or (route[0] == start).all() else np.vstack([start, route])
 
 
 def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool:
-    """Whether the line between two places (2, 2) costs at most as much, as far from walls."""
+    """Whether the line between two places (2, 2) costs no more, and is as far from walls."""
     length = float(np.hypot(*(ends[1] - ends[0])))
     shares = np.linspace(0.0, 1.0, int(2.0 * length / space.ground.size) + 2)[:, None]
     gaps = np.asarray(space.ground.tree.query(ends[0] + shares * (ends[1] - ends[0]))[0])

@@ -1,7 +1,7 @@
-"""Rooms: those that a route does not enter, and why; what a drive shows of walls.
+"""Rooms: those that a route does not enter, and why; the share of the walls that a drive shows.
 
-What counts is what faces the drive's side of the walls: not the outside of a house that it goes
-through, nor what lies within walls, but rooms that it does not enter.
+Walls count on the side of the drive: not the outside of a house that it goes through, nor what lies
+within walls, but also rooms that it does not enter.
 """
 
 import numpy as np
@@ -17,11 +17,15 @@ from lrf3d.world.pieces import groups
 # Radii of common robots [m], of which one is tried or proposed.
 USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 
+# Distance from walls [m] that is exceeded in a room, but not in an opening to the outside: a space
+# with a wider opening is a niche.
+ROOMY = 0.7
+
 
 def true_rooms(ground: Ground, inside: Bool) -> Int:
-    """The numbers of the rooms among some cells (columns, rows) that are no niche and no table.
+    """The numbers of the rooms among some cells (columns, rows), without niches and furniture.
 
-    A space without a door to most of them may be a shaft, so it must be larger to count.
+    A space without a door to most of the others may be a shaft, so it must be larger to count.
     """
     rooms = np.where(inside, ground.rooms, 0)
     number = np.arange(rooms.max() + 1)
@@ -31,10 +35,9 @@ def true_rooms(ground: Ground, inside: Bool) -> Int:
     reach = groups(one, other, len(number))
     closed = reach != np.argmax(np.bincount(reach, np.where(number > 0, area, 0.0)))
     found = (area >= np.where(closed, 4.0, 2.0)) & (number > 0)
-    found &= maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, 0.7)
-    # A space whose opening to the outside is wider than a door is a niche.
+    found &= maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, ROOMY)
     entrance = binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
-    found &= maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < 0.7
+    found &= maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < ROOMY
     # A space within walls of less than half the usual height is furniture.
     heights = ground.world.heights
     highest = maximum(heights[ground.walls[ground.nearest]], rooms, number)
@@ -50,7 +53,7 @@ def rooms_of(world: World) -> list[tuple[float, Float]]:
 
 
 def _unfurnished(world: World) -> World:
-    """A world without its furniture, which divides no room, though a robot has to go round it."""
+    """Remove the furniture of a world: robots drive around it, but it does not divide rooms."""
     tall = world.heights >= 0.5 * world.heights.max(initial=0.0)
     if tall.all():
         return world
@@ -58,80 +61,94 @@ def _unfurnished(world: World) -> World:
 
 
 def _numbered(ground: Ground) -> tuple[Int, Int]:
-    """The space (columns, rows) of each cell inside, and the numbers of those that are rooms."""
+    """The space (columns, rows) that each cell inside belongs to, and the numbers of the rooms."""
     inside = ground.on_side("inside", None)
     return np.where(inside, ground.rooms, 0), true_rooms(ground, inside)
 
 
 def _measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
-    """The area [m²] of some cells, and the place (2,) [m] among them with the most room."""
+    """The area [m²] of some cells, and the place (2,) [m] among them farthest from walls."""
     place = ground.places[cells][np.argmax(ground.gaps[cells])] + ground.world.origin
     return float(cells.sum()) * ground.size**2, place
 
 
-def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
-    """Lines that name the rooms without an entered cell (columns, rows), by the reason."""
+def missed_rooms(space: FreeSpace, legs: list[Int]) -> list[str]:
+    """Notes that name the rooms which the legs of a drive inside do not enter, by the reason."""
+    if space.side == "outside":
+        return []
     ground = space.ground
-    points = ground.places + ground.world.origin
+    entered = np.zeros(space.allowed.shape, dtype=np.bool_)
+    entered[tuple(np.argwhere(space.allowed)[np.concatenate(legs)].T)] = True
+    points = ground.places[entered] + ground.world.origin
     walls = _unfurnished(ground.world)
-    bare = ground if walls is ground.world else Ground(walls, points[entered][0])
+    bare = ground if walls is ground.world else Ground(walls, points[0])
     rooms, numbers = _numbered(bare)
-    missed = np.setdiff1d(numbers, rooms[bare.cells_at(points[entered]) & bare.wide])
+    missed = np.setdiff1d(numbers, rooms[bare.cells_at(points) & bare.wide])
     if not len(missed):
         return []
-    # In corners of the outside there are cells of the inside, but no way goes round outside.
-    outside = np.bincount(ground.rooms.ravel(), ground.swept.ravel()) > 0.5 * np.bincount(
-        ground.rooms.ravel()
-    )
+    # In corners of the outside there are cells of the inside, which no way leads to.
+    cells = ground.rooms.ravel()
+    outside = np.bincount(cells, ground.swept.ravel()) > 0.5 * np.bincount(cells)
     own = np.where(ground.on_side("inside", None) & ~outside[ground.rooms], ground.rooms, 0)
     ways = _widest_ways(ground, own, space.allowed)
-    doors = list[tuple[float, Float]]()
-    far = []
-    shut = []
+    narrow = list[int]()
+    far = list[tuple[float, str]]()
+    shut = list[tuple[float, str]]()
     for room in missed.tolist():
         area, (x, y) = _measured(bare, rooms == room)
         named = area, f"m² at ({x:.1f}, {y:.1f})"
         # The widest place that furniture leaves in the room.
         within = ground.cells_at(bare.places[rooms == room] + bare.world.origin) & (own > 0)
         left = np.where(within, ground.gaps, 0.0)
-        via = ways[own.flat[np.argmax(left)]] if within.any() else SHUT
+        via = int(ways[own.flat[np.argmax(left)]]) if within.any() else SHUT
         if via == REACHED:
             far.append(named)
         elif via == SHUT or ground.gaps.flat[via] >= space.radius + MARGIN:
             # Where all doors are wide enough, something stands between two of them.
             shut.append(named)
         else:
-            width, middle = _door(ground, ground.places.reshape(-1, 2)[via])
-            if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
-                doors.append((width, middle))
+            narrow.append(via)
+    return _notes(space, narrow, shut, far, len(numbers))
+
+
+def _notes(
+    space: FreeSpace,
+    narrow: list[int],
+    shut: list[tuple[float, str]],
+    far: list[tuple[float, str]],
+    rooms: int,
+) -> list[str]:
+    """What to say of rooms behind narrow cells, of shut ones, and of those that are too far."""
     notes = []
-    if doors:
-        narrow = _largest([(width, f"m at ({x:.1f}, {y:.1f})") for width, (x, y) in doors], 2)
+    if narrow:
+        doors = _doors(space.ground, narrow)
+        sizes = _largest([(width, f"m at ({x:.1f}, {y:.1f})") for width, (x, y) in doors], 2)
         widths = [width for width, _ in doors]
         fit = [
             f"; --set robot.radius={usual:g}"
             for width in (min(widths), max(widths))
             for usual in USUAL_RADII
-            if usual < space.radius and 2.0 * (usual + MARGIN) + ground.size <= width
+            if usual < space.radius and 2.0 * (usual + MARGIN) + space.ground.size <= width
         ]
         what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
         wide = f"too narrow for a robot of {2.0 * space.radius:.2f} m"
-        behind = _count(len(missed) - len(far) - len(shut), len(numbers))
-        notes.append(f"{what} of {narrow} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
-    if shut:
-        why = "no door leads there from inside, or it is drawn shut, or blocked"
-        drawn = "`lrf3d world show` draws what was read"
-        notes.append(
-            f"{_count(len(shut), len(numbers))} not reached, {_largest(shut, 1)}: {why}; {drawn}"
-        )
-    if far:
-        long = "the route would be too long, or shows little more"
-        notes.append(f"{_count(len(far), len(numbers))} not entered, {_largest(far, 1)}: {long}")
+        behind = _count(len(narrow), rooms)
+        notes.append(f"{what} of {sizes} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
+    why = "no door leads there from inside, or it is drawn shut, or blocked"
+    drawn = "`lrf3d world show` draws what was read"
+    long = "the route would be too long, or shows little more"
+    for named, what, reason in (
+        (shut, "reached", f"{why}; {drawn}"), (far, "entered", long)
+    ):  # fmt: skip
+        if named:
+            notes.append(f"{_count(len(named), rooms)} not {what}, {_largest(named, 1)}: {reason}")
     return notes
 
 
-# Markers of a room whose path has no narrow place, and of one without a path.
+# Marker of a room whose path has no narrow place.
 REACHED = -1
+
+# Marker of a room without a path.
 SHUT = -2
 
 # Distance [m] from a narrow place within which the posts of its door are looked for.
@@ -173,6 +190,16 @@ def _largest(named: list[tuple[float, str]], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f} {words}" for value, words in best) + more
 
 
+def _doors(ground: Ground, cells: list[int]) -> list[tuple[float, Float]]:
+    """Widths [m] and middles (2,) of the doors at some cells, each of them once."""
+    doors = list[tuple[float, Float]]()
+    for cell in cells:
+        width, middle = _door(ground, ground.places.reshape(-1, 2)[cell])
+        if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
+            doors.append((width, middle))
+    return doors
+
+
 def _door(ground: Ground, place: Float) -> tuple[float, Float]:
     """Width [m] and middle (2,) of a door at a place (2,) of the local frame."""
     posts = ground.pieces[ground.tree.query_ball_point(place, POSTS)] - place
@@ -184,10 +211,9 @@ def _door(ground: Ground, place: Float) -> tuple[float, Float]:
 
 
 def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> float | None:
-    """The share of the walls on the drive's side of which the shown parts (k, 4) consist.
+    """The share of the walls on the drive's side that the shown parts (k, 4) of walls (k,) cover.
 
-    The drive is at positions (m, 2) [m], the parts are of walls (k,). It is None if no wall faces
-    the drive.
+    The drive is at positions (m, 2) [m]. The share is None if no wall faces the drive.
     """
     if not len(world.segments):
         return None
@@ -198,7 +224,7 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
     if world.free is None:
         side = ground.on_side("outside" if outside else "inside", None)
     if not outside:
-        # What only the thinnest robot could see, such as walls behind a cupboard, is not asked for.
+        # Walls that only the thinnest robot could see, as behind a cupboard, do not count.
         rooms = np.where(side & (ground.gaps >= THINNEST + MARGIN), ground.rooms, 0)
         pairs, cell = ground.doorways
         one, other = pairs[ground.gaps.ravel()[cell] >= THINNEST + MARGIN].T
@@ -214,5 +240,6 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
         ends[walls, column] = (corner * unit[walls]).sum(axis=1)
     wall = ground.walls[along]
     station = ((ground.pieces[along] - base[wall]) * unit[wall]).sum(axis=1)
-    seen = (station > ends[wall, 0] - 1e-3) & (station < ends[wall, 1] + 1e-3)
+    rounding = 1e-3  # Error of a station along its wall [m].
+    seen = (station > ends[wall, 0] - rounding) & (station < ends[wall, 1] + rounding)
     return float(seen.mean()) if len(along) else None

@@ -1,4 +1,4 @@
-"""Tours: drives past lookouts, from which most of the walls are seen."""
+"""Tours: drives past lookouts from which most of the walls are seen."""
 
 from itertools import pairwise
 
@@ -13,38 +13,51 @@ from lrf3d.planning.free_space import COMFORT, FreeSpace
 from lrf3d.planning.rooms import true_rooms
 from lrf3d.world import World
 
-# Number of beams all around, and of headings for which the view of a laser with 180° is stored.
+# Number of beams all around by which views are computed.
 BEAMS = 360
+
+# Number of headings for which the view of a laser with 180° is stored.
 HEADINGS = 8
+
+# Factor on the value of a lookout close to walls.
+TIGHT = 0.3
+
+# Value of entering a room: as much as seeing some metres of wall [m].
+ROOM_VALUE = 4.0
+
+# Most metres of a tour: some minutes of driving.
+LONGEST = 800.0
+
+# Fewest metres of a tour: where a few steps show all walls, the robot still drives.
+SHORTEST = 20.0
+
+# Metres of wall that another metre of the drive must show.
+LEAST_WORTH = 0.02
 
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
-    """The paths of a tour, through places of a free space, that shows much in few metres.
+    """The paths of a tour through places of a free space, which shows much in few metres.
 
-    It grows by one lookout after the other, always the one that shows the most additional wall for
-    each additional metre, where that is the shortest detour.
+    It grows lookout by lookout, always by the one that shows the most additional wall for each
+    additional metre, inserted where the detour is shortest.
     """
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
-    # Factor on the value of a lookout close to walls; the value of entering a room [m of wall].
-    tight = 0.3
-    room_value = 4.0
     if space.side == "inside":
-        # Entering a room is worth as much as seeing some metres of wall.
         room = np.where(space.ground.wide, space.ground.rooms, 0)[space.allowed][patches]
         true = true_rooms(space.ground, space.allowed)
         entered = np.broadcast_to(room[:, None] == true, (HEADINGS, len(room), len(true)))
         seen = np.concatenate([seen, entered], axis=2)
-        weights = np.append(weights, np.full(len(true), room_value))
+        weights = np.append(weights, np.full(len(true), ROOM_VALUE))
     around = np.asarray(seen.any(axis=0))
-    comfortable = space.gaps >= space.radius + COMFORT
-    lookouts = patches[_cover(around, weights, np.where(comfortable[patches], 1.0, tight))]
+    appeal = np.where(space.gaps >= space.radius + COMFORT, 1.0, TIGHT)
+    lookouts = patches[_cover(around, weights, appeal[patches])]
     kept = int(space.start is not None)
     if space.start is not None:
         lookouts = np.append(space.number[space.start], lookouts)
     views = around[patch_of[lookouts]]
     order = [0]
-    # Paths are found from those alone that the tour passes.
+    # Paths are computed only from lookouts that the tour passes.
     paths = dict[int, list[Int]]()
     metres = np.zeros((len(lookouts),) * 2)
     best = 0
@@ -61,21 +74,22 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
         detour = detours.min(axis=0)
         worth = views @ np.where(shown, 0.0, weights) / np.maximum(detour, 1.0)
         worth[order] = 0.0
-        # Some minutes of driving.
-        worth[steps.sum() + detour > 800.0] = 0.0
+        worth[steps.sum() + detour > LONGEST] = 0.0
         best = int(np.argmax(worth))
-        # Another metre must show two centimetres of wall.
-        if worth[best] < 0.02:
+        if worth[best] < LEAST_WORTH:
             break
         order.insert(kept + int(np.argmin(detours[:, best])), best)
     # What is seen depends on the direction of the drive.
     tours = [_legs(space, paths, each) for each in ([order] if kept else [order, order[::-1]])]
     legs = max(tours, key=lambda legs: float(weights @ _shown(space, legs, seen, patch_of)))
-    end = int(legs[-1][-1] if legs else lookouts[0])
-    # Where a few steps show all walls, the robot also drives to the ends of the free space.
-    while sum(_length(space, leg) for leg in legs) < 20.0:
+    return _lengthened(space, legs, int(legs[-1][-1] if legs else lookouts[0]), appeal)
+
+
+def _lengthened(space: FreeSpace, legs: list[Int], end: int, appeal: Float) -> list[Int]:
+    """Lengthen a short tour from its end to the ends of the free space, by their appeal (k,)."""
+    while sum(_length(space, leg) for leg in legs) < SHORTEST:
         apart = np.hypot(*(space.places - space.places[end]).T)
-        goal = int(np.argmax(apart * np.where(comfortable, 1.0, tight)))
+        goal = int(np.argmax(apart * appeal))
         if goal == end:
             raise InputError("no room to drive between the walls; give a route or poses")
         legs += _paths(space, end, np.array([goal]))
@@ -84,7 +98,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
 
 
 def _legs(space: FreeSpace, paths: dict[int, list[Int]], order: list[int]) -> list[Int]:
-    """The paths of a tour; at its ends the robot turns round, to see what lay behind it."""
+    """The paths of a tour; at its ends the robot turns around to see what was behind it."""
     legs = [paths[one][other] for one, other in pairwise(order)]
     turn = int(1.0 / space.ground.size) + 2
     begin = [] if space.start is not None else [leg[turn - 1 :: -1] for leg in legs[:1]]
@@ -110,7 +124,7 @@ def _patches(space: FreeSpace) -> tuple[Int, Int]:
     # Among places with as much room the one nearest to the middle of the patch comes first, and
     # more than 5 m of room make no better lookout.
     order = np.lexsort((off_middle, -np.round(np.minimum(space.gaps, 5.0))))
-    best = order[np.unique((patch @ [1.0, 1e6])[order], return_index=True)[1]]
+    best = order[np.unique(patch[order, ::-1], axis=0, return_index=True)[1]]
     source = dijkstra(space.graph, indices=best, min_only=True, return_predecessors=True)[2]
     number = np.zeros(len(space.places), dtype=np.int64)
     number[best] = np.arange(len(best))
@@ -118,16 +132,16 @@ def _patches(space: FreeSpace) -> tuple[Int, Int]:
 
 
 def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
-    """The positions that show nearly all: each of them the most of what those before it do not.
+    """The positions that show nearly all, each of them the most that those before do not show.
 
-    What is seen (k, pieces) counts by the appeal (k,) of a position.
+    What is seen (k, pieces) is weighed by the appeal (k,) of the position.
     """
-    # As numbers they are summed ten times as fast as truth values are.
+    # Numbers are summed ten times as fast as truth values.
     shows = seen.astype(np.float32)
     unseen = weights.astype(np.float32)
     least = 0.0005 * float(unseen[seen.any(axis=0)].sum())
     chosen = list[int]()
-    # With a short range_max no wall may be visible. Between each two the cheapest path is found.
+    # With a short range_max no wall may be visible.
     while ((gains := appeal * (shows @ unseen)).max() > least and len(chosen) < 60) or not chosen:
         chosen.append(int(np.argmax(gains)))
         unseen[seen[chosen[-1]]] = 0.0
@@ -153,18 +167,17 @@ def _length(space: FreeSpace, path: Int) -> float:
 
 def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float]:
     """Which pieces are seen (headings, k, pieces) from positions (k, 2), and their weights [m]."""
-    # Farther away beams of 1° leave gaps.
-    reach = min(range_max, 40.0)
+    reach = min(range_max, 40.0)  # Farther away [m] beams of 1° leave gaps.
     last = np.pi - 2.0 * np.pi / BEAMS
     lrf = LaserRangeFinder(-np.pi, last, beams=BEAMS, range_max=reach, height=0.0)
-    # Mirrors and glass are left out: what they show is not seen where it stands.
+    # Mirrors and glass are left out: what they show stands elsewhere.
     caster = PlanarCaster(World(world.segments, heights=world.heights))
     poses = np.column_stack([positions, np.zeros(len(positions))])
     ranges, walls = caster.scan_batch(lrf, poses)
     position, beam = np.nonzero(walls >= 0)
     wall = walls[position, beam]
     long = lengths(world.segments)
-    # Of a wall as long as a country only what is seen counts. There are some 8,000 pieces.
+    # Of a very long wall only the visible part counts. There are some 8,000 pieces.
     visible = np.minimum(long[np.unique(wall)], 4.0 * reach).sum()
     size = max(0.4, float(visible) / 8000)
     points = positions[position] + ranges[position, beam, None] * lrf.directions((0, 0, 0))[beam]
@@ -183,7 +196,7 @@ def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float
 
 def _two_opt(order: list[int], metres: Float, kept: int) -> list[int]:
     """Reverse pieces of an open tour, after the kept places, as long as that is shorter."""
-    # The first and the last place stand for nowhere.
+    # The first and the last place are dummies without distance.
     metres = np.pad(metres, 1)
     tour = np.arange(len(order) + 2)
     while True:

@@ -2,8 +2,8 @@
 
 Key scans of a solved drive enter; the share of points that beams of other scans pass through
 leaves, for the whole drive and for its worst part. Poses that are wrong by more than a door's width
-make rooms overlap. Recorded poses are also checked: a wrong mount of the laser is reported, and
-poses that cannot be those of its robot.
+make rooms overlap. For recorded poses, a wrong mount of the laser is reported, and poses that
+cannot be those of its robot.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,16 @@ from lrf3d.laser.range_finder import beam_directions
 from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
 from lrf3d.slam.motion import size_of
 
-# Key scans up to this far apart [m] are compared: most of what they see is the same.
+# Largest distance [m] between key scans that are compared: most of what they see is the same.
 NEAR = 3.0
 
 # Least path length [m] between key scans that are compared: adjacent ones agree in any case.
 LATER = 20.0
 
-# Most and least pairs of scans that are compared.
+# Largest number of pairs of scans that are compared.
 PAIRS = 60
+
+# Smallest number of pairs that show whether poses are right.
 LEAST_PAIRS = 5
 
 
@@ -67,20 +69,24 @@ class SelfCheck(NamedTuple):
         return self.violation <= most and self.worst_violation <= most_through_part
 
     def sentences(self) -> list[str]:
-        """The contradiction, in one sentence; an empty list if there is none."""
+        """The contradiction in one sentence; an empty list if there is none."""
         first, last = self.worst_scans
-        share = f"{100.0 * self.violation:.0f} % of what scans saw"
+        share = f"{_percent(self.violation)} of what scans saw"
         where = f"beams of scans {first} to {last}"
-        worst = f"{100.0 * self.worst_violation:.0f} % of what others saw"
+        worst = f"{_percent(self.worst_violation)} of what others saw"
         if self.violation > most_through(self.mixed_pixels):
             return [f"the map contradicts itself: beams pass through {share}; poses are wrong"]
         if not self.passed:
             return [f"{where} pass through {worst}: poses are wrong, or the world has changed"]
         if self.violation <= MOST_THROUGH:
             return []
-        mixed = f"{100.0 * self.mixed_pixels:.1f} % in adjacent scans"
+        mixed = f"{_percent(self.mixed_pixels, 1)} in adjacent scans"
         doubt = f"the map may be wrong: beams pass through {share} ({mixed})"
         return [f"{doubt}; {where} pass through {worst}" if self.worst_violation else doubt]
+
+
+def _percent(share: float, digits: int = 0) -> str:
+    return f"{share:.{digits}%}".replace("%", " %")
 
 
 def self_check(
@@ -92,7 +98,7 @@ def self_check(
     """
     scans = []
     counts = []
-    compared = 4  # Most earlier key scans that each one is compared with, the nearest.
+    compared = 4  # Number of earlier key scans that each one is compared with, the nearest.
     for number, key in enumerate(keys):
         apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
         near = np.flatnonzero((apart < NEAR) & (driven[:number] < driven[number] - LATER))
@@ -119,7 +125,7 @@ def self_check(
 
 
 def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str | None:
-    """A sentence that says how the laser seems to be mounted; None if it is as declared."""
+    """Report in a sentence how the laser seems to be mounted; None if it is as declared."""
     own, _, pairs = _paired(scans)
     if len(pairs) < LEAST_PAIRS:
         return None
@@ -131,15 +137,13 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
             found[turn, sense] = float(np.median(apart))
         return min(found, key=found.__getitem__)
 
-    # Angles between the mounts that are tried [°]: all around, and near the best of these.
-    coarse = 45
-    fine = 15
+    coarse = 45  # Angle between the mounts that are tried all around [°].
+    fine = 15  # Angle between those that are tried near the best of these [°].
     turn, sense = best_of(range(-180 + coarse, 181, coarse), *(1, -1)[: 1 + mirrored])
     best = turn, sense = best_of(range(turn - coarse + fine, turn + coarse, fine), sense)
     declared = found[0, 1]
-    # Factor and distance [m] by which pairs must fit better with another mount to name it.
-    clearly = 1.5
-    close = 0.02
+    clearly = 1.5  # Factor by which scans must fit better with another mount to report it.
+    close = 0.02  # Distance [m] that they must fit better in addition.
     if best == (0, 1) or declared < clearly * found[best] + close:
         return None
     turn = (turn + 179) % 360 - 179
@@ -151,23 +155,22 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
 
 
 def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
-    """A sentence on why the poses cannot be those of the robot of the scans; None if they can."""
+    """Report in a sentence why the poses cannot be those of the scans; None if they can."""
     own, robots, pairs = _paired(scans)
+    if len(own) <= LEAST_PAIRS:
+        return None
     steps = np.hypot(*np.diff(robots[:, :2], axis=0).T)
-    several = len(own) > LEAST_PAIRS
-    # Least step of a jump [m], also as a multiple of nearly all steps.
-    jump = 3.0
-    usual = 10.0
-    if several and steps.max() > max(jump, usual * float(np.quantile(steps, 0.95))):
+    jump = 3.0  # Least step that is a jump [m].
+    usual = 10.0  # Least step that is a jump, as a multiple of nearly all steps.
+    if steps.max() > max(jump, usual * float(np.quantile(steps, 0.95))):
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
-    # Distance of scans [m] that do not fit their poses, however the laser is mounted.
-    contradicted = 0.5
-    if not pairs and several:
+    contradicted = 0.5  # Distance [m] between scans that do not fit their poses by any mount.
+    if not pairs:
         far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
         return f"the poses stay at one place, but {moved}" if far > contradicted else None
-    far = float(np.median([_distance(own[a], own[b]) for a, b in pairs] or [0.0]))
+    far = float(np.median([_distance(own[a], own[b]) for a, b in pairs]))
     if len(pairs) < LEAST_PAIRS or far < contradicted:
         return None
     apart = f"scans from nearby poses differ by {far:.2g} m"
@@ -175,14 +178,13 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
 
 
 def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tuple[int, int]]]:
-    """Scans of the first laser, its robot's poses (k, 3), and pairs that it moved between."""
+    """Scans of the first laser, the poses (k, 3) of its robot, and pairs that it moved between."""
     own = [scan for scan in scans if scan.laser == scans[0].laser and scan.hits.any()]
     robots = np.array([scan.robot for scan in own]).reshape(-1, 3)
     pairs = list[tuple[int, int]]()
     first = 0
-    # Least distance [m] or turn [rad] between the scans of a pair.
-    apart = 0.4
-    turned = 0.2
+    apart = 0.4  # Least distance between the scans of a pair [m],
+    turned = 0.2  # or turn [rad].
     for number in range(1, len(robots)):
         distance, turn = size_of(between(robots[first], robots[number]))
         if distance > apart or turn > turned:
@@ -192,14 +194,13 @@ def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tu
 
 
 def _distance(before: LaserScan, after: LaserScan, turn: float = 0.0, sense: int = 1) -> float:
-    """Distance [m] of the points of a scan from those of another, with a mount turned by [°]."""
+    """Distance [m] between the points of two scans by a mount turned by some degrees."""
     check()
     mount = np.array(before.mount) + np.array([0.0, 0.0, np.radians(turn)])
     lasers = [compose(np.array(scan.robot), mount) for scan in (before, after)]
     here, there = (_points(scan, sense) for scan in (before, after))
     moved = Pose(*between(*lasers).tolist()).apply(there)
-    # Quantile of the distances between the points of a pair: walls along the drive fit in any case.
-    share = 0.8
+    share = 0.8  # Quantile of the distances of points: walls along the drive fit in any case.
     return float(np.quantile(cKDTree(here).query(moved)[0], share))
 
 

@@ -1,8 +1,8 @@
-"""Loop closures: key scans that show the same place as much older ones.
+"""Loop closures: relative poses between key scans that show the same place at different times.
 
-Key scans and their estimated poses enter; relative poses between key scans leave. Each was checked:
-the scans overlap, no beam of the one passes through what the other saw, no other place fits as well
-within all that the drive may have drifted, and enough closures of the same stretch agree.
+Key scans and their estimated poses enter; accepted closures leave. Four checks precede acceptance:
+the scans overlap, no beam of one passes through what the other saw, no other place within the
+possible drift fits as well, and enough closures along the same stretch agree.
 """
 
 from dataclasses import dataclass, replace
@@ -11,59 +11,72 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Bool, Float, Records
 from lrf3d.geometry.pose import between, compose, turned
-from lrf3d.matching.key_scans import Key, MixedPixels
+from lrf3d.matching.key_scans import Key, MixedPixelModel
 from lrf3d.matching.scan_matching import Match
-from lrf3d.matching.search import DEVIATIONS, Place, Submap, clearest
+from lrf3d.matching.search import Place, Submap, clearest
+from lrf3d.matching.surface import DEVIATIONS
 from lrf3d.slam.front_end import (
     CERTAIN_SHARE,
     FOUND_SHARE,
     KEY_DISTANCE,
     LEAST_POINTS,
+    TRACKED_SHARE,
     WEAK,
     weakest_direction,
 )
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.pose_graph import GraphPaths, edges_of
 
-# Least path length [m] over which a loop is closed, and between the old places that are tried.
+# Least path length [m] of a loop, and between the old places that are tried for one key scan.
 LEAST_DISTANCE = 6.0
 
 # Largest distance between key scans that show the same walls [m].
 NEAR = 4.0
 
-# Drift of the front end [m], [rad] per metre: twice the usual drift.
+# Drift of the front end in the position [m per metre], twice the usual one.
 DRIFT = 0.01
+
+# Drift of the front end in the heading [rad per metre], twice the usual one.
 DRIFT_TURN = 0.0015
 
-# Bounds of the standard deviations [m], [rad] of the window that is searched.
-LEAST_SPREAD = np.array([0.1, 0.1, 0.02])
-MOST_SPREAD = np.array([10.0, 10.0, 0.3])
+# Bounds on the standard deviation of the position in the search window [m].
+LEAST_SPREAD = 0.1
+MOST_SPREAD = 10.0
 
-# Closures that must agree before any of them is accepted: while the robot drives, and when the
-# drive is over, if they are more than twice as many as contradict them.
+# Bounds on the standard deviation of the heading in the search window [rad].
+LEAST_TURN_SPREAD = 0.02
+MOST_TURN_SPREAD = 0.3
+
+# Path length [m] whose drift equals the error of one unmatched scan, that of the least window.
+LOST_LENGTH = LEAST_SPREAD / DRIFT
+
+# Closures that must agree before any of them is accepted while the robot drives.
 AGREEING = 3
-AGREEING_IN_THE_END = 2
 
-# Closures are compared if the old key scans of both are this near along the graph [m], and the new
+# The same at the end of the drive, when they must also outnumber contradicting ones twice.
+AGREEING_AT_END = 2
+
+# Two closures are compared if their old key scans are this near along the graph [m], and their new
 # ones along the drive.
 STRETCH = 2.0 * LEAST_DISTANCE
 
-# Factor on the information that matching gives an edge: the scan and the map come from the same
-# drifting front end, and are slightly bent.
+# Share of a match's information that its edge gets: scan and map come from the same drifting front
+# end, so both are slightly bent.
 MATCHING_SHARE = 0.3
 
-# Least information of a closure in any direction: 10 m and 1 rad, the size of the window.
-FLOOR = np.diag([0.01, 0.01, 1.0])
+# Least information of a closure: standard deviations of the widest window, and of 1 rad.
+FLOOR = np.diag([MOST_SPREAD**-2, MOST_SPREAD**-2, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """An old key scan and a new one, by their numbers, that show the same place.
+    """A loop closure: an old and a new key scan, by number, that show the same place.
 
-    The pose (3,) and its information (3, 3) are those of the new one, as seen from the old one. A
-    certain closure is one that the user gave.
+    The pose (3,) of the new one, as seen from the old one, has an information matrix (3, 3). A
+    certain closure was given by the user.
     """
 
     old: int
@@ -74,12 +87,12 @@ class Closure:
 
     @cached_property
     def covariance(self) -> Float:
-        """Covariance (3, 3) of the pose, which each later closure around is compared with."""
+        """Covariance (3, 3) of the relative pose."""
         return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
 
 
 class Refusal(NamedTuple):
-    """Two key scans, by their numbers, that were not taken for the same place, and why."""
+    """Two key scans, by number, that were compared and not joined, and the reason."""
 
     old: int
     new: int
@@ -87,60 +100,61 @@ class Refusal(NamedTuple):
 
 
 class LoopCloser:
-    """Finds closures for new key scans, and keeps them until enough agree."""
+    """Finds closures for new key scans, and accepts them once enough agree."""
 
-    def __init__(self, mixed_pixels: MixedPixels) -> None:
+    def __init__(self, mixed_pixels: MixedPixelModel) -> None:
         self.mixed_pixels = mixed_pixels
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
-        # Closures that too few others agree with.
+        # Closures that wait for others to agree with them.
         self.unconfirmed: list[Closure] = []
-        # Places that alone are none: others fit nearly as well, or too little is explained.
+        # Candidates too weak to be accepted alone: another place fits nearly as well, or too few
+        # points are inliers.
         self.doubtful: list[Closure] = []
-        # Closures that are contradicted, and pairs of scans that the user ruled out.
+        # Closures that a check rejected, and pairs of scans that the user ruled out.
         self.refused: list[Refusal] = []
         self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
-        self._submaps: dict[tuple[int, tuple[Key, ...]], Submap] = {}
+        # The next key scan is often matched with one of the last submaps.
+        self._submaps = Latest(size=16)
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
-        # The distance at each key scan [m], and now.
+        # Distance travelled at each key scan [m], and now, each with an allowance for drift.
         self.driven = np.empty(0)
         self.distance = 0.0
-        # The number of the stretch of each key scan, without a known place or a lost scan in it.
+        # The stretch that each key scan belongs to; a known place or a lost scan begins a new one.
         self._stretches = np.empty(0, np.int64)
 
     def drive(self, step: Float, lost: int) -> None:
-        """Add a step and a number of lost scans to the distance, by the drift that they cause."""
-        lost_length = 10.0  # Path length [m] with the same drift, 0.1 m, as one unmatched scan.
+        """Add a step, and the drift of a number of lost scans, to the distance travelled."""
         # A turn of one radian lets the robot drift like a path of one metre.
-        self.distance += sum(size_of(step)) + lost_length * lost
+        self.distance += sum(size_of(step)) + LOST_LENGTH * lost
 
     def add_key(self, key: Key, *, apart: bool = False) -> None:
-        """Add the next key scan, which begins another stretch if it stands apart from the last."""
+        """Add the next key scan, which begins a new stretch if it stands apart from the last."""
         stretch = int(self._stretches[-1]) + apart if self.keys else 0
         self.driven = np.append(self.driven, self.distance)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
 
     def search(self, poses: Float) -> list[Closure]:
-        """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
+        """Return the closures accepted now: that of the newest key scan, and those it confirms."""
         self._poses = poses
         closure = self._best_closure(len(self.keys) - 1)
         if closure is None:
             return []
         self.unconfirmed.append(closure)
-        return self._accept(closure, AGREEING)
+        return self._accept(closure)
 
     def settle(self, poses: Float) -> None:
-        """Accept closures that fewer confirm, now that the drive is over, and take wrong ones back.
+        """At the end of the drive, accept closures with less support, and drop outvoted ones.
 
-        Of closures that contradict each other those that came first were accepted.
+        Of closures that contradict each other, those found first were accepted.
         """
         self._poses = poses
         for closure in list(self.unconfirmed):
             if closure in self.unconfirmed:
-                self._accept(closure, AGREEING_IN_THE_END, strict=True)
+                self._accept(closure, at_end=True)
         votes = {closure: self._votes(closure, self.accepted) for closure in self.accepted}
         wrong = [
             closure
@@ -151,9 +165,9 @@ class LoopCloser:
         self.unconfirmed += wrong
 
     def _votes(self, newest: Closure, closures: list[Closure]) -> dict[Closure, bool]:
-        """Whether each of the closures that join the same two places agrees with the newest one.
+        """Whether each closure between the same two places agrees with the newest one.
 
-        Old key scans of several drives past a place are near each other along the graph.
+        Old key scans from several drives past a place are near each other along the graph.
         """
         pairs = np.array([(each.old, each.new) for each in closures], np.int64)
         olds, news = pairs.reshape(-1, 2).T
@@ -164,20 +178,16 @@ class LoopCloser:
         agree = self._agree(others, newest, (lengths + away)[near]) if others else near
         return dict(zip(others, agree.tolist(), strict=True))
 
-    def _accept(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
-        """Accept a closure and those that agree with it, if these are enough."""
+    def _accept(self, newest: Closure, *, at_end: bool = False) -> list[Closure]:
+        """Accept a closure and those that agree with it, if they outvote those that do not."""
         agrees = self._votes(newest, [*self.unconfirmed, *self.accepted])
         votes = list(agrees.values())
-        # Of sets that contradict each other the larger one is accepted.
-        together = float(votes.count(True))
+        support = float(votes.count(True))
         against = votes.count(False)
-        if strict:
-            doubtful = self._votes(newest, self.doubtful)
-            agreeing_scans = {other.new for other, agree in doubtful.items() if agree}
-            others = {other.new for other in doubtful} - agreeing_scans
-            # Where scans show little, most of the right places are doubtful: two count as one.
-            together += 0.5 * max(len(agreeing_scans) - len(others), 0)
-        if together < enough or together <= against or (strict and together <= 2.0 * against):
+        if at_end:
+            support += self._doubtful_support(newest)
+            against *= 2
+        if support < (AGREEING_AT_END if at_end else AGREEING) or support <= against:
             return []
         agreeing = [other for other in self.unconfirmed if agrees.get(other)]
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
@@ -190,42 +200,55 @@ class LoopCloser:
             self.paths.link(closure.old, closure.new, length, closure.covariance)
         return agreeing
 
+    def _doubtful_support(self, newest: Closure) -> float:
+        """The support that candidates too weak to be accepted alone give a closure.
+
+        Where scans show little, most right places are doubtful: two of these count as one closure.
+        """
+        agrees = self._votes(newest, self.doubtful)
+        agreeing = {other.new for other, agree in agrees.items() if agree}
+        others = {other.new for other in agrees} - agreeing
+        return 0.5 * max(len(agreeing) - len(others), 0)
+
     def _best_closure(self, new: int) -> Closure | None:
-        """The closure of a key scan with an old one, at the place that fits best of all."""
+        """The closure of a new key scan at the place that fits best, unless a check rejects it."""
         if not (places := self._all_places(new)):
             return None
-        there = [compose(self._poses[old], place.match.pose) for old, place in places]
-        best = clearest(there, [place.evidence for _, place in places])
+        best = clearest(
+            [(compose(self._poses[old], match.pose), worth) for old, (match, worth) in places]
+        )
         old, (match, worth) = places[best or 0]
-        around = self._submap(old, new)
-        why = ""
-        if best is None or worth <= 0.0 or match.explained < FOUND_SHARE:
-            why = "elsewhere fits as well" if best is None else "too little is explained"
+        why = "elsewhere fits as well" if best is None else ""
+        if best is not None and (worth <= 0.0 or match.explained < FOUND_SHARE):
+            why = "too little is explained"
+        if why:
             self.doubtful += self._doubtful_places(new, places)
-        elif any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
-            why = "ruled out"
-        elif self.mixed_pixels.contradict(
-            around.keys, self.keys[new], around.seen_from(match.pose)
-        ):
-            why = "beams pass through"
+        else:
+            why = self._contradiction(old, new, match.pose)
         if why:
             self.refused.append(Refusal(old, new, why))
             return None
         return _closure(old, new, match)
 
+    def _contradiction(self, old: int, new: int, pose: Float) -> str:
+        """What contradicts a new key scan at a pose (3,) seen from an old one; empty if nothing."""
+        if any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
+            return "ruled out"
+        around = self._submap(old, new)
+        if self.mixed_pixels.contradict(around.keys, self.keys[new], around.seen_from(pose)):
+            return "beams pass through"
+        return ""
+
     @staticmethod
     def _doubtful_places(new: int, places: list[tuple[int, Place]]) -> list[Closure]:
-        """The places of a new key scan that may be right."""
-        # Log odds that a place must have, log odds by which it may fall short of the best one, and
-        # share of the scan that it must explain: a third of what a closure must.
-        least = 0.3
-        short = 1.0
-        share = 0.1
+        """The places of a new key scan that may support other closures."""
+        least = 0.3  # Least log odds of such a place.
+        short = 1.0  # Log odds by which it may fall short of the best one.
         enough = max(least, max(place.evidence for _, place in places) - short)
         return [
-            _closure(old, new, place.match)
-            for old, place in places
-            if place.evidence > enough and place.match.explained > share
+            _closure(old, new, match)
+            for old, (match, worth) in places
+            if worth > enough and match.explained > TRACKED_SHARE
         ]
 
     def _all_places(self, new: int) -> list[tuple[int, Place]]:
@@ -239,12 +262,10 @@ class LoopCloser:
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
         away = (poses - poses[new])[:, :2]
         apart = np.hypot(*away.T)
-        along = away / np.maximum(apart, 1e-9)[:, None]
+        along = away / np.where(apart > 0.0, apart, 1.0)[:, None]
         deviation = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
-        least, *_ = LEAST_SPREAD
-        most, *_ = MOST_SPREAD
-        fits &= apart < NEAR + DEVIATIONS * np.clip(deviation, least, most)
-        most_places = 20  # Most old places that are tried for a key scan, the nearest first.
+        fits &= apart < NEAR + DEVIATIONS * np.clip(deviation, LEAST_SPREAD, MOST_SPREAD)
+        most_places = 20  # Old places that are tried for a key scan, the nearest first.
         for _ in range(most_places):
             if not fits.any():
                 break
@@ -267,25 +288,21 @@ class LoopCloser:
         return self._submap(old, new).places(self.keys[new], guess, window, NEAR)
 
     def _submap(self, old: int, new: int) -> Submap:
-        """The map that a new key scan is matched with where it meets an old one.
+        """The map around an old key scan, and in its frame, that a new one is matched with.
 
-        The poses are as seen from the old one, and by the front end: over a stretch so short these
-        are better than those of the graph.
+        The relative poses are the front end's: over a stretch this short they are better than those
+        of the graph.
         """
-        around = tuple(self._around(old, new))
-        if (known := self._submaps.pop((old, around), None)) is None:
-            poses = np.array([key.pose for key in around])
-            known = Submap(around, between(self.keys[old].pose, poses))
-        # The last ones are kept, as the next key scan often meets the same.
-        self._submaps[old, around] = known
-        most_submaps = 16
-        for oldest in list(self._submaps)[:-most_submaps]:
-            del self._submaps[oldest]
-        return known
+        origin = self.keys[old].pose
+        keys = tuple(self._around(old, new))
+        return self._submaps.of(
+            (old, keys),
+            lambda: Submap(keys, between(origin, np.array([key.pose for key in keys]))),
+        )
 
     def _around(self, old: int, new: int) -> list[Key]:
-        """The key scans around an old one, some way before a new one."""
-        submap = 5  # Key scans before and after an old one in the map that a loop is closed with.
+        """The key scans around an old one, from the same stretch and well before a new one."""
+        submap = 5  # Key scans on each side of the old one.
         return [
             self.keys[k]
             for k in range(max(old - submap, 0), min(old + submap + 1, new))
@@ -299,20 +316,21 @@ class LoopCloser:
         return bool(abs(self.driven[key] - self.driven[at]) < LEAST_DISTANCE)
 
     def number_at(self, scan: int) -> int:
-        """The number of the first key scan from a scan on."""
+        """The number of the first key scan at or after a scan."""
         return sum(key.scan < scan for key in self.keys)
 
     @property
     def refusals(self) -> list[Refusal]:
-        """The pairs of key scans that were not taken for one place, and why."""
+        """The pairs of key scans that were compared and not joined, with the reasons."""
         few = [Refusal(each.old, each.new, "few others agree") for each in self.unconfirmed]
         return [*self.refused, *few]
 
     def known(self, old: int, new: int, poses: Float) -> Closure | None:
-        """The closure of two key scans that the user knows to show the same place."""
+        """The closure of two key scans that the user declares to show the same place."""
         self._poses = poses
         guess = between(poses[old], poses[new]) * [0.0, 0.0, 1.0]
-        window = np.diag([1.5**2, 1.5**2, 1.0])  # Its covariance [m²], [rad²].
+        variance = 1.5**2  # Variance of the position in the window [m²]; the heading's is 1 rad².
+        window = np.diag([variance, variance, 1.0])
         places = self._places(old, new, window, guess) if self._around(old, new) else ()
         if not places:
             return None
@@ -323,15 +341,19 @@ class LoopCloser:
         return closure
 
     def _agree(self, others: list[Closure], newest: Closure, lengths: Float) -> Bool:
-        """Whether loops over others (c,) and the newest one close: paths between of lengths [m]."""
+        """Whether the loops over other closures (c,) and the newest one close.
+
+        The lengths (c,) [m] are those of the two paths between the closures.
+        """
         olds, news = np.array([(each.old, each.new) for each in others]).T
         fronts = np.array([self.keys[new].pose for new in news.tolist()])
         new = between(fronts, self.keys[newest.new].pose)
         old = between(self._poses[olds], self._poses[newest.old])
         relative = np.array([each.relative for each in others])
         error = between(compose(relative, new), compose(old, newest.relative))
-        # Errors of a submap [m], [rad], to which the drift over the length is added.
+        # Error of a submap in the position [m], to which the drift over the length is added.
         bent_place = 0.05
+        # The same in the heading [rad].
         bent_turn = 0.015
         place = bent_place + DRIFT * lengths
         turn = bent_turn + DRIFT_TURN * lengths
@@ -345,13 +367,13 @@ class LoopCloser:
 
 
 def _closure(old: int, new: int, match: Match) -> Closure:
-    """The closure of a match of a new key scan around an old one."""
+    """The closure of an old and a new key scan by a match in the frame of the old one."""
     relative = between(np.zeros(3), match.pose)
     return Closure(old, new, relative, MATCHING_SHARE * fixed(match.information) + FLOOR)
 
 
 def closure_edges(closures: list[Closure]) -> Records:
-    """Closures as edges of the pose graph, which are robust unless they are certain."""
+    """Convert closures to edges of the pose graph; those not given by the user are robust."""
     return edges_of(
         [closure.old for closure in closures],
         [closure.new for closure in closures],
@@ -362,18 +384,17 @@ def closure_edges(closures: list[Closure]) -> Records:
 
 
 def _bounded(spread: Float) -> Float:
-    """A covariance (3, 3) of a window within `LEAST_SPREAD` and `MOST_SPREAD`."""
-    bounded = spread + np.diag(LEAST_SPREAD**2)
-    place, _, turn = MOST_SPREAD**2
-    bounded[:2, :2] /= max(np.linalg.norm(bounded[:2, :2], 2) / place, 1.0)
-    bounded[2, 2] = min(bounded[2, 2], turn)
+    """A covariance (3, 3) of a search window within the bounds on its standard deviations."""
+    bounded: Float = spread + np.diag(np.square([LEAST_SPREAD, LEAST_SPREAD, LEAST_TURN_SPREAD]))
+    bounded[:2, :2] /= max(float(np.linalg.norm(bounded[:2, :2], 2)) / MOST_SPREAD**2, 1.0)
+    bounded[2, 2] = min(bounded[2, 2], MOST_TURN_SPREAD**2)
     return bounded
 
 
 def fixed(information: Float) -> Float:
-    """Information (3, 3) of a match without that on a direction which its walls do not fix.
+    """Remove the information (3, 3) of a match along a direction that its walls do not fix.
 
-    Along a corridor it comes from the noise of normals.
+    Along a corridor that information comes only from the noise of the normals.
     """
     direction, weakest = weakest_direction(information)
     if weakest >= WEAK:

@@ -1,8 +1,7 @@
-"""Front end: follows the robot from scan to scan, against the map of the last few key scans.
+"""Front end: tracks the robot from scan to scan against the map of the last few key scans.
 
-Key-scan candidates and odometry increments enter; poses in the drifting frame of the front end
-leave. Every half metre a key scan is due: loops are closed with these, and the pose graph is made
-of them.
+Key-scan candidates and odometry increments enter; poses in the front end's drifting frame leave.
+Every half metre a key scan is due: these are the vertices of the pose graph, and close its loops.
 """
 
 from collections import deque
@@ -20,26 +19,31 @@ from lrf3d.matching.key_scans import (
     FORGETTING,
     PASSED,
     Key,
-    MixedPixels,
+    MixedPixelModel,
     all_fans,
     views_of,
 )
 from lrf3d.matching.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.matching.search import CLEARLY, Submap, clearest
-from lrf3d.matching.surface import SURFACE, concatenated, moved, thinned
-from lrf3d.slam.motion import DOUBTFUL, Coasting, Prediction, Wheels, size_of
+from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, moved, thinned
+from lrf3d.slam.motion import DOUBTFUL, Coasting, KeyStep, Prediction, Wheels, size_of
 
-# Distance [m] or turn [rad] to the next key scan. Errors hardly change from 0.4 to 0.6 m.
+# Distance to the next key scan [m]. Errors hardly change from 0.4 to 0.6 m.
 KEY_DISTANCE = 0.5
+
+# Turn to the next key scan [rad].
 KEY_TURN = 0.5
 
-# The last key scans, with which a scan is matched: more cost time, fewer let the robot drift.
+# Number of the last key scans that a scan is matched with: more cost time, fewer let it drift.
 LOCAL_KEYS = 8
 
-# Minimum inlier ratios: of a match near the prediction, of one that a search for a known place
-# found (in woods the right one has hardly half), and of one that is beyond doubt.
+# Minimum inlier ratio to accept a match near the prediction.
 TRACKED_SHARE = 0.1
+
+# Minimum inlier ratio at a place found by searching: in woods the right one has hardly half.
 FOUND_SHARE = 0.3
+
+# Inlier ratio from which a match is beyond doubt.
 CERTAIN_SHARE = 0.6
 
 # Fewest points of a scan for which a window is searched: among trees and cars it has a dozen.
@@ -47,16 +51,15 @@ LEAST_POINTS = 8
 
 # Points that show walls well; a key scan with fewer adds those of some of the last scans.
 ENOUGH = 150
+
+# Number of the last scans of which a key scan may add points.
 RECENT = 32
 
-# A point belongs to a dynamic obstacle if beams of at least the second number of the last key
-# scans, of which the first number is kept, passed it.
+# Number of the last key scans whose beams reveal dynamic obstacles.
 WATCHED = 12
-THROUGH = 2
 
-# Standard deviations of a match from the prediction beyond which the places around are searched: a
-# slip turns the robot, which walls show, and moves it aside, which they may not.
-SLIP_LIMIT = 3.0
+# Number of these that must have passed a point for it to be one of a dynamic obstacle.
+THROUGH = 2
 
 # Information [1/m²] below which scans leave a direction to the odometry: 0.02 m.
 WEAK = 2500.0
@@ -67,8 +70,8 @@ class Tracked:
     """One scan as the front end placed it, in its drifting frame.
 
     The information (3, 3) of matching is along the axes of the pose (3,); the covariance (3, 3) is
-    that of the odometry since the scan before, which the scan may contradict: it jumped. The
-    deviation is the RMS distance [m] of the points from the walls.
+    that of the odometry since the scan before. If the odometry ``jumped``, the scan contradicts it.
+    The deviation is the RMS distance [m] of the points from the walls.
     """
 
     pose: Float
@@ -85,9 +88,9 @@ class Tracked:
 
 
 def weakest_direction(information: Float) -> tuple[Float, float]:
-    """The direction (2,) that information (3, 3) fixes worst, and how well [1/m²].
+    """The direction (2,) that information (3, 3) fixes worst, and its information [1/m²].
 
-    The heading is marginalised.
+    The heading is marginalised out.
     """
     coupling = information[:2, 2]
     turn = max(float(information[2, 2]), 1e-9)
@@ -97,19 +100,21 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
 
 
 class Placed(NamedTuple):
-    """A scan as placed by a prediction: its match, whether it is accepted, and what stands still.
+    """A scan as placed by a prediction: its match, and whether it is accepted.
 
-    The prediction is contradicted if the scan fits clearly better elsewhere.
+    The scan is ``still`` without its dynamic obstacles. The prediction is contradicted if the scan
+    fits clearly better elsewhere.
     """
 
     match: Match
     accepted: bool
     still: Key
-    contradicted: bool
+    expected: Prediction
+    contradicted: bool = False
 
 
 class FrontEnd:
-    """Follows the robot by matching scans with a local map."""
+    """Tracks the robot by matching scans with a local map."""
 
     def __init__(
         self, start: Pose, key_distance: float = KEY_DISTANCE, wheels: Wheels | None = None
@@ -118,156 +123,174 @@ class FrontEnd:
         self.pose = np.array(start)
         self.wheels = Wheels() if wheels is None else deepcopy(wheels)
         self._coasting = Coasting()
-        self.mixed_pixels = MixedPixels()
+        self.mixed_pixels = MixedPixelModel()
         adjacent = 4  # Key scans before a new one that show the rate of mixed pixels.
-        # The last key scans since a scan that was lost: their relative poses are certain.
+        # The last key scans since a scan was lost: their relative poses are certain.
         self._certain: deque[Key] = deque(maxlen=adjacent)
-        # Running mean of a scan's hits, and whether the last scan has far fewer.
+        # Running mean of the number of hits in a scan, and whether the last one has far fewer.
         self._hits = 0.0
         self._broken = False
         # The surface of the last scan without dynamic obstacles, in the frame of the robot.
         self.surface = np.empty(0, SURFACE)
-        # And the last few scans since the key scan, with their poses.
+        # And those of the last scans since the key scan, with their poses.
         self._recent: deque[tuple[Float, Records]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._map = Submap([], np.empty((0, 3)))
         self._lost = False
-        # Largest speeds [m/s], [rad/s] lately, at first those of a fast robot.
-        self._speeds = np.array([3.0, 3.0])
+        # Decaying maximum of the speeds [m/s], [rad/s], at first those of a fast robot.
+        self._speeds = np.full(2, 3.0)
         # Whether the last scan contradicted the wheels.
         self._contradicted = False
-        # The motion since the last key scan, a sum of increments by the wheels and by matching, and
-        # whether the walls in view fixed its turn and its distance ahead.
-        self._raw = np.zeros(3)
-        self._found = np.zeros(3)
-        self._turn_known = self._ahead_known = True
+        self._key_step = KeyStep()
 
     def track(self, scan: Key, increment: Float | None, since: float = 1.0) -> Tracked:
-        """Place the next scan, by the odometry's increment (3,) since some time [s], if any."""
-        # Share of the usual number of hits below which a scan is broken: it fits in many places, so
-        # it is not searched, and is no key scan.
-        broken = 0.25
-        self._broken = len(scan.hits) < broken * self._hits
-        kept = FORGETTING if self._hits else 0.0
-        self._hits = kept * self._hits + (1.0 - kept) * len(scan.hits)
-        expected = coasting = self._coasting.predict()
-        if increment is not None:
-            expected = self.wheels.predict(increment)
-            if self._contradicted:
-                # Wheels that slip go on, and few beams show it by several scans alone.
-                expected = expected._replace(doubtful=np.inf, other=coasting)
-        placed = self._placed(scan, expected)
-        far = self._is_far(expected.step, since)
-        jumped = False
-        unsure = not placed.accepted or self._half_seen(placed, expected)
-        if increment is not None and (far or unsure):
-            # A jump of the odometry is no motion: scans show which of the two it is. Along a bare
-            # wall the robot goes on as before.
-            coasting = coasting._replace(doubtful=DOUBTFUL, trusted=True)
-            other = self._placed(scan, coasting)
-            better = self._worth(other, coasting) + CLEARLY >= self._worth(placed, expected)
-            jumped = better and (far or other.match.explained > CERTAIN_SHARE)
-            if jumped:
-                expected = coasting
-                placed = other
-                increment = None
-        match, accepted, still, self._contradicted = placed
-        guess = compose(self.pose, expected.step)
+        """Place the next scan, by the odometry increment (3,) over some time [s] if any."""
+        self._count_hits(scan)
+        coasting = self._coasting.predict()
+        placed = self._placed(scan, self._predicted(increment, coasting))
+        jump = None if increment is None else self._jump(scan, placed, coasting, since)
+        if jump is not None:
+            placed = jump
+            increment = None
+        match, accepted, still, expected, self._contradicted = placed
+        covariance = self._covariance(placed)
+        x, y, heading = match.pose if accepted else compose(self.pose, expected.step)
+        pose = np.array([x, y, wrap_angle(heading)])
+        step = between(self.pose, pose)
+        information = np.zeros((3, 3))
         self.surface = still.surface
         if self._lost or not accepted:
             # Around a lost scan, points of different scans do not fit together.
             self._recent.clear()
         self._lost = not accepted
-        x, y, heading = match.pose if accepted else guess
-        pose = np.array([x, y, wrap_angle(heading)])
-        found = between(self.pose, pose)
-        information = np.zeros((3, 3))
-        covariance = expected.covariance
         if accepted:
             information = turned(match.information, -float(wrap_angle(heading)))
-            self._coasting.found(coasting, found)
+            self._coasting.found(coasting, step)
+            self._speeds = np.maximum(FORGETTING * self._speeds, np.array(size_of(step)) / since)
             if increment is not None:
-                self.wheels.excess.update(expected, found)
-            # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
-            slip = self._slip(match, expected)
-            covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
-            self._speeds = np.maximum(FORGETTING * self._speeds, np.array(size_of(found)) / since)
+                self.wheels.excess.update(expected, step)
         else:
             self._coasting.lost()
             self._certain.clear()
-            if not expected.trusted or self._passed(replace(scan, surface=self.surface), guess):
-                # The wheels have slipped by an unknown step.
-                covariance = covariance + np.diag(expected.window**2)
-        known = accepted and increment is not None
-        self._turn_known &= known
-        self._ahead_known &= known and information[0, 0] > WEAK
-        self._raw += 0.0 if increment is None else increment
-        self._found += found
+        ahead_known = bool(information[0, 0] > WEAK)
+        self._key_step.add(increment if accepted else None, step, ahead_known)
         self.pose = pose
         self._recent.append((pose, self.surface))
-        return Tracked(pose, information, accepted, match.deviation, covariance, jumped)
+        return Tracked(pose, information, accepted, match.deviation, covariance, jump is not None)
+
+    def _count_hits(self, scan: Key) -> None:
+        """Compare the number of hits in a scan with the usual one.
+
+        A broken scan has far fewer. It fits many places, so none is searched for it, and it does
+        not become a key scan.
+        """
+        broken = 0.25  # Share of the usual number of hits below which a scan is broken.
+        self._broken = len(scan.hits) < broken * self._hits
+        kept = FORGETTING if self._hits else 0.0
+        self._hits = kept * self._hits + (1.0 - kept) * len(scan.hits)
+
+    def _predicted(self, increment: Float | None, coasting: Prediction) -> Prediction:
+        """The step to the next scan by the wheels, or by the last step where there are none."""
+        if increment is None:
+            return coasting
+        expected = self.wheels.predict(increment)
+        if self._contradicted:
+            # Wheels that slip go on slipping, and few beams show it only over several scans.
+            expected = expected._replace(doubtful=np.inf, other=coasting)
+        return expected
+
+    def _jump(self, scan: Key, placed: Placed, coasting: Prediction, since: float) -> Placed | None:
+        """The scan as placed without the wheels, if these jumped; None if they did not.
+
+        A jump of the odometry is no motion: the scan fits as well, or better, where the robot goes
+        on as before. Along a bare wall only that is possible.
+        """
+        far = self._is_far(placed.expected.step, since)
+        if not far and placed.accepted and not self._half_seen(placed):
+            return None
+        other = self._placed(scan, coasting._replace(doubtful=DOUBTFUL, trusted=True))
+        better = self._evidence(other) + CLEARLY >= self._evidence(placed)
+        return other if better and (far or other.match.explained > CERTAIN_SHARE) else None
+
+    def _covariance(self, placed: Placed) -> Float:
+        """Covariance (3, 3) of the predicted step, larger where the scan contradicts it."""
+        expected = placed.expected
+        covariance = expected.covariance
+        if placed.accepted:
+            # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
+            return covariance * (1.0 + self._slip(placed.match, expected) / PRIOR_SCALE**2)
+        if not expected.trusted or self._passed(placed.still, compose(self.pose, expected.step)):
+            # The wheels have slipped by an unknown step.
+            covariance = covariance + np.diag(expected.window**2)
+        return covariance
 
     def _is_far(self, step: Float, since: float) -> bool:
         """Whether a step (3,) of the wheels is far larger than those of the robot in a time [s]."""
-        # Factor on the largest speed so far, and step [m], [rad] beyond it, that are no jump.
-        faster = 2.0
-        beyond = 0.25
+        faster = 2.0  # Factor on the largest speed so far up to which a step is no jump.
+        beyond = 0.25  # Allowance for small steps [m], [rad].
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
 
-    def _half_seen(self, placed: Placed, expected: Prediction) -> bool:
-        """Whether a scan contradicts the wheels, and leaves a direction to them all the same."""
-        slipped = self._slip(placed.match, expected) > SLIP_LIMIT**2
-        return slipped and weakest_direction(placed.match.information)[1] < WEAK
+    def _half_seen(self, placed: Placed) -> bool:
+        """Whether a scan contradicts the wheels, and yet leaves a direction to them."""
+        weakest = weakest_direction(placed.match.information)[1]
+        return self._has_slipped(placed.match, placed.expected) and weakest < WEAK
 
-    def _worth(self, placed: Placed, expected: Prediction) -> float:
-        """The evidence for a scan where it was placed by a prediction."""
+    def _evidence(self, placed: Placed) -> float:
+        """The evidence for a scan where it was placed; −inf if it was not."""
         if not placed.accepted:
             return -np.inf
-        return self._map.place(self._judged(placed.still, expected), placed.match).evidence
+        return self._map.place(self._judged(placed.still, placed.expected), placed.match).evidence
 
     def _judged(self, scan: Key, expected: Prediction) -> Key:
-        """A scan as places of it are judged: only by hits that stand still."""
+        """A scan without the hits on dynamic obstacles, by which its places are judged."""
         return replace(scan, hits=self._standing(scan.hits, expected))
 
     def _placed(self, scan: Key, expected: Prediction) -> Placed:
-        """A scan placed around a prediction."""
+        """Place a scan around a prediction, or at any heading where it matches nothing."""
         still = replace(scan, surface=self._standing(scan.surface, expected))
         placed = self._match(still, expected)
         if not placed.accepted and (relocated := self._at_any_heading(scan, expected)):
-            placed = Placed(relocated, True, scan, placed.contradicted)
+            placed = placed._replace(match=relocated, accepted=True, still=scan)
         return placed
 
     def _passed(self, scan: Key, pose: Float) -> bool:
-        """Whether beams of the local map pass through what a scan saw from a pose (3,)."""
+        """Whether a scan at a pose (3,) and the local map contradict each other."""
         return bool(self._map.keys) and self.mixed_pixels.contradict(
             self._map.keys, scan, self._map.seen_from(pose)
         )
 
     def _match(self, scan: Key, expected: Prediction) -> Placed:
-        """A scan as matched with the local map, and searched where the match is doubtful."""
+        """Match a scan with the local map, and search around where the match is doubtful.
+
+        A slip turns the robot, which walls show, and moves it sideways, which they may not.
+        """
         guess = compose(self.pose, expected.step)
         *_, heading = self.pose.tolist()
         prior = turned(np.asarray(np.linalg.inv(expected.uncertain)), heading)
         match = self._map.match(scan, guess, prior)
         if match is None:
-            return Placed(Match(guess, np.zeros((3, 3)), 0.0, np.inf), False, scan, False)
-        slipped = self._slip(match, expected) > SLIP_LIMIT**2
-        searched = len(scan.surface) >= LEAST_POINTS and not self._broken
-        if searched and (slipped or match.explained < expected.doubtful):
+            return Placed(Match(guess, np.zeros((3, 3)), 0.0, np.inf), False, scan, expected)
+        doubtful = match.explained < expected.doubtful or self._has_slipped(match, expected)
+        if doubtful and len(scan.surface) >= LEAST_POINTS and not self._broken:
             return self._searched(scan, match, expected)
-        return Placed(match, match.explained > TRACKED_SHARE, scan, False)
+        return Placed(match, match.explained > TRACKED_SHARE, scan, expected)
 
     def _slip(self, match: Match, expected: Prediction) -> float:
-        """Squared distance of a match from the prediction in units of the variance."""
+        """Squared Mahalanobis distance of a match from a prediction."""
         error = between(expected.step, between(self.pose, match.pose))
         return float(error @ np.linalg.solve(expected.uncertain, error))
 
-    def _searched(self, scan: Key, match: Match, expected: Prediction) -> Placed:
-        """A scan at the likeliest place around the prediction.
+    def _has_slipped(self, match: Match, expected: Prediction) -> bool:
+        """Whether a match is farther from a prediction than its noise explains."""
+        return self._slip(match, expected) > DEVIATIONS**2
 
-        Wheels slip and spin, and robots are pushed, but seldom, and the farther the less: by
-        Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
-        that of the last scan more; but only at a wrong one do beams pass through what was hit.
+    def _searched(self, scan: Key, match: Match, expected: Prediction) -> Placed:
+        """Place a scan where it is likeliest around the prediction.
+
+        Wheels slip and robots are pushed, but seldom, and the farther the less often: the prior has
+        the tails of a Cauchy distribution. Where a robot enters a new room, the right place
+        explains little, and the place of the last scan more; but only at a wrong place do beams
+        pass through what was hit.
         """
         guess = compose(self.pose, expected.step)
         judged = self._judged(scan, expected)
@@ -288,22 +311,22 @@ class FrontEnd:
             odds -= np.minimum(np.log1p(np.min(noise, axis=0)), rare + far)
         best = places[int(odds.argmax())]
         fits = places[int(worth.argmax())]
-        clearly = 1.0  # A difference of log odds.
-        # In a corridor of glass little is explained, and most where the robot has been.
-        slipped = self._slip(fits.match, expected) > SLIP_LIMIT**2
+        clearly = 1.0  # Margin of log odds.
         better = fits is best or fits.evidence > best.evidence + clearly
-        contradicted = slipped and better and fits.match.explained > CERTAIN_SHARE
-        return Placed(best.match, best.evidence > 0.0, scan, contradicted)
+        # In a corridor of glass little is explained, and most where the robot was before.
+        certain = fits.match.explained > CERTAIN_SHARE
+        contradicted = better and certain and self._has_slipped(fits.match, expected)
+        return Placed(best.match, best.evidence > 0.0, scan, expected, contradicted)
 
     def _at_any_heading(self, scan: Key, expected: Prediction) -> Match | None:
-        """The place where a lost scan clearly fits best, whatever its heading."""
+        """The match where a lost scan clearly fits best, whatever its heading."""
         if not self._map.keys or self._broken or len(scan.surface) < LEAST_POINTS:
             return None
-        turn = np.pi / 3.0  # Standard deviation of a window of all headings [rad].
         guess = compose(self.pose, expected.step)
-        window = np.array([*expected.window[:2], turn])
+        # The window takes in all headings.
+        window = np.array([*expected.window[:2], np.pi / DEVIATIONS])
         places = self._map.places(scan, guess, np.diag(window**2))
-        best = clearest([place.match.pose for place in places], [each.evidence for each in places])
+        best = clearest([(match.pose, worth) for match, worth in places])
         if best is None:
             return None
         match, worth = places[best]
@@ -315,10 +338,10 @@ class FrontEnd:
         """The points of a scan without dynamic obstacles, which beams of key scans passed."""
         if len(self._keys) < THROUGH:
             return points
-        # Where a guess may be off by more than `BEHIND`, nothing is known.
+        # Where a guess may be off by more than `BEHIND`, obstacles cannot be recognised.
         x, y, turn = np.sqrt(expected.uncertain.diagonal())
         far = np.hypot(points["x"], points["y"])
-        known = 3.0 * (max(x, y) + turn * far) < BEHIND
+        known = DEVIATIONS * (max(x, y) + turn * far) < BEHIND
         guess = compose(self.pose, expected.step)
         poses = between(np.array([key.pose for key in self._keys]), guess)
         gone = known & ((views_of(points, poses, self._fans) == PASSED).sum(axis=0) >= THROUGH)
@@ -333,7 +356,7 @@ class FrontEnd:
         return length >= self.key_distance or turn >= KEY_TURN
 
     def _walls(self) -> Records:
-        """The walls that the last scan and some scans before saw, in the frame of the last one.
+        """The walls that the last scan and some before it saw, in the frame of the last one.
 
         A scan of few beams alone would show single points of a wall.
         """
@@ -343,13 +366,12 @@ class FrontEnd:
         return concatenated(moved(thinned(part), between(self.pose, pose)) for pose, part in parts)
 
     def add_key(self, scan: Key) -> Key:
-        """Add the scan that was just placed to the local map, as a key scan."""
+        """Add the scan that was just placed to the local map as a key scan."""
         key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
-        if self._turn_known:
-            self.wheels.learn(self._raw, self._found, self._ahead_known)
-        self._raw = np.zeros(3)
-        self._found = np.zeros(3)
-        self._turn_known = self._ahead_known = True
+        step = self._key_step
+        if step.complete:
+            self.wheels.learn(step.measured, step.matched, step.ahead_known)
+        self._key_step = KeyStep()
         self._recent.clear()
         self.mixed_pixels.learn(self._certain, key)
         self._certain.append(key)
@@ -367,13 +389,13 @@ def refined(
     key_poses: Float,
     anchored: Int,
 ) -> Float:
-    """Poses (n, 3) of all scans, matched again with the key scans (k,) around them.
+    """Match all scans again with the key scans (k,) around them; returns their poses (n, 3).
 
     While the robot drove, a scan was matched with the key scans before it; now all drives past a
     place show its surroundings. The key scans are those around the last of the anchored scans (m,).
     """
-    surrounding = 12  # Key scans with which a scan is matched, the nearest.
-    prior = np.diag([2500.0, 2500.0, 10000.0])  # Information of its pose: 0.02 m and 0.01 rad.
+    surrounding = 12  # Number of nearest key scans with which a scan is matched.
+    prior = np.diag([WEAK, WEAK, 10000.0])  # Information of a pose: 0.02 m and 0.01 rad.
     refined_poses = poses.copy()
     grid = None
     anchors = set(anchored.tolist())

@@ -1,7 +1,7 @@
 """Pose graph: the poses of key scans that agree best with all relative poses measured between them.
 
-Poses and edges enter; the poses that minimise the sum of squared, robustly weighted edge errors
-leave, by Gauss-Newton over SE(2) with sparse normal equations, their covariances, and the shortest
+Poses and edges enter. Poses that minimise the sum of squared, robustly weighted edge errors leave,
+by Gauss-Newton over SE(2) with sparse normal equations; so do their covariances, and the shortest
 paths between them. The error of an edge from i to j is
 
     e = (Rᵢᵀ(tⱼ − tᵢ) − z_t, θⱼ − θᵢ − z_θ)
@@ -17,20 +17,18 @@ from scipy.sparse.linalg import SuperLU, splu
 from lrf3d.compiling import compiled, record
 from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import between
+from lrf3d.matching.surface import DEVIATIONS
 
 # A relative pose between two key scans.
 EDGE = np.dtype(
     [
         ("first", np.int64), ("second", np.int64),  # the numbers of two key scans
         ("measured", float, 3),  # the pose of the second as seen from the first
-        ("information", float, (3, 3)),  # on that pose, along the axes of the first
+        ("information", float, (3, 3)),  # of that pose, along the axes of the first
         ("prior", float, (3, 3)),  # the part of the information that is not from matching scans
         ("robust", bool),  # whether it may be wrong, as a closure may
     ]
 )  # fmt: skip
-
-# Scale of Cauchy's weight of closures, in standard deviations.
-ROBUST_SCALE = 3.0
 
 
 def edges_of(
@@ -39,12 +37,9 @@ def edges_of(
 ) -> Records:  # fmt: skip
     """Edges (e,) between key scans (e,), of relative poses (e, 3) with information (e, 3, 3)."""
     edges = np.zeros(len(measured), EDGE)
-    edges["first"] = first
-    edges["second"] = second
-    edges["measured"] = measured
-    edges["information"] = information
-    edges["prior"] = prior
-    edges["robust"] = robust
+    columns = first, second, measured, information, prior, robust
+    for name, column in zip(EDGE.names or (), columns, strict=True):
+        edges[name] = column
     return edges
 
 
@@ -56,14 +51,14 @@ def edge_errors(poses: Float, edges: Records) -> Float:
 
 
 def edge_squares(poses: Float, edges: Records) -> tuple[Float, Float]:
-    """Squared errors (e,) of edges in units of their variance, and their robust weights (e,)."""
+    """Squared errors (e,) of edges in units of their variance, and Cauchy's weights (e,)."""
     error = edge_errors(poses, edges)
     squares = np.einsum("ei,eij,ej->e", error, edges["information"], error)
-    return squares, np.where(edges["robust"], 1.0 / (1.0 + squares / ROBUST_SCALE**2), 1.0)
+    return squares, np.where(edges["robust"], 1.0 / (1.0 + squares / DEVIATIONS**2), 1.0)
 
 
 def _matrices(rows: Sequence[Sequence[ArrayLike]], count: int) -> Float:
-    """Matrices (count, 3, 3) of which each entry is an array (count,) or a number."""
+    """Matrices (count, 3, 3) with entries that are arrays (count,) or numbers."""
     entries = [np.broadcast_to(entry, count) for row in rows for entry in row]
     return np.stack(entries, axis=1).reshape(-1, 3, 3)
 
@@ -95,10 +90,7 @@ def _factor(matrix: csc_array) -> SuperLU:
 
 
 def optimised(poses: Float, edges: Records, iterations: int = 20) -> Float:
-    """The poses (k, 3) that fit edges best; the first one is held.
-
-    A graph of relative poses does not say where it lies.
-    """
+    """The poses (k, 3) that fit the edges best; the first is held, as all edges are relative."""
     poses = poses.copy()
     settled = 1e-5  # Poses that move by less [m, rad] have converged.
     for _ in range(iterations):
@@ -119,16 +111,16 @@ def variance_factor(poses: Float, edges: Records, deviation: float) -> float:
     units of the assumed one.
     """
     squares, weights = edge_squares(poses, edges)
-    prior_residuals = 30.0  # Weight of the deviation of matched points, in residuals of closures.
+    prior_residuals = 30  # Weight of the deviation of matched points, in residuals of closures.
     # Factor on the distances of matched points to their walls: adjacent points share their errors.
     point_deviations = 2.4
     before = prior_residuals * (point_deviations * deviation) ** 2
-    residuals = 3.0 * float(edges["robust"].sum()) + prior_residuals
+    residuals = 3 * int(edges["robust"].sum()) + prior_residuals
     return (float((weights * squares).sum()) + before) / residuals
 
 
 def pose_covariances(poses: Float, edges: Records, numbers: Int, variance: float = 1.0) -> Float:
-    """Covariances (m, 3, 3) of the poses of some numbers (m,), each by itself; that of 0 is 0.
+    """Covariances (m, 3, 3) of some poses by number (m,); that of the first pose is 0.
 
     The information from matching is divided by a variance factor.
     """
@@ -148,12 +140,12 @@ def pose_covariances(poses: Float, edges: Records, numbers: Int, variance: float
     return found
 
 
-# A step of a path between two key scans, the older one first, and its length [m].
+# A link between two key scans, the older one first, and its length [m].
 LINK = record(first=int, second=int, length=float)
 
 
 class GraphPaths:
-    """The links of the graph, each with the error that a step over it adds, and paths over them.
+    """Shortest paths over the links of the graph, each of which adds an error of its own.
 
     The covariance of a pose along the shortest path alone is an upper bound of the graph's own, at
     a hundredth of the time.
@@ -164,7 +156,7 @@ class GraphPaths:
         self._covariances = np.empty((0, 3, 3))
 
     def link(self, first: int, second: int, length: float, covariance: Float) -> None:
-        """Join two key scans, the older one first, by a link of a length [m].
+        """Link two key scans, the older one first, by a length [m].
 
         The covariance (3, 3) is that of the second as seen from the first, along its axes. Of links
         between the same two the shortest counts.
@@ -177,7 +169,7 @@ class GraphPaths:
         return _shortest(self._links, source, limit)[0]
 
     def spreads(self, source: int, poses: Float) -> tuple[Float, Float]:
-        """Lengths (k,) of paths [m], and covariances (k, 3, 3) of a pose with each other one held.
+        """Lengths (k,) [m] of paths to a pose, and its covariances (k, 3, 3) if another is held.
 
         The poses (k, 3) are those of all key scans; covariances are along the axes of the map.
         """
@@ -192,11 +184,11 @@ class GraphPaths:
         cos = np.cos(poses[first, 2])
         sin = np.sin(poses[first, 2])
         x, y, _ = poses[second].T
-        # Errors as twists about the origin: those of the links of a path add up.
+        # As twists about the origin, the errors of the links of a path add up.
         twist = _matrices([[cos, -sin, y], [sin, cos, -x], [0, 0, 1.0]], len(reached))
         sums = np.zeros((len(lengths), 3, 3))
         sums[reached] = twist @ covariances @ twist.transpose(0, 2, 1)
-        # Each sum takes in that of the vertex where it ends, and so doubles the path it covers.
+        # Each sum adds that of the vertex where it ends, which doubles the path that it covers.
         while (before != source).any():
             sums = sums + sums[before]
             before = before[before]
@@ -209,8 +201,8 @@ class GraphPaths:
 def _shortest(links: Records, source: int, limit: float) -> tuple[Float, Int]:
     """Lengths (k,) of the shortest paths from a key scan, and their last links (k,), or −1.
 
-    All links are relaxed to and fro until nothing changes (Bellman-Ford): links are in the order of
-    the drive, so that a path along it takes one turn.
+    All links are relaxed forwards and backwards until nothing changes (Bellman-Ford). They are in
+    the order of the drive, so that a path along it takes one pass.
     """
     count = source + 1
     for link in links:

@@ -1,9 +1,8 @@
 """Revisits: in places that older key scans already show, no new key scan is needed.
 
-A scan, the anchor before it and the key scans enter. If the robot is certainly where it has been
-before, an anchor leaves: the scan is attached to the nearest key scan, and the pose graph does not
-grow. So the graph grows with the space, not with time: the idea of the reduced pose graph
-(Johannsson et al. 2013), here for scans.
+A scan, the anchor before it and the key scans enter. If the robot is certainly where it was before,
+an anchor leaves: the scan is attached to the nearest key scan, and the pose graph does not grow. So
+the graph grows with space, not with time, as a reduced pose graph (Johannsson et al. 2013).
 """
 
 from dataclasses import dataclass, field
@@ -25,22 +24,20 @@ from lrf3d.slam.front_end import (
     weakest_direction,
 )
 
-# Longest path along the graph [m] over which the relative pose of a robot is certain: it drifts
-# less than it may be off.
+# Longest path along the graph [m] over which a relative pose is certain: the drift is below `OFF`.
 CERTAIN = 10.0
 
-# Largest error of the expected pose [m], [rad], and its standard deviations in matching.
+# Largest error of the expected pose [m], [m], [rad], and its standard deviations in matching.
 OFF = np.array([0.3, 0.3, 0.06])
 
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """Where the front end's path meets the graph: a key scan, or a scan in a known place.
+    """A scan that ties the front end's path to the graph: a key scan, or one in a known place.
 
-    The scan is attached to a key scan (its own, if it is one), at a pose relative to it, and has a
-    pose in the front end's drifting frame; the robot had driven some distance [m] until then. The
-    relative pose of a scan in a known place has a covariance (3, 3), and the error of a robot that
-    has drifted over a distance [m].
+    It has a pose relative to a key scan (itself, if it is one) and a pose in the front end's
+    drifting frame; ``driven`` is the distance travelled until then [m]. The relative pose of a scan
+    in a known place has a covariance (3, 3), and has ``drifted`` over a distance [m].
     """
 
     scan: int
@@ -53,7 +50,7 @@ class Anchor:
 
 
 def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) -> Anchor | None:
-    """The anchor of a scan that stands in a known place; None if it is to be a key scan.
+    """The anchor of a scan in a known place; None if it is to become a key scan.
 
     The last anchor is the one before it; poses (k, 3) are those of the key scans.
     """
@@ -64,8 +61,8 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
     drifted = last.drifted + closer.distance - last.driven
     old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
     here = old & (apart < KEY_DISTANCE) & (np.abs(wrap_angle(turn)) < KEY_TURN)
-    # Key scans of earlier drives past a place that make it known. With one, errors after hours in a
-    # town are a fifth larger, and covariances too small; in recorded offices nothing changes.
+    # Earlier key scans that make a place known. With one, errors after hours in a town are a fifth
+    # larger, and covariances too small; in recorded offices nothing changes.
     enough = 2
     if here.sum() < enough or len(scan.surface) < LEAST_POINTS:
         return None
@@ -79,7 +76,7 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
         or closer.mixed_pixels.contradict(around.keys, scan, around.seen_from(match.pose))
     ):
         return None
-    # Along a corridor the walls do not fix the distance: there the robot goes on drifting.
+    # Along a corridor the walls do not fix the distance: there the drift continues.
     fixed = weakest_direction(match.information)[1] >= WEAK
     nearest = int(np.where(here, apart, np.inf).argmin())
     return Anchor(

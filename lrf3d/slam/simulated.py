@@ -1,7 +1,7 @@
-"""Slam in the simulator: a mapper that does not know where the robot is.
+"""Slam in the simulator: a mapper that estimates the poses itself.
 
-Scans of a simulation enter; their poses are the true ones, from which wheels with errors make the
-odometry. Only that and the ranges go on to `Slam`, and its map leaves.
+Scans of a simulation enter. Their true poses only serve to simulate the odometry of wheels with
+errors; that and the ranges go to `Slam`, whose map and poses leave.
 """
 
 from collections.abc import Callable
@@ -19,17 +19,25 @@ from lrf3d.robot import EstimatedTrajectory
 from lrf3d.simulation.run import Run
 from lrf3d.slam.slam import Slam
 
-# Scans from one covariance that is kept to the next: the first number, or this part of the drive so
-# far. Each takes a step over the whole pose graph, so that on a long drive they come more seldom.
+# Number of scans from one stored covariance to the next.
 COVARIANCE_INTERVAL = 4
+
+# The same as a part of the drive so far: each covariance takes a step over the whole pose graph, so
+# that on a long drive they are stored more seldom.
 COVARIANCE_SHARE = 32
 
-# Errors of calibrated wheels: standard deviations of the distance and of the turn as shares of
-# them, of each increment [m] and of its turn [rad], and a turn that is not made for each metre
-# [rad/m]. After some hundred metres their poses are off by 1 to 5 % of the distance.
+# Errors of calibrated wheels: after some hundred metres poses are off by 1 to 5 % of the distance.
+
+# Standard deviation of the slip, as a share of the distance and of the turn.
 SLIP = 0.03
+
+# Standard deviation of the position of each increment [m].
 POSITION = 0.005
+
+# Standard deviation of the turn of each increment [rad].
 HEADING = 0.003
+
+# Turn that is measured but not made [rad/m].
 TURN_PER_METRE = 0.0007
 
 
@@ -44,7 +52,7 @@ def calibrated_wheels(increment: Float, rng: np.random.Generator) -> Float:
 
 
 class SlamMapper:
-    """A mapper for simulations that finds the robot's poses itself; ``lrf3d run --slam`` uses it.
+    """A mapper for simulations that estimates the poses itself; ``lrf3d run --slam`` uses it.
 
     Args:
         wheels: The model of the odometry in simulations without odometry, such as a
@@ -62,8 +70,8 @@ class SlamMapper:
         (True, True)
     """
 
+    # It takes the scans of all lasers of a moment at once.
     several = True
-    """It takes the scans of all lasers of a moment at once."""
 
     def __init__(
         self,
@@ -75,7 +83,7 @@ class SlamMapper:
         self._wheels = wheels
         self._rng = generator(rng)
         self._measured: Float | None = None
-        # Poses at all scans: true ones, by the wheels, and as estimated online.
+        # Poses at all scans: the true ones, those of the wheels, and the online estimates.
         self._true: list[Float] = []
         self._by_wheels: list[Float] = []
         self._estimated: list[Float] = []
@@ -93,7 +101,7 @@ class SlamMapper:
         true = np.array(first.robot)
         increment = np.zeros(3)
         if not number:
-            # Where the world's origin is no scan can tell, so that the first pose is given.
+            # No scan shows where the world's origin is, so the first pose is given.
             self.slam = Slam(start=true)
         elif self._measured is not None:
             increment = self._measured
@@ -108,12 +116,12 @@ class SlamMapper:
             self._covariances[number] = self.slam.covariance()
 
     def drive(self, increment: Float) -> None:
-        """Take the odometry increment (3,) up to the next scan instead of that of own wheels."""
+        """Use this odometry increment (3,) up to the next scan, instead of simulating one."""
         self._measured = increment
 
     @property
     def map(self) -> LineMap:
-        """The map as the robot knows it."""
+        """The map at the estimated poses."""
         return self.slam.map
 
     @property

@@ -1,7 +1,7 @@
-"""Slam: poses and map from scans and odometry increments alone, current after every scan.
+"""Slam: poses and map from scans and odometry increments alone, up to date after every scan.
 
 A scan and the odometry increment since the last one enter. The front end places the scan. Every
-half metre it becomes a key scan, which is added to the pose graph and searched for loop closures.
+half metre it becomes a key scan: a vertex of the pose graph, for which loop closures are searched.
 Where a loop closes, the graph is optimised, the poses move, and the map is drawn again.
 """
 
@@ -39,20 +39,27 @@ from lrf3d.slam.revisits import Anchor, in_known_place
 # the robot. On a long drive the map lags behind the poses by some seconds.
 REDRAWN_PER_SCAN = 2
 
+# Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans.
+FARTHEST_STEP = 1000.0
+
+# Error of a closure [m] up to which the poses stay, and motion of a key scan up to which the map
+# does: a tenth of the time in an office.
+NEGLIGIBLE = 0.02
+
 
 class Slam:
-    """Follows a robot and maps its world, from scans and odometry increments alone.
+    """Tracks a robot and maps its world, from scans and odometry increments alone.
 
     Args:
-        lrf: The laser range finder, or several; if given, a scan with another number of beams is
+        lrf: The laser range finder, or several; if given, scans with another number of beams are
             refused.
         start: Pose of the robot at its first scan.
-        laser_offset: How far the laser stands ahead of the robot's centre [m], for scans whose
-            laser has no mount.
+        laser_offset: Distance of the laser ahead of the robot's centre [m], for scans whose laser
+            has no mount.
         key_distance: Distance from one key scan to the next [m].
-        wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
-        close: Pairs of scans, by number, of which it is known that they show the same place.
-        apart: Pairs of scans of which it is known that they do not: no loop is closed around them.
+        wheels: The wheels' errors as estimated in an earlier drive; they are copied.
+        close: Pairs of scans, by number, that are known to show the same place.
+        apart: Pairs of scans that are known to show different places: no loop is closed there.
 
     Raises:
         InputError: A number is not finite, or a distance not positive.
@@ -96,15 +103,21 @@ class Slam:
         # How the front end placed each scan, in its own drifting frame.
         self.tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
-        # The pose graph: poses (k, 3) of the key scans, as estimated now, and the relative poses
-        # that were measured between them.
+        # The pose graph: the estimated poses (k, 3) of the key scans, and the measured relative
+        # poses between them.
         self.key_poses = np.empty((0, 3))
         self.edges = np.empty(0, EDGE)
         self._key_scans: list[Moment] = []
-        # The map, the poses (k, 3) of the key scans that it is to show, the number of these that
-        # were mapped so far, and the number that may be mapped again.
-        self._mapper, self._map_poses = LineMapper(), self.key_poses
-        self._mapped = self._redraw_budget = 0
+        self._redraw()
+
+    def _redraw(self) -> None:
+        """Draw the map anew, from the current key poses, when it is read next."""
+        self._mapper = LineMapper()
+        # The poses (k, 3) of the key scans in the map, and the number of these mapped so far.
+        self._map_poses = self.key_poses
+        self._mapped = 0
+        # The number of key scans that may be mapped again.
+        self._redraw_budget = 0
 
     def __repr__(self) -> str:
         return (
@@ -119,12 +132,12 @@ class Slam:
     ) -> None:
         """Add the next scan; the pose that it carries is ignored.
 
-        A scan that took some time is unrolled by its own motion, or by that of the odometry.
+        A scan that took some time is unrolled by its own motion, or else by the odometry's.
 
         Args:
             scan: The scan, or those of several lasers at one moment.
-            odometry: How the robot moved since the last scan by its wheels: ahead, to the left
-                [m], turn [rad]; None where there is no odometry.
+            odometry: Increment of the wheels since the last scan: ahead, to the left [m], turn
+                [rad]; None without odometry.
 
         Raises:
             InputError: It is not a scan, its number of beams is 0 or not that of the range finder,
@@ -140,37 +153,36 @@ class Slam:
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
     ) -> tuple[Moment, Float | None, float]:
-        """The scans, unrolled, the increment (3,), and the time since the last scan [s]."""
-        scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
-        if not scans or not all(isinstance(each, LaserScan) for each in scans):
-            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
-        if self._lasers and len(scans) != len(self._lasers):
-            raise InputError(f"slam: {len(scans)} scans of {len(self._lasers)} lasers")
-        for number, each in enumerate(scans):
-            beams = len(each.ranges)
-            if not beams or (self._lasers and beams != self._lasers[number].beams):
-                expected = "at least one"
-                if self._lasers:
-                    expected = f"{self._lasers[number].beams}, as its laser"
-                raise InputError(f"slam: scan of {beams} beams; expected {expected}")
-        increment = None if odometry is None else np.array(as_pose(odometry))
-        # Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between
-        # scans.
-        farthest_step = 1000.0
-        if increment is not None and np.abs(increment).max() > farthest_step:
-            raise InputError(
-                f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
-                f" most {farthest_step:g} m and rad"
-            )
-        time, *_ = (each.time for each in scans)
+        """Check the scans and unroll them; return also the increment, and the time since the last.
+
+        Without stamps, scans are taken to come once a second.
+        """
+        scans = self._checked_scans(scan)
+        increment = None if odometry is None else _checked_increment(odometry)
+        time = scans[0].time
         since = 0.0 if self._time is None else time - self._time
         self._time = time
         rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
         scans = tuple(
             unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
         )
-        # Without stamps, scans are taken to come at equal times.
         return scans, increment, since if since > 0.0 else 1.0
+
+    def _checked_scans(self, scan: object) -> Moment:
+        """Check that a moment has one scan of each laser, each with all its beams."""
+        scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
+        found = tuple(each for each in scans if isinstance(each, LaserScan))
+        if not 0 < len(scans) == len(found):
+            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
+        if self._lasers and len(found) != len(self._lasers):
+            raise InputError(f"slam: {len(found)} scans of {len(self._lasers)} lasers")
+        for number, each in enumerate(found):
+            beams = len(each.ranges)
+            expected = self._lasers[number].beams if self._lasers else max(beams, 1)
+            if beams != expected:
+                due = f"{expected}, as its laser" if self._lasers else "at least one"
+                raise InputError(f"slam: scan of {beams} beams; expected {due}")
+        return found
 
     def _add_to_graph(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or make it a vertex of the graph and close loops."""
@@ -200,15 +212,15 @@ class Slam:
         if closures := closer.search(self.key_poses):
             edges = closure_edges(closures)
             self.edges = np.concatenate([self.edges, edges])
-            # Errors [m], [rad] for which the poses stay: a tenth of the time in an office.
-            negligible = [0.02, 0.02, 0.005]
-            if (np.abs(edge_errors(self.key_poses, edges)) > negligible).any():
+            # A radian counts as 4 m.
+            errors = np.abs(edge_errors(self.key_poses, edges)) * [1.0, 1.0, 4.0]
+            if (errors > NEGLIGIBLE).any():
                 self.key_poses = optimised(self.key_poses, self.edges, 1)
 
     def _close_known(self) -> None:
-        """Close the loops that are known to be closed by the newest key scan."""
+        """Close the loops that the user knows, up to the newest key scan."""
         closer = self.closer
-        new = len(self.closer.keys) - 1
+        new = len(closer.keys) - 1
         for pair in [pair for pair in self._known if max(pair) <= closer.keys[new].scan]:
             self._known.remove(pair)
             closure = closer.known(closer.number_at(min(pair)), new, self.key_poses)
@@ -235,7 +247,7 @@ class Slam:
         return edges_of(last.key, len(self._key_scans), relative[None], information, wheels)
 
     def _lost(self) -> int:
-        """How many scans after the last anchor match nothing."""
+        """The number of scans after the last anchor that match nothing."""
         return sum(not scan.matched for scan in self.tracked[self._anchors[-1].scan + 1 :])
 
     def _since_key(self) -> Float:
@@ -252,7 +264,7 @@ class Slam:
 
     @property
     def pose(self) -> Pose:
-        """Estimated pose of the robot at the last scan; the start before the first."""
+        """Estimated pose of the robot at the last scan; before the first, the start."""
         return Pose(*self._robot.tolist())
 
     def covariance(self) -> Float:
@@ -278,7 +290,7 @@ class Slam:
     def _covariances(self, poses: Float, edges: Records, numbers: Int) -> Float:
         """Covariances (m, 3, 3) of some poses by number (m,).
 
-        They are scaled down where closures err less than matching assumes, and never up.
+        They are scaled down where closures show smaller errors than matching assumes, never up.
         """
         deviations = [scan.deviation for scan in self.tracked if scan.matched]
         deviation = float(np.median(deviations)) / SIGMA if deviations else 1.0
@@ -287,7 +299,7 @@ class Slam:
 
     @property
     def map(self) -> LineMap:
-        """The map of the key scans, computed when it is read."""
+        """The map of the key scans, which is computed when it is read."""
         for number in range(self._mapped, len(self._map_poses)):
             robot = Pose(*self._map_poses[number].tolist())
             for scan in self._key_scans[number]:
@@ -302,20 +314,14 @@ class Slam:
         """
         self._redraw_budget += REDRAWN_PER_SCAN
         mapped = self._map_poses
-        moved_by = 0.02  # The map is drawn again once a key scan has moved by more than this [m].
-        moved = np.abs(self.key_poses[: len(mapped)] - mapped)[:, :2].max(initial=0.0) > moved_by
+        moved = np.abs(self.key_poses[: len(mapped)] - mapped)[:, :2].max(initial=0.0) > NEGLIGIBLE
         if moved and self._redraw_budget >= len(mapped):
             self._redraw()
         else:
             self._map_poses = np.concatenate([mapped, self.key_poses[len(mapped) :]])
 
-    def _redraw(self) -> None:
-        """Draw the map again the next time that it is read."""
-        self._mapper, self._map_poses = LineMapper(), self.key_poses
-        self._mapped = self._redraw_budget = 0
-
     def trajectory(self) -> Float:
-        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous.
+        """Estimated poses (k, 3) of the robot at all scans; theta is continuous.
 
         They are the front end's path, bent to the anchors.
         """
@@ -354,11 +360,11 @@ class Slam:
 
     @property
     def wheels(self) -> Wheels:
-        """The wheels' errors as found so far; ``wheels.biases`` are the systematic ones."""
+        """The wheels' errors as estimated so far; ``wheels.biases`` are the systematic ones."""
         return self._front.wheels
 
     def finish(self) -> None:
-        """Adjust all poses, once the last scan is in and no more closures can come."""
+        """Settle all closures and optimise all poses, after the last scan."""
         last = len(self.tracked) - 1
         self._known = [(min(pair), min(max(pair), last)) for pair in self._known]
         self._close_known()
@@ -371,12 +377,12 @@ class Slam:
             self._redraw()
 
     def refined(self, scans: Sequence[LaserScan | Moment]) -> Float:
-        """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them.
+        """Match all scans (k,) again with the key scans around them; returns their poses (k, 3).
 
-        Scans of a robot that moved meanwhile need their motion.
+        Scans that took some time need their motion.
 
         Raises:
-            InputError: These are not as many scans as were taken in.
+            InputError: The number of scans is not that of the updates.
         """
         if len(scans) != len(self.tracked):
             raise InputError(
@@ -392,3 +398,14 @@ class Slam:
         """Compare the key scans, at their current poses, where the robot came by again."""
         rate = self._front.mixed_pixels.rate
         return self_check(self.closer.keys, self.key_poses, self.closer.driven, rate)
+
+
+def _checked_increment(odometry: Sequence[float] | Float) -> Float:
+    """Check that an increment (3,) of the odometry is one that a robot can have moved by."""
+    increment = np.array(as_pose(odometry))
+    if np.abs(increment).max() > FARTHEST_STEP:
+        raise InputError(
+            f"slam: odometry {increment.tolist()}; expected the step from the last scan, at most"
+            f" {FARTHEST_STEP:g} m and rad"
+        )
+    return increment

@@ -106,7 +106,7 @@ def test_a_wall_is_flat_up_to_its_end_where_another_stands_behind_it():
 
 
 def test_mixed_pixels_are_counted_over_all_key_scans_and_double_what_beams_may_pass(monkeypatch):
-    mixed, key = key_scans.MixedPixels(), key_scans.Key(0, np.zeros(3), *[None] * 4)
+    mixed, key = key_scans.MixedPixelModel(), key_scans.Key(0, np.zeros(3), *[None] * 4)
     passed = iter([(30, 400), (90, 800), (239, 1000), (241, 1000)])
     monkeypatch.setattr(key_scans, "seen_through_both", lambda *_: next(passed))
     for olds, rate in (([], 0.0), ([key], 0.03), ([key], 0.1)):

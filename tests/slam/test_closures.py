@@ -3,7 +3,7 @@ import pytest
 
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
-from lrf3d.matching.key_scans import Key, MixedPixels, fan_of
+from lrf3d.matching.key_scans import Key, MixedPixelModel, fan_of
 from lrf3d.matching.surface import SURFACE
 from lrf3d.slam.closures import Closure, LoopCloser
 
@@ -18,7 +18,7 @@ def key(number, pose):
 
 def driven(poses, jump):
     """A closer with key scans (k,) at poses, and a gap in the drive before one of them."""
-    closer = LoopCloser(MixedPixels())
+    closer = LoopCloser(MixedPixelModel())
     for number, pose in enumerate(poses):
         closer.drive(np.array([1.0 + 50.0 * (number == jump), 0.0, 0.0]), 0)
         closer.add_key(key(number, pose))

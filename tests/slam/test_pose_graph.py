@@ -3,8 +3,8 @@ import pytest
 from scipy.optimize import minimize
 
 from lrf3d.geometry.pose import between
+from lrf3d.matching.surface import DEVIATIONS
 from lrf3d.slam.pose_graph import (
-    ROBUST_SCALE,
     GraphPaths,
     edge_squares,
     edges_of,
@@ -37,7 +37,7 @@ def measured(poses, pairs, rng, noise=0.0, robust=False):
 def cost(edges, poses):
     """What is minimised: Cauchy's sum of closures, and plain squares of others."""
     squares, _ = edge_squares(poses, edges)
-    cauchy = ROBUST_SCALE**2 * np.log1p(squares / ROBUST_SCALE**2)
+    cauchy = DEVIATIONS**2 * np.log1p(squares / DEVIATIONS**2)
     return np.where(edges["robust"], cauchy, squares).sum()
 
 

@@ -31,7 +31,7 @@ from lrf3d.simulation.scenario import Scenario
 from lrf3d.slam.checks import LATER
 from lrf3d.slam.offline import map_scans, punctual, solve_log
 from lrf3d.slam.places import OdometryNoise
-from lrf3d.slam.places.monte_carlo import score_localisation
+from lrf3d.slam.places.monte_carlo import FilterSettings, score_localisation
 from lrf3d.slam.places.sessions import localise_log
 from lrf3d.slam.solution import SolvedLog
 from lrf3d.world import World
@@ -133,8 +133,8 @@ def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> N
         )  # fmt: skip
     with report.progress("seeds") as progress:
         score = score_localisation(
-            run, sigma, odometry, known=args.known, strategy=args.strategy, seeds=args.seeds,
-            workers=args.workers, progress=progress,
+            run, FilterSettings(sigma, odometry, args.strategy), known=args.known,
+            seeds=args.seeds, workers=args.workers, progress=progress,
         )  # fmt: skip
     noise = {"position_m": args.position, "heading_deg": args.heading}
     report.print(

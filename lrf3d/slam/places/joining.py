@@ -1,8 +1,8 @@
-"""Joining: two drives through the same place in one frame, by what both of them saw.
+"""Joining: two drives through the same place in one frame.
 
-The run of a first drive and the solution of a second one enter. The second is found on the map of
-the first without a guess; where its key scans fit there, the pose graphs of both are tied together
-and optimised as one. The poses of both leave, in the frame of the first.
+The run of a first drive and the solution of a second one enter. The second is located on the map of
+the first without an initial guess; where its key scans match there, ties join the pose graphs of
+both, which are optimised as one. The poses of both leave, in the frame of the first.
 """
 
 from collections.abc import Iterable
@@ -27,12 +27,15 @@ from lrf3d.slam.closures import (
     fixed,
 )
 from lrf3d.slam.front_end import CERTAIN_SHARE, refined
-from lrf3d.slam.places.place_search import EVEN, KnownPlaces, PlaceSearch
+from lrf3d.slam.places.place_search import EVEN, Found, KnownPlaces, PlaceSearch
 from lrf3d.slam.pose_graph import edges_of, optimised
 from lrf3d.slam.revisits import OFF
 
-# Standard deviations of key scans of a map relative to their neighbours [m], [rad].
+# Standard deviations of key scans of a map relative to their neighbours [m], [m], [rad].
 STEP = np.array([0.01, 0.01, 0.003])
+
+# Searches for ties, each from where the last ones have moved the drive.
+ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,56 +76,70 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
         InputError: The second drive is nowhere on the map of the first with certainty.
     """
     places = KnownPlaces.from_run(run)
-    keys = slam.closer.keys
     numbers = slam.key_scans
     search = PlaceSearch(places)
-    for key, number in zip(keys, numbers.tolist(), strict=True):
+    for key, number in zip(slam.closer.keys, numbers.tolist(), strict=True):
         search.see(number, key, poses[number])
-    nowhere = InputError(
-        f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
-        f" place has a probability of {search.probability:.2g}); no map is made"
-    )
-    if not (sure := [each for each in search.found if each.path]):
-        raise nowhere
+    sure = [each for each in search.found if each.path]
+    nodes, ties = _tied(places, slam, poses, sure) if sure else (places.poses, [])
+    if not ties:
+        raise InputError(
+            f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
+            f" place has a probability of {search.probability:.2g}); no map is made"
+        )
     count = len(places.keys)
-    graph = _graph(places)
-    second_edges = slam.edges.copy()
-    second_edges["first"] += count
-    second_edges["second"] += count
-    # The pose of the drive on the map, until ties refine it.
-    best = max(sure, key=lambda each: len(each.path))
-    middle = sorted(best.path)[len(best.path) // 2]
-    shift = compose(best.path[middle], between(poses[middle], np.zeros(3)))
-    nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
-    guesses = {number: pose for each in sure for number, pose in each.path.items()}
-    ties: dict[int, Closure] = {}
-    rounds = 4  # Searches for ties, each from where the last ones have moved the drive.
-    for _ in range(rounds):
-        for row, (key, number) in enumerate(zip(keys, numbers.tolist(), strict=True)):
-            guess = guesses.get(number, nodes[count + row])
-            if row not in ties and (tie := _tie(places, key, guess, count + row)):
-                ties[row] = tie
-        if not ties:
-            raise nowhere
-        guesses = {}
-        edges = np.concatenate([graph, second_edges, closure_edges(list(ties.values()))])
-        nodes = optimised(nodes, edges)
     first = _moved(run.trajectory.poses, places.numbers, places.poses, nodes[:count])
     second = _moved(poses, numbers, slam.key_poses, nodes[count:])
-    whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in keys)]
+    whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in slam.closer.keys)]
     second = refined(surfaces, second, whole, nodes, numbers)
     driven = _driven(places.poses)
     later = _driven(nodes[count:])
     driven = np.concatenate([driven, later + driven[-1] + 2.0 * LATER])
-    ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
+    ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
     check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
+    best = _best(sure)
     found = min(best.path), best.probability
     return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
 
 
+def _best(sure: list[Found]) -> Found:
+    """The place where the drive was certain for the most scans."""
+    return max(sure, key=lambda each: len(each.path))
+
+
+def _tied(
+    places: KnownPlaces, slam: Slam, poses: Float, sure: list[Found]
+) -> tuple[Float, list[Closure]]:
+    """Tie a drive to a map where it is found; returns the key poses (k, 3) of both, and the ties.
+
+    Key scans at certain places are matched there, and later ones where the last ties moved them.
+    """
+    count = len(places.keys)
+    own_edges = slam.edges.copy()
+    own_edges["first"] += count
+    own_edges["second"] += count
+    graph = np.concatenate([_graph(places), own_edges])
+    path = _best(sure).path
+    middle = sorted(path)[len(path) // 2]
+    shift = compose(path[middle], between(poses[middle], np.zeros(3)))
+    nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
+    guesses = {number: pose for each in sure for number, pose in each.path.items()}
+    ties: dict[int, Closure] = {}
+    for _ in range(ROUNDS):
+        for node, key in enumerate(slam.closer.keys, count):
+            guess = guesses.get(key.scan, nodes[node])
+            if node not in ties and (tie := _tie(places, key, guess, node)):
+                ties[node] = tie
+        if not ties:
+            break
+        guesses = {}
+        nodes = optimised(nodes, np.concatenate([graph, closure_edges(list(ties.values()))]))
+    return nodes, list(ties.values())
+
+
 def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:
-    """The edge between a key scan, by its number among all, and the map near a guess (3,)."""
+    """The tie of a key scan, by its number among all, to the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
     found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
     if found is None or found.evidence < EVEN or found.match.explained < CERTAIN_SHARE:
@@ -140,13 +157,12 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
 
 
 def _graph(places: KnownPlaces) -> Records:
-    """The edges within a map: from each key scan to the last one, and to one taken beside it."""
+    """The edges within a map: from each key scan to the last one, and to an earlier one nearby."""
     poses = places.poses
     driven = _driven(places.poses)
     pairs = [(k, k + 1) for k in range(len(poses) - 1)]
-    # Key scans of a map within this [m], [rad] of each other hold together, as neighbours do.
-    near_by = 1.0
-    near_by_turn = 0.5
+    near_by = 1.0  # Distance between key scans [m] up to which they are joined like neighbours,
+    near_by_turn = 0.5  # and turn [rad].
     for k in range(len(poses)):
         x, y, turn = between(poses[k], poses[:k]).T
         apart = np.hypot(x, y)
@@ -160,7 +176,7 @@ def _graph(places: KnownPlaces) -> Records:
 
 
 def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
-    """Poses (n, 3) of scans after key scans, by number (m,), have moved from old ones to new."""
+    """Move poses (n, 3) of scans as key scans, by number (m,), moved from old poses to new."""
     return bent(poses, numbers, compose(new, between(old, poses[numbers])))
 
 

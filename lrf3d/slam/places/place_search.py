@@ -1,10 +1,9 @@
-"""Place search: where a robot is on a known map, without a first guess.
+"""Place search: global localisation on a known map, without an initial guess.
 
-The map, as key scans of a run or cast in a world, enters, and then key scans of a drive with their
-poses in a frame of its own. The free cells and all headings are searched for the places where a
-scan fits. These are hypotheses, which each scan weighs by how well it fits there, against none of
-them: a robot may be where the map does not reach, in a room like those on the map. The places that
-were certain leave.
+The map enters as key scans, of a run or cast in a world; then key scans of a drive enter with their
+poses in a frame of its own. All free cells and headings are searched for places where a scan fits.
+These are hypotheses that each scan weighs, against each other and against no place at all: a robot
+may be beyond the map, in a room like those on it. The places that were certain leave.
 """
 
 from collections import deque
@@ -34,37 +33,44 @@ from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN
 from lrf3d.slam.motion import size_of
 from lrf3d.world import World
 
-# Most scans that are cast, and cells that are searched: in a town both lie farther apart.
+# Largest number of scans that are cast in a world: in a town they lie farther apart.
 MOST_SCANS = 3000
+
+# Largest number of cells that are searched: in a town they lie farther apart.
 MOST_CELLS = 80_000
 
-# Step of the headings of the search [rad].
+# Step of the headings that are searched [rad].
 STEP = 0.04
 
 # Evidence at which a place and no place are equally likely. At right places it is 5.4 ± 1.0 in
 # offices; the best of all wrong places reaches 3.1 ± 1.0, and in the mean over ten scans 2.8.
 EVEN = 3.8
 
-# Log odds of a new hypothesis; the most, so that kidnapping is noticed; and those at which it is
-# given up.
+# Log odds of a new hypothesis.
 BEGIN = -3.0
+
+# Upper bound on the log odds, so that a kidnapped robot is noticed.
 MOST = 7.0
+
+# Log odds below which a hypothesis is dropped.
 LEAST = -6.0
 
-# Probability from which a place is known.
+# Probability from which a place is certain.
 CERTAIN = 0.99
 
-# Number of earlier scans by which new hypotheses are weighed, and of these hypotheses.
+# Number of earlier scans by which new hypotheses are weighed.
 REMEMBERED = 8
+
+# Largest number of new hypotheses from one scan.
 TRIED = 12
 
-# Covariance of a step of a hypothesis, before it is matched [m²], [rad²].
-OFF = np.diag([0.1**2, 0.1**2, 0.05**2])
+# Information of the step of a hypothesis, before it is matched: 0.1 m and 0.05 rad.
+STEP_INFORMATION = np.linalg.inv(np.diag(np.square([0.1, 0.1, 0.05])))
 
 
 @dataclass(frozen=True, eq=False)
 class KnownPlaces:
-    """Key scans (k,) at poses (k, 3), which show a map; those of a run by their numbers (k,)."""
+    """A known map: key scans (k,) at poses (k, 3), with their numbers (k,) in a run."""
 
     name: str
     keys: list[Key]
@@ -73,7 +79,7 @@ class KnownPlaces:
 
     @classmethod
     def from_run(cls, run: Run) -> "KnownPlaces":
-        """The map that the scans of a run show at its poses, which may be estimated ones."""
+        """The map of a run, at its poses, true or estimated."""
         poses = run.trajectory.poses
         chosen = [0]
         for number in range(1, len(run)):
@@ -86,19 +92,16 @@ class KnownPlaces:
 
     @classmethod
     def from_world(cls, world: World) -> "KnownPlaces":
-        """The map of a world: full-circle scans that are cast in it."""
+        """The map of a world: full-circle scans that are cast in it, a metre apart."""
         room = 0.25  # Distance from walls at which a robot may be [m].
         places = free_places(world, room)
         area = len(np.unique(np.floor(places), axis=0))
-        # Distance of the scans that are cast in a world [m], their beams, and their range [m].
-        apart = 1.0
-        cast_beams = 720
-        cast_reach = 30.0
-        spacing = max(apart, np.sqrt(area / MOST_SCANS))
+        spacing = max(1.0, np.sqrt(area / MOST_SCANS))
         _, first = np.unique(np.floor(places / spacing), axis=0, return_index=True)
         poses = np.column_stack([places[first], np.zeros(len(first))])
-        step = 2.0 * np.pi / cast_beams
-        lrf = LaserRangeFinder(-np.pi, np.pi - step, cast_beams, range_max=cast_reach)
+        beams = 720  # Beams of a scan that is cast.
+        reach = 30.0  # Their largest range [m].
+        lrf = LaserRangeFinder(-np.pi, np.pi - 2.0 * np.pi / beams, beams, range_max=reach)
         caster = PlanarCaster(world)
         converter = ScanConverter()
         keys = [converter.candidate(caster.cast(lrf, pose)) for pose in poses]
@@ -117,26 +120,23 @@ class KnownPlaces:
         return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
 
     def search(self, scan: Key) -> list[Place]:
-        """The places of the whole map where a scan fits, the best first."""
-        peaks = self._peaks(scan) if len(self._free) else []
+        """The places on the whole map where a scan fits, the best first."""
         found: list[Place] = []
-        for candidate in (self.judged(scan, peak, LOOSE) for peak in peaks):
-            if candidate and not any(
-                same_place(candidate.match.pose, other.match.pose) for other in found
-            ):
-                found.append(candidate)
+        for peak in self._peaks(scan) if len(self._free) else []:
+            place = self.judged(scan, peak, LOOSE)
+            if place and not any(same_place(place.match.pose, each.match.pose) for each in found):
+                found.append(place)
         return sorted(found, key=lambda each: -each.evidence)
 
     def _peaks(self, scan: Key) -> list[Float]:
-        """The poses (3,) at which the hits of a scan meet most walls."""
+        """The poses (3,) at which the hits of a scan lie in most walls."""
         field = self._field
         cells = self._free
         centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
         parts = []
         scored = []
-        # Parts of the headings that are searched one after another, and poses kept of each.
-        heading_parts = 16
-        most_peaks = 600
+        heading_parts = 16  # Parts of the headings that are searched one after another.
+        most_peaks = 600  # Number of the best poses of each part that are kept.
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
             scores = window_scores(thin(scan.hits), field, centre, cells, headings)
             most = min(most_peaks, scores.size)
@@ -146,10 +146,9 @@ class KnownPlaces:
             parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
         ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
         peaks: list[Float] = []
-        # Most poses that are matched, and their least distance [m] or turn [rad] from each other.
-        most_matched = 80
-        next_peak = 0.7
-        next_turn = 0.25
+        most_matched = 80  # Largest number of poses that are matched.
+        next_peak = 0.7  # Least distance between them [m],
+        next_turn = 0.25  # or turn [rad].
         while len(ranked) and len(peaks) < most_matched:
             peak, *_ = ranked
             peaks.append(peak)
@@ -159,18 +158,18 @@ class KnownPlaces:
 
     @cached_property
     def _seen(self) -> Float:
-        """Where key scans were taken, and the middles of what they hit (k, 4) [m]."""
+        """The positions of the key scans, and the middles of their hits (k, 4) [m]."""
         middles = [_middle(key, pose) for key, pose in zip(self.keys, self.poses, strict=True)]
         return np.column_stack([self.poses[:, :2], np.array(middles)])
 
     def around(self, scan: Key, pose: Float) -> Int:
-        """The key scans that see most of what a scan from a pose (3,) sees."""
+        """The indices of the key scans that see most of what a scan from a pose (3,) sees."""
         apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
-        nearest_keys = 6  # Key scans that a place is judged by, the nearest.
+        nearest_keys = 6  # Number of nearest key scans by which a place is judged.
         return np.argsort(apart, kind="stable")[:nearest_keys]
 
     def judged(self, scan: Key, guess: Float, prior: Float) -> Place | None:
-        """The place near a guess (3,) where a scan fits, and the evidence for it."""
+        """Match a scan near a guess (3,) and weigh the place; None if there is no match."""
         near = self.around(scan, guess)
         around = Submap([self.keys[k] for k in near.tolist()], self.poses[near])
         match = around.match(scan, guess, prior)
@@ -178,16 +177,16 @@ class KnownPlaces:
 
 
 def _middle(scan: Key, pose: Float) -> Float:
-    """The middle (2,) of what a scan from a pose (3,) hit."""
+    """The middle (2,) of the hits of a scan from a pose (3,)."""
     x, y = (scan.hits[name].mean() if len(scan.hits) else 0.0 for name in "xy")
     return compose(pose, np.array([x, y, 0.0]))[:2]
 
 
 @dataclass(slots=True, eq=False)
 class Hypothesis:
-    """A pose (3,) where the robot may be, its log odds against no place, and poses by scans.
+    """A pose (3,) where the robot may be, its log odds against no place, and its poses by scan.
 
-    The last scan that supported it is ``sure``, by its number.
+    ``sure`` is the number of the last scan that supported it.
     """
 
     pose: Float
@@ -198,7 +197,7 @@ class Hypothesis:
 
 @dataclass(slots=True, eq=False)
 class Found:
-    """A place that was certain: poses (3,) by numbers of scans, up to the last certain one."""
+    """A place that was certain: poses (3,) by number of the scan, up to the last certain one."""
 
     place: Hypothesis
     probability: float = 0.0
@@ -208,7 +207,7 @@ class Found:
 
 @dataclass(slots=True, eq=False)
 class _Weighed:
-    """A scan that was weighed: its number, its pose (3,) in the drive, and its best evidence."""
+    """A scan with its number, its pose (3,) in the drive, and the best evidence at any place."""
 
     number: int
     scan: Key
@@ -217,7 +216,7 @@ class _Weighed:
 
 
 class PlaceSearch:
-    """Weighs places on a known map."""
+    """Searches and weighs places on a known map, scan by scan."""
 
     def __init__(self, places: KnownPlaces) -> None:
         self._places = places
@@ -229,17 +228,15 @@ class PlaceSearch:
         self._count = 0
 
     def see(self, number: int, scan: Key, pose: Float) -> None:
-        """Take in a scan, by its number, at a pose (3,) in a frame of the drive."""
+        """Take in a scan, by number, at a pose (3,) in a frame of the drive."""
         step = np.zeros(3) if self._pose is None else between(self._pose, pose)
         self._pose = pose
         for each in self.hypotheses:
             each.pose = compose(each.pose, step)
         self._moved += size_of(step)
-        # Hypotheses are weighed after this distance [m] or turn [rad]: scans nearer agree in any
-        # case.
-        judged = 0.4
-        judged_turn = 0.5
-        if (self._moved >= [judged, judged_turn]).any() and len(scan.hits):
+        # Distance [m] or turn [rad] after which hypotheses are weighed: nearer scans agree anyway.
+        judged = [0.4, 0.5]
+        if (self._moved >= judged).any() and len(scan.hits):
             self._moved[:] = 0.0
             self._weigh_all(number, scan, pose)
         if place := self.place:
@@ -254,9 +251,8 @@ class PlaceSearch:
         """Weigh all hypotheses by a scan, and search for new ones while no place is known."""
         now = _Weighed(number, scan, pose)
         self._weigh(self.hypotheses, now)
-        # Scans that are weighed between searches of the whole map, while no place is known.
-        again = 3
-        if self.probability < CERTAIN and self._count % again == 0:
+        every = 3  # Interval between searches of the whole map, in scans that are weighed.
+        if self.probability < CERTAIN and self._count % every == 0:
             found = self._places.search(scan)[:TRIED]
             now.best = max([now.best, *(each.evidence for each in found)])
             new = [Hypothesis(each.match.pose) for each in found]
@@ -266,7 +262,10 @@ class PlaceSearch:
             self.hypotheses += new
         self._count += 1
         self._before.append(now)
-        # Unlikely hypotheses are dropped, and of those that have converged all but the best.
+        self._prune()
+
+    def _prune(self) -> None:
+        """Drop unlikely hypotheses, and of those that have converged all but the best."""
         most = max((each.log_odds for each in self.hypotheses), default=0.0)
         ranked = sorted(self.hypotheses, key=lambda one: -one.log_odds)
         self.hypotheses = []
@@ -277,9 +276,9 @@ class PlaceSearch:
                 self.hypotheses.append(each)
 
     def _remember(self, new: list[Hypothesis], pose: Float) -> None:
-        """Weigh new hypotheses by the scans before, as far back as these support them.
+        """Weigh new hypotheses by earlier scans, as far back as these support them.
 
-        Where they do not, the robot may have been put there since.
+        Before that, the robot may have been carried there.
         """
         earlier = [Hypothesis(each.pose, each.log_odds, dict(each.path)) for each in new]
         for before in reversed(self._before):
@@ -298,7 +297,7 @@ class PlaceSearch:
         worth = []
         for each in hypotheses:
             *_, heading = each.pose.tolist()
-            found = self._places.judged(now.scan, each.pose, turned(np.linalg.inv(OFF), heading))
+            found = self._places.judged(now.scan, each.pose, turned(STEP_INFORMATION, heading))
             worth.append(-np.inf if found is None else found.evidence)
             each.pose = each.pose if found is None else found.match.pose
         now.best = max([now.best, *worth])
@@ -307,20 +306,20 @@ class PlaceSearch:
 
     @property
     def probability(self) -> float:
-        """The probability of the best hypothesis, against all others and no place."""
+        """The probability of the best hypothesis, against all others and against no place."""
         odds = np.exp([each.log_odds for each in self.hypotheses])
         return float(odds.max(initial=0.0) / (1.0 + odds.sum()))
 
     @property
     def place(self) -> Hypothesis | None:
-        """The one hypothesis that is left; None as long as it is not certain."""
+        """The best hypothesis; None while it is not certain."""
         return self.hypotheses[0] if self.probability >= CERTAIN else None
 
 
 def _add(place: Hypothesis, now: _Weighed, evidence: float) -> None:
     """Add a scan's evidence for a place: bounded against no place, in full against others."""
-    # Most log odds against no place that one scan adds or takes: neighbouring scans show the same
-    # walls, which may be those of a room like it.
+    # Largest change of the log odds against no place by one scan: neighbouring scans show the same
+    # walls, which may be those of a similar room.
     most_gain = 1.5
     gain = float(np.clip(now.best - EVEN, -most_gain, most_gain))
     gain -= min(now.best - evidence, 2.0 * most_gain)

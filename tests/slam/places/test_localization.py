@@ -18,7 +18,7 @@ from lrf3d.slam.places import (
     localise,
     odometry_increments,
 )
-from lrf3d.slam.places.monte_carlo import score_localisation
+from lrf3d.slam.places.monte_carlo import FilterSettings, score_localisation
 from lrf3d.slam.places.pairing import Innovation, KnownLines
 from lrf3d.world import World
 
@@ -142,7 +142,7 @@ def test_the_pose_that_a_scan_brings_along_is_never_looked_at(run):
 @pytest.mark.parametrize("known", ["walls", "map"])
 def test_the_filter_is_consistent_over_many_seeds(run, known):
     """The NEES of a filter that knows how well it does is 3 on average, here over 16 drives."""
-    score = score_localisation(run, 0.04, known=known, seeds=16)
+    score = score_localisation(run, FilterSettings(0.04), known=known, seeds=16)
     low, high = score["nees"]["bounds_of_average_over_seeds"]
     assert 1.8 < low < 3.0 < high < 4.4
     assert low < score["nees"]["mean"] < high
@@ -185,9 +185,12 @@ def test_a_drive_needs_a_step_between_any_two_scans_and_a_score_a_seed_and_a_map
     for count in (2, 9):
         with pytest.raises(InputError, match="steps of odometry"):
             localise(Localiser(ROOM, START), list(run.scans)[:5], np.zeros((count, 3)))
-    for wrong in ({"known": "all"}, {"strategy": "best"}, {"seeds": 0}):
+    usual = FilterSettings(0.04)
+    with pytest.raises(InputError, match="expected"):
+        score_localisation(run, replace(usual, strategy="best"))
+    for wrong in ({"known": "all"}, {"seeds": 0}):
         with pytest.raises(InputError, match="expected"):
-            score_localisation(run, 0.04, **wrong)
+            score_localisation(run, usual, **wrong)
 
 
 def test_localise_prints_one_json_object(tmp_path):
