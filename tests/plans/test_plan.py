@@ -14,7 +14,7 @@ from ezdxf.math import Vec2
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
 from lrf3d.plans.reading import read_plan
-from lrf3d.plans.rules.symbols import is_pattern
+from lrf3d.plans.rules.patterns import is_pattern
 from lrf3d.world import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")

@@ -117,7 +117,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
-        rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
+        left={"dark pixel": _rows(dark & ~grown(walls | furniture, 1.5)) * resolution},
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
         said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * resolution,
