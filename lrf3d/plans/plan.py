@@ -70,17 +70,17 @@ class Plan(NamedTuple):
     segments: Float
     heights: Float
     doors: Sequence[Door] = ()
-    left: Mapping[str, Float] = {}  # noqa: RUF012 - never changed.
-    """Strokes (k, 4) [m] that were left out, by the name of the rule that found them."""
+    # Strokes (k, 4) [m] that were left out, by the name of the rule that found them.
+    left: Mapping[str, Float] = {}
     layers: Sequence[Layer] = ()
+    # In words: ``12 texts, layers DOORS, TEXT``.
     left_out: str = ""
-    """In words: ``12 texts, layers DOORS, TEXT``."""
+    # What else a reader assumed.
     said: str = ""
-    """What else a reader assumed."""
+    # Areas [m²] and places (2,) [m] of rooms, as a route through them is planned.
     rooms: Sequence[tuple[float, Float]] = ()
-    """Areas [m²] and places (2,) [m] of rooms, as a route through them is planned."""
+    # Largest gap [m] between walls that touch.
     gap: float = TOUCHING
-    """Largest gap [m] between walls that touch."""
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
@@ -150,7 +150,9 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
 def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
     """What was left out, in words: things by their number, and layers by their names."""
     held = Counter(role for _, role in layered)
-    left = left + Counter({what: held[what.split()[0]] for what in ("dashed line", "doorway", "floor")})
+    left = left + Counter(
+        {what: held[what.split()[0]] for what in ("dashed line", "doorway", "floor")}
+    )
     named = ("annotation", "door")
     hidden = {name for name, role in layered if role == "left out"}
     hidden |= {name for name, _ in layered} - {name for name, role in layered if role not in named}

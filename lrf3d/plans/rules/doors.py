@@ -54,14 +54,14 @@ class Door(NamedTuple):
 class _Walls(NamedTuple):
     """Segments by their ends: end 2 i and end 2 i + 1 are those of segment i."""
 
+    # (2 n, 2) [m].
     ends: Float
-    """(2 n, 2) [m]."""
+    # Unit vectors (2 n, 2) from each end along its segment.
     ways: Float
-    """Unit vectors (2 n, 2) from each end along its segment."""
+    # The k-d tree of the ends.
     tree: Any
-    """The k-d tree of the ends."""
+    # Returns the segments within a distance of a geometry.
     near: Any
-    """Returns the segments within a distance of a geometry."""
 
     @classmethod
     def of(cls, segments: Float) -> "_Walls":

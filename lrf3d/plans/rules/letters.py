@@ -22,16 +22,16 @@ class _Parts(NamedTuple):
     """What touches, as the strokes of a letter do: boxes (k, 4) [m] and looks (k,) of parts."""
 
     boxes: Float
+    # (k, 2) [m].
     sides: Float
-    """(k, 2) [m]."""
+    # The longer side [m].
     size: Float
-    """The longer side [m]."""
+    # Number of segments.
     strokes: Int
-    """Number of segments."""
+    # Whether a segment is not of a pattern.
     plain: Bool
-    """Whether a segment is not of a pattern."""
+    # Largest letter [m]: a drawing of the size of its paper shows nothing larger.
     letter: float
-    """Largest letter [m]: a drawing of the size of its paper shows nothing larger."""
 
     def around(self, chosen: Int, share: float) -> Float:
         """Boxes (m,) of chosen parts, enlarged on all sides by a share of their size."""

@@ -48,17 +48,17 @@ PAPER = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
 class _Markers(NamedTuple):
     """Markers: what lines of annotations end at."""
 
+    # (k, 2) [m].
     place: Float
-    """(k, 2) [m]."""
+    # (k,) [m].
     size: Float
-    """(k,) [m]."""
+    # Unit vectors (k, 2): where an arrowhead points; dots have none.
     along: Float
-    """Unit vectors (k, 2): where an arrowhead points; dots have none."""
     kind: Int
+    # Numbers (m,) of the segments that draw markers.
     segment: Int
-    """Numbers (m,) of the segments that draw markers."""
+    # The marker (m,) of each of these segments.
     owner: Int
-    """The marker (m,) of each of these segments."""
 
 
 ARROW, TICK, DOT, RING = range(4)
@@ -167,7 +167,9 @@ def _marker(chords: Float, long: Float, own: Int) -> list[_Found]:
     if (chords[0, :2] != chords[-1, 2:]).any():
         return []
     if count == 3:
-        return _heads(np.delete(chords, np.argmin(long), axis=0), own) if long.max() < LARGEST else []
+        return (
+            _heads(np.delete(chords, np.argmin(long), axis=0), own) if long.max() < LARGEST else []
+        )
     if count == 4:
         slim = long.min() < 0.35 * long.max() < 0.35 * LARGEST
         return _tick(chords, own) if slim else []

@@ -32,19 +32,19 @@ PARTITION = 2.2
 class Strokes:
     """The strokes of a drawing, and what the rules have found so far."""
 
+    # (n, 4) [m].
     segments: Float
-    """(n, 4) [m]."""
+    # The line (n,) that each stroke is drawn in; consecutive ones of a line are joined.
     line: Int
-    """The line (n,) that each stroke is drawn in; consecutive ones of a line are joined."""
+    # The mark (n,) of each stroke, which may be cut into lines by what covers it.
     mark: Int
-    """The mark (n,) of each stroke, which may be cut into lines by what covers it."""
+    # What the layer says that each stroke (n,) is.
     role: Any
-    """What the layer says that each stroke (n,) is."""
+    # Whether a layer shows that the drawing is a sheet of paper, with more on it than a plan.
     sheet: bool = False
-    """Whether a layer shows that the drawing is a sheet of paper, with more on it than a plan."""
     doors: list[Door] = field(default_factory=list)
+    # Which strokes (n,) each rule takes out, by its name.
     found: dict[str, Bool] = field(default_factory=dict)
-    """Which strokes (n,) each rule takes out, by its name."""
 
     @property
     def left(self) -> Bool:
@@ -81,14 +81,14 @@ class Strokes:
 class Rule(NamedTuple):
     """A rule: it takes strokes out of the walls."""
 
+    # What a stroke that it finds is called, in the singular.
     name: str
-    """What a stroke that it finds is called, in the singular."""
+    # A sentence: what it recognises, and how.
     what: str
-    """A sentence: what it recognises, and how."""
+    # Returns which strokes (n,) it takes, of those that are left.
     find: Callable[[Strokes], Bool]
-    """Returns which strokes (n,) it takes, of those that are left."""
+    # Whether the note on what was left out counts strokes; doors and layers stand there apart.
     counted: bool = True
-    """Whether the note on what was left out counts strokes; doors and layers stand there apart."""
 
 
 def _opening(find: Callable[[Float, Int, Bool], tuple[list[Door], Bool]]) -> Any:
@@ -134,15 +134,20 @@ def _beside(strokes: Strokes) -> Bool:
 
 # Each rule looks among what the rules before it leave.
 RULES = [
-    Rule("door", "A leaf and the quarter arc that its tip sweeps.", _opening(find_doors), False),
     Rule(
-        "leaf",
+        "door stroke",
+        "A leaf and the quarter arc that its tip sweeps.",
+        _opening(find_doors),
+        False,
+    ),
+    Rule(
+        "leaf stroke",
         "An isolated line from the corner of a wall, as long as the gap to where the wall goes on.",
         _opening(find_leaves),
         counted=False,
     ),
     Rule(
-        "mark of another kind",
+        "layer stroke",
         "Marks that are not walls by the name of their layer, their line type or their colour.",
         _of_other_layers,
         counted=False,
