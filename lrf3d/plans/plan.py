@@ -223,7 +223,7 @@ def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -
     Lines that end in it are its leaf; without one, it has floors on both sides.
     """
     shape = marks[number].shape
-    if not _divides(shape, [marks[n] for n in near]):
+    if not _divides(shape, marks, near):
         return
     lines = [n for n in near if roles[n] == "other" and not is_area(marks[n].shape)]
     short = [n for n in lines if marks[n].shape.length < 2.0]
@@ -234,9 +234,9 @@ def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -
             roles[each] = "door"
 
 
-def _divides(shape: Any, near: list[Mark]) -> bool:
-    """Whether an area divides a dark wall among the marks near it: on two sides, and no longer."""
-    dark = [mark.shape for mark in near if is_area(mark.shape) and mark.contrast > DARK]
+def _divides(shape: Any, marks: list[Mark], near: Int) -> bool:
+    """Whether an area divides a dark wall among the marks near it, which meets two of its sides."""
+    dark = [marks[n].shape for n in near if is_area(marks[n].shape) and marks[n].contrast > DARK]
     wall = shapely.union_all(shapely.intersection(dark, shape.buffer(2.0 * SIDE)))
     # Along its sides a sliver of the wall may be left.
     ends = shape.boundary.intersection(wall.buffer(-SLIVER).buffer(1.5 * SLIVER))

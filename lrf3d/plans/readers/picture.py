@@ -91,8 +91,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
 
     The threshold is the least grey of paper, from 0 to 255; it is found if not given.
     """
-    colours, side = _reduced(colours[::-1], resolution)
-    coarse = f"; read at {side:g} m a pixel" if side > resolution else ""
+    colours, side, coarse = _reduced(colours[::-1], resolution)
     even = evened(colours, 2.0 * THICKEST / side)
     if even is not None:
         colours = even
@@ -134,17 +133,19 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     )
 
 
-def _reduced(colours: Any, side: float) -> tuple[Any, float]:
-    """A picture that is not too large, by halves, and the side of its pixels [m].
+def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
+    """A picture that is not too large, by halves, the side of its pixels [m], and a note on it.
 
     Of four pixels the darkest stays, on dark paper the lightest: thin lines are not lost.
     """
+    coarse = ""
     stays = np.minimum if colours[::16, ::16].mean() > 127.0 else np.maximum
     while colours[..., 0].size > MOST_PIXELS:
         rows = stays(colours[:-1:2], colours[1::2])
         colours = stays(rows[:, :-1:2], rows[:, 1::2])
         side = 2.0 * side
-    return colours, side
+        coarse = f"; read at {side:g} m a pixel"
+    return colours, side, coarse
 
 
 def _is_in_pieces(long: Float, short: float) -> bool:

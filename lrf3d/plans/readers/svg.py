@@ -260,8 +260,9 @@ def _measures(kind: str, state: State) -> dict[str, Any]:
     given = {key: _length(state.style, key, side, "auto") for key, side in sides.items()}
     if kind == "circle":
         given["rx"] = given["ry"] = _length(state.style, "r", math.hypot(wide, high) / math.sqrt(2))
+    least = dict.fromkeys(("rx", "ry", "width", "height"), 0.0)
     for key, value in given.items():
-        if not value >= (0.0 if key in ("rx", "ry", "width", "height") else -math.inf):
+        if not value >= least.get(key, -math.inf):
             # Radii of a rectangle that are not given follow from each other.
             given[key] = math.nan if kind == "rect" and key in ("rx", "ry") else 0.0
     values: dict[str, Any] = {key: value for key, value in given.items() if value == value}

@@ -325,11 +325,12 @@ def _is_of_box(segments: Float, reach: Float, sides: Float, runs: Bool, sheet: b
     The distances [m] of their ends from the sides of the box are reach (n, 2, 4); those that run
     across the sheet (n,) may be lines of the frame.
     """
-    rim = (reach.max(axis=1) < MARGIN).any(axis=1)
+    rim: Bool = (reach.max(axis=1) < MARGIN).any(axis=1)
     inner = ~rim
     part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
+    found = np.zeros(len(segments), dtype=bool)
     if not len(hulls):
-        return inner & rim
+        return found
     # A plan may come near to the frame, a title block is drawn from it.
     lines = as_lines(segments)
     edge = shapely.union_all(lines[rim & runs])
@@ -341,10 +342,9 @@ def _is_of_box(segments: Float, reach: Float, sides: Float, runs: Bool, sheet: b
     beside = (reach[inner] < 1.01 * MARGIN).any()
     held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
     if not (held and (paper or beside or sheet)):
-        return inner & rim
-    found = rim.copy()
+        return found
     found[inner] = block[near[part]]
-    return found
+    return rim | found
 
 
 def _runs_across(ends: Float, long: Float, near: float) -> Bool:

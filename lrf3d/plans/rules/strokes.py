@@ -4,7 +4,7 @@ The strokes of a drawing enter; doors leave, and for each rule the strokes that 
 kind of symbol is a function that returns which strokes it is, and an entry of `RULES`.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -49,7 +49,10 @@ class Strokes:
     @property
     def left(self) -> Bool:
         """Which strokes (n,) no rule has taken out."""
-        return ~np.any([*self.found.values(), np.zeros(len(self.segments), dtype=bool)], axis=0)
+        left = np.ones(len(self.segments), dtype=bool)
+        for found in self.found.values():
+            left &= ~found
+        return left
 
     @property
     def free(self) -> Bool:
@@ -57,8 +60,8 @@ class Strokes:
 
         On a drawing as small as its paper there are none, as its symbols have other sizes.
         """
-        small = not len(self.segments) or np.ptp(self.segments.reshape(-1, 2), axis=0).max() < SHEET
-        return self.left & (self.role == "other") & (not small)
+        large = len(self.segments) and np.ptp(self.segments.reshape(-1, 2), axis=0).max() >= SHEET
+        return np.asarray(self.left & (self.role == "other") & bool(large))
 
     @cached_property
     def pattern(self) -> Bool:
@@ -73,9 +76,9 @@ class Strokes:
             found[chosen] = find(self.segments[chosen])
         return found & free
 
-    def any_of(self, names: Iterable[str]) -> bool:
-        """Whether rules of some names have found a stroke."""
-        return any(self.found[name].any() for name in names)
+    def shows_sheet(self, *names: str) -> bool:
+        """Whether a layer, or a rule of one of some names, shows that the drawing is a sheet."""
+        return self.sheet or any(self.found[name].any() for name in names)
 
 
 class Rule(NamedTuple):
@@ -105,13 +108,13 @@ def _opening(find: Callable[[Float, Int, Bool], tuple[list[Door], Bool]]) -> Any
 
 def _of_other_layers(strokes: Strokes) -> Bool:
     partition = (strokes.role == "door") & (lengths(strokes.segments) > PARTITION)
-    return ~(np.isin(strokes.role, STANDS) | partition)
+    return np.asarray(~(np.isin(strokes.role, STANDS) | partition))
 
 
 def _annotations(strokes: Strokes) -> Bool:
     free = strokes.free
-    line, mark, pattern = (each[free] for each in (strokes.line, strokes.mark, strokes.pattern))
-    return strokes.among(free, lambda each: is_annotation(each, line, mark, pattern))
+    drawn = strokes.line[free], strokes.mark[free], strokes.pattern[free]
+    return strokes.among(free, lambda each: is_annotation(each, *drawn))
 
 
 def _letters(strokes: Strokes) -> Bool:
@@ -122,13 +125,13 @@ def _letters(strokes: Strokes) -> Bool:
 
 
 def _frame(strokes: Strokes) -> Bool:
-    sheet = strokes.sheet or strokes.any_of(["annotation line"])
+    sheet = strokes.shows_sheet("annotation line")
     return strokes.among(strokes.left, lambda each: is_frame(each, sheet))
 
 
 def _beside(strokes: Strokes) -> Bool:
     left = strokes.left
-    sheet = strokes.sheet or strokes.any_of(["annotation line", "frame line"])
+    sheet = strokes.shows_sheet("annotation line", "frame line")
     return strokes.among(left, lambda each: is_aside(each, sheet, strokes.role[left] != "other"))
 
 
