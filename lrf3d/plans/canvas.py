@@ -1,7 +1,7 @@
 """A drawing: lines and areas as they are seen, each with its layer, its width and its colour.
 
 The readers of DXF, SVG and PDF paint marks on a :class:`Canvas`, in the order of the file and in
-metres; a :class:`Drawing` leaves, in which areas hide what was painted before.
+metres; the marks that are seen leave: areas hide what was painted before.
 """
 
 from collections import Counter
@@ -57,23 +57,16 @@ class Mark(NamedTuple):
     dashed: bool = False
 
 
-class Drawing(NamedTuple):
-    """The marks that are seen, and how many things of which kind are not read."""
-
-    marks: list[Mark]
-    left_out: Counter[str]
-    # What the reader assumed.
-    said: str = ""
-
-
 class Canvas:
-    """Takes what a reader paints, and bounds the work for it."""
+    """Takes what a reader paints, bounds the work for it, and returns what is seen."""
 
     def __init__(self, tolerance: float, pen: float = 0.0) -> None:
         self.tolerance = tolerance
         self.pen = pen
+        # How many things of which kind are not read.
         self.left_out = Counter[str]()
         self.marks = list[Mark]()
+        # What the reader assumed.
         self.said = ""
         self._work = self._points = 0
 
@@ -151,9 +144,9 @@ class Canvas:
         if not shape.is_empty:
             self.marks.append(mark._replace(shape=shape))
 
-    def drawing(self) -> Drawing:
-        """What is seen of all marks."""
-        return Drawing(_seen(_on_paper(self.marks)), self.left_out, self.said)
+    def seen(self) -> list[Mark]:
+        """The marks without the paper and what later areas hide."""
+        return _seen(_on_paper(self.marks))
 
 
 def area_of(rings: list[Float], winding: bool = False) -> Any:

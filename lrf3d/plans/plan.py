@@ -19,7 +19,7 @@ import shapely
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
-from lrf3d.plans.canvas import Drawing, Mark, is_area
+from lrf3d.plans.canvas import Canvas, Mark, is_area
 from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
@@ -125,25 +125,25 @@ def _warn_of_plans_apart(world: World, path: Path) -> None:
         )
 
 
-def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
+def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
-    roles = _with_floors(drawing.marks, _roles(drawing.marks, layers, without))
-    pieces = _pieces(drawing.marks, roles)
-    strokes = Strokes(*_segments(pieces), sheet="annotation" in roles)
+    marks = canvas.seen()
+    roles = _with_floors(marks, _roles(marks, layers, without))
+    strokes = Strokes(*_segments(_pieces(marks, roles)), sheet="annotation" in roles)
     for rule in RULES:
-        strokes.found[rule.name] = rule.find(strokes) & strokes.left
+        strokes.take(rule)
     walls, own, cut = cleared(strokes.segments[strokes.left], strokes.doors)
     role = strokes.role[strokes.left][own]
-    layered = [(mark.layer, role) for mark, role in zip(drawing.marks, roles, strict=True)]
-    found = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
+    layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
+    left = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
     return Plan(
         walls,
         np.where(role == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
         strokes.doors,
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
-        _listed(drawing.marks, layered),
-        _in_words(drawing.left_out + Counter({**found, "doorway line": cut}), layered),
-        drawing.said,
+        _listed(marks, layered),
+        _in_words(canvas.left_out + Counter({**left, "doorway line": cut}), layered),
+        canvas.said,
     )
 
 

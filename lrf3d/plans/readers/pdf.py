@@ -30,6 +30,15 @@ from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.layers import rename
 
+try:
+    import pypdf
+    import pypdfium2
+except ImportError:
+    raise missing_extra("a PDF drawing needs pypdfium2 and pypdf", "pdf") from None
+
+# The functions of pdfium, as in C.
+raw: Any = pypdfium2.raw
+
 # What objects that are not read are called, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 
@@ -39,11 +48,6 @@ MOST_ON_SCAN = 10
 
 def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None) -> Canvas | Plan:
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
-    try:
-        import pypdf
-        import pypdfium2
-    except ImportError:
-        raise missing_extra("a PDF drawing needs pypdfium2 and pypdf", "pdf") from None
     document = pypdfium2.PdfDocument(path)
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
@@ -51,10 +55,9 @@ def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None
     file = pypdf.PdfReader(path)
     unit = POINT * scale * float(file.pages[page - 1].user_unit)
     matrix, size = _frame(handle, unit)
-    raw = pypdfium2.raw
     canvas = Canvas.of_sheet(float(size.max()), scale)
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
-    painter = _PagePainter(raw, canvas, _hidden(file))
+    painter = _PagePainter(canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
     rename(canvas, "latin-1")
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
@@ -114,8 +117,7 @@ def _decoded(name: bytes) -> str:
 class _PagePainter:
     """Paints the objects of a page on a canvas, without those on hidden layers."""
 
-    def __init__(self, raw: Any, canvas: Canvas, hidden: set[str]) -> None:
-        self.raw = raw
+    def __init__(self, canvas: Canvas, hidden: set[str]) -> None:
         self.canvas = canvas
         self.hidden = hidden
         self._clips = dict[bytes, Any]()
@@ -124,7 +126,6 @@ class _PagePainter:
 
     def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
-        raw = self.raw
         if depth > 50:
             raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
@@ -150,7 +151,6 @@ class _PagePainter:
                 self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
-        raw = self.raw
         width = ctypes.c_float()
         rule = ctypes.c_int()
         stroked = ctypes.c_int()
@@ -171,7 +171,6 @@ class _PagePainter:
 
     def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:
         """The lines (k, 2) [m] of a path."""
-        raw = self.raw
         lines = list[list[Float]]()
         x = ctypes.c_float()
         y = ctypes.c_float()
@@ -196,7 +195,6 @@ class _PagePainter:
 
     def _clip(self, each: Any, matrix: Float, clip: Any) -> Any:
         """The clip of an object: its clip paths within a clip."""
-        raw = self.raw
         own = raw.FPDFPageObj_GetClipPath(each)
         for path in range(raw.FPDFClipPath_CountPaths(own) if own else 0):
             count = raw.FPDFClipPath_CountPathSegments(own, path)
@@ -211,7 +209,6 @@ class _PagePainter:
 
     def _layer(self, each: Any) -> str:
         """The name of the layer in which an object stands."""
-        raw = self.raw
         name = b""
         for number in range(raw.FPDFPageObj_CountMarks(each)):
             mark = raw.FPDFPageObj_GetMark(each, number)
@@ -228,8 +225,8 @@ class _PagePainter:
         return bytes(buffer)[: min(size.value, 512)]
 
     def _matrix(self, each: Any) -> Float:
-        m = self.raw.FS_MATRIX()
-        self.raw.FPDFPageObj_GetMatrix(each, m)
+        m = raw.FS_MATRIX()
+        raw.FPDFPageObj_GetMatrix(each, m)
         return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])
 
     @staticmethod

@@ -6,7 +6,7 @@ kind of symbol is a function that returns which strokes it is, and an entry of `
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,13 +46,16 @@ class Strokes:
     # Which strokes (n,) each rule takes out, by its name.
     found: dict[str, Bool] = field(default_factory=dict)
 
-    @property
-    def left(self) -> Bool:
-        """Which strokes (n,) no rule has taken out."""
-        left = np.ones(len(self.segments), dtype=bool)
-        for found in self.found.values():
-            left &= ~found
-        return left
+    # Which strokes (n,) no rule has taken out.
+    left: Bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.left = np.ones(len(self.segments), dtype=bool)
+
+    def take(self, rule: "Rule") -> None:
+        """Take out what a rule finds among the strokes that are left."""
+        self.found[rule.name] = rule.find(self) & self.left
+        self.left = self.left & ~self.found[rule.name]
 
     @property
     def free(self) -> Bool:
@@ -94,16 +97,11 @@ class Rule(NamedTuple):
     counted: bool = True
 
 
-def _opening(find: Callable[[Float, Int, Bool], tuple[list[Door], Bool]]) -> Any:
-    """The function of a rule that finds doors."""
-
-    def found(strokes: Strokes) -> Bool:
-        drawn = strokes.left & np.isin(strokes.role, MAY_OPEN)
-        doors, opened = find(strokes.segments, strokes.line, drawn)
-        strokes.doors += doors
-        return opened
-
-    return found
+def _opened(strokes: Strokes, find: Callable[..., tuple[list[Door], Bool]]) -> Bool:
+    drawn = strokes.left & np.isin(strokes.role, MAY_OPEN)
+    doors, opened = find(strokes.segments, strokes.line, drawn)
+    strokes.doors += doors
+    return opened
 
 
 def _of_other_layers(strokes: Strokes) -> Bool:
@@ -140,13 +138,13 @@ RULES = [
     Rule(
         "door stroke",
         "A leaf and the quarter arc that its tip sweeps.",
-        _opening(find_doors),
+        partial(_opened, find=find_doors),
         False,
     ),
     Rule(
         "leaf stroke",
         "An isolated line from the corner of a wall, as long as the gap to where the wall goes on.",
-        _opening(find_leaves),
+        partial(_opened, find=find_leaves),
         counted=False,
     ),
     Rule(
