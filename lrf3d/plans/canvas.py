@@ -76,7 +76,7 @@ class Canvas:
         # Widths [m] above which a line has two faces: of a wall, and of a pen on paper.
         thin_wall = 0.12
         pen = 1.05e-3
-        # A sheet that is not scaled is a hundredth of what it shows, so its curves are finer.
+        # A sheet that is not enlarged is far smaller than what it shows: its curves are finer.
         return cls(min(CURVE_ERROR, 2e-4 * side), max(thin_wall, pen * scale))
 
     def count(self, steps: int = 1) -> None:
