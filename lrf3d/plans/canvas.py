@@ -213,11 +213,9 @@ def _seen(marks: list[Mark]) -> list[Mark]:
     """What later areas leave of the marks, without what has the colour of the paper."""
     shapes = np.array([mark.shape for mark in marks], dtype=object)
     hiding = np.flatnonzero([mark.opaque and is_area(mark.shape) for mark in marks])
-    if len(hiding):
-        shapes = _uncovered(shapes, hiding)
     return [
         mark._replace(shape=shape)
-        for mark, shape in zip(marks, shapes, strict=True)
+        for mark, shape in zip(marks, _uncovered(shapes, hiding), strict=True)
         if mark.contrast >= PALEST and not shape.is_empty
     ]
 
@@ -233,14 +231,12 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
     for over in np.split(order, np.flatnonzero(np.diff(under[order])) + 1):
         check()
         for number in under[over[:1]]:
-            above = cover[over]
-            if is_area(shapes[number]):
-                hidden = shapely.union_all(shapes[hiding[above]])
-                left[number] = shapes[number].difference(hidden)
-            else:
+            solid = is_area(shapes[number])
+            above = shapes[hiding[cover[over]]] if solid else covers[cover[over]]
+            left[number] = shapes[number].difference(shapely.union_all(above))
+            if not solid:
                 # Of a line that ends on the edge of an area no crumb is left.
-                seen = shapes[number].difference(shapely.union_all(covers[above]))
-                parts = shapely.get_parts(seen)
+                parts = shapely.get_parts(left[number])
                 left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
     return left
 

@@ -93,9 +93,8 @@ class _EntityFilter(Frontend):
             super().draw_entity(entity, properties)
 
     def skip_entity(self, entity: Any, msg: str) -> None:
-        hidden = msg == "invisible"
         self.canvas.count()
-        self.canvas.left_out["hidden part" if hidden else entity.dxftype()] += 1
+        self.canvas.left_out["hidden part" if msg == "invisible" else entity.dxftype()] += 1
 
 
 class _EntityPainter(Backend):

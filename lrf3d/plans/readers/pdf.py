@@ -159,14 +159,19 @@ class _PagePainter:
         segments = (raw.FPDFPath_GetPathSegment(each, number) for number in range(count))
         raw.FPDFPageObj_GetStrokeWidth(each, width)
         wide = width.value * float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
-        fill = self._colour(raw.FPDFPageObj_GetFillColor, each, rule)
-        stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
         self.canvas.shape(
             self._lines(segments, matrix),
             Mark(None, layer, (layer,), dashed=raw.FPDFPageObj_GetDashCount(each) > 0),
             clip,
-            (*fill, rule.value == raw.FPDF_FILLMODE_WINDING),
-            (*stroke, wide, bool(raw.FPDFPageObj_GetLineCap(each))),
+            (
+                *self._colour(raw.FPDFPageObj_GetFillColor, each, rule),
+                rule.value == raw.FPDF_FILLMODE_WINDING,
+            ),
+            (
+                *self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked),
+                wide,
+                bool(raw.FPDFPageObj_GetLineCap(each)),
+            ),
         )
 
     def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:

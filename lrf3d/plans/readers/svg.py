@@ -177,9 +177,8 @@ class _ElementPainter(NamedTuple):
         if target is None:
             self.canvas.left_out["unresolved use"] += 1
             return
-        x = _length(element, "x", state.size[0])
-        y = _length(element, "y", state.size[1])
-        state = state._replace(matrix=state.matrix @ _moved(x, y))
+        place = (_length(element, key, side) for key, side in zip("xy", state.size, strict=True))
+        state = state._replace(matrix=state.matrix @ _moved(*place))
         if _tag(target) == "symbol":
             inner = self.state(target, state)
             self.children(target, _viewport(target, element, inner, placed=True))

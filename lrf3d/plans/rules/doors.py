@@ -71,8 +71,13 @@ class _Walls(NamedTuple):
         return cls(ends, ways, cKDTree(ends), shapely.STRtree(as_lines(segments)).query)
 
     def at(self, place: Float, reach: float) -> Int:
-        """The ends within a reach [m] of a place (2,)."""
+        """The numbers of the ends within a reach [m] of a place (2,)."""
         return np.array(self.tree.query_ball_point(place, reach), dtype=np.int64)
+
+    def leading(self, place: Float, way: Float, reach: float) -> Float:
+        """The ends (k, 2) at a place (2,) from which walls lead in a direction (2,)."""
+        near = self.at(place, reach)
+        return self.ends[near[self.ways[near] @ way > 0.98]]
 
 
 def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool]:
@@ -80,11 +85,9 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
 
     Consecutive segments of the same line (n,) are joined. Only free segments can belong to a door.
     """
-    opened = np.zeros(len(segments), dtype=bool)
     arcs = [arc for arc in _arcs(segments, line) if free[arc[0]].all()][:MOST_DOORS]
     straight = np.setdiff1d(np.flatnonzero(free), [n for run, *_ in arcs for n in run])
-    if not arcs or not len(straight):
-        return [], opened
+    opened = np.zeros(len(segments), dtype=bool)
     ends = segments[straight].reshape(-1, 2)
     doors = list[Door]()
     tree = cKDTree(ends)
@@ -154,13 +157,12 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
     found = np.zeros(len(segments), dtype=bool)
     long = lengths(segments)
     leaves = np.flatnonzero(free & is_alone(line) & (long > WIDTHS[0]) & (long < WIDTHS[1]))
-    if len(leaves):
-        walls = _Walls.of(segments[free])
-        for leaf in leaves[:MOST_DOORS]:
-            door = _door_of_leaf(segments[leaf].reshape(2, 2), long[leaf], walls)
-            if door is not None:
-                doors.append(door)
-                found[leaf] = True
+    walls = _Walls.of(segments[free])
+    for leaf in leaves[:MOST_DOORS]:
+        door = _door_of_leaf(segments[leaf].reshape(2, 2), long[leaf], walls)
+        if door is not None:
+            doors.append(door)
+            found[leaf] = True
     return doors, found
 
 
@@ -225,11 +227,8 @@ def _doorway(door: Door, tips: Float, walls: _Walls) -> Any:
     hinge, other, _ = door.corners
     width = float(np.hypot(*(other - hinge)))
     axis = (other - hinge) / width
-    before, after = (
-        (walls.ends[at[walls.ways[at] @ way > 0.98]] - hinge) @ axis
-        for place, way in ((hinge, -axis), (other, axis))
-        for at in [walls.at(place, NEAR * width)]
-    )
+    before = (walls.leading(hinge, -axis, NEAR * width) - hinge) @ axis
+    after = (walls.leading(other, axis, NEAR * width) - hinge) @ axis
     # Of two leaves, each ends where the other does.
     paired = (np.hypot(*(tips - other).T) < NEAR * width).sum() > 1
     between = len(before) and (len(after) or paired)

@@ -57,8 +57,8 @@ def is_lettering(segments: Float, pattern: Bool) -> Bool:
         np.minimum.at(corner, chain, sign * ends)
     loose = ((-box.sum(axis=0)).max(axis=1) < TITLE)[chain[::2]]
     if loose.any():
-        extent = float(np.ptp(ends, axis=0).max())
-        found[loose] = _is_in_words(segments[loose], pattern[loose], 0.05 * extent)
+        largest = 0.05 * float(np.ptp(ends, axis=0).max())
+        found[loose] = _is_in_words(segments[loose], pattern[loose], largest)
     return found
 
 

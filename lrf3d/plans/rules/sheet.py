@@ -81,23 +81,26 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     if not len(hosts) or not len(markers.place):
         return found
     host, marker, end, station = _met(segments[hosts], markers)
-    # An end is next to one marker; a chain of dimensions has others on its way.
+    # The kinds of markers at both ends of each host, a bit for each kind; a chain of dimensions has
+    # other markers on its way.
     at_end = end < 2
     kinds = np.zeros((len(hosts), 2), dtype=np.int64)
     clear = np.zeros(len(hosts), dtype=bool)
+    # Ticks that are strokes of a pattern alone prove nothing.
     hatched = np.bincount(markers.owner, pattern[markers.segment]) > 0
     clear[host[at_end & ~hatched[marker]]] = True
     np.bitwise_or.at(kinds, (host[at_end], end[at_end]), 1 << markers.kind[marker[at_end]])
     tree = cKDTree(segments.reshape(-1, 2))
     loose = _ends_at(tree, segments[hosts].reshape(-1, 2)).reshape(-1, 2) == 1
+    # A leader has an arrowhead or a bubble at one end, and at the other another marker or nothing.
     pointed = (kinds & (1 << ARROW | 1 << RING)) > 0
     leads = (pointed & ((kinds > 0) | loose)[:, ::-1]).any(axis=1)
     broken = _is_broken(segments[hosts], (kinds > 0), loose)
     chosen = ((kinds > 0).all(axis=1) | leads | broken) & clear
-    found[hosts[chosen]] = True
     found |= np.isin(mark, mark[hosts[chosen]])
     used = np.unique(marker[chosen[host]])
     found[markers.segment[np.isin(markers.owner, used)]] = True
+    # The name of an axis stands in its bubble.
     rings = used[markers.kind[used] == RING]
     bubbles = shapely.buffer(shapely.points(markers.place[rings]), markers.size[rings])
     lines = shapely.STRtree(as_lines(segments))
@@ -252,8 +255,6 @@ def _is_broken(hosts: Float, marked: Bool, loose: Bool) -> Bool:
     found = np.zeros(len(hosts), dtype=bool)
     along = directions(hosts)
     number = np.flatnonzero(half)[:most]
-    if len(number) < 2:
-        return found
     free = np.where(marked[number, 0, None], hosts[number, 2:], hosts[number, :2])
     for one, two in cKDTree(free).query_pairs(widest):
         gap = free[two] - free[one]
@@ -272,8 +273,6 @@ def _extensions(segments: Float, tree: Any, along: Float, places: Float, found: 
     """
     reach = 0.06  # Distance [m] from a marker within which an extension line runs.
     lines = np.flatnonzero(~found)
-    if not len(places) or not len(lines):
-        return lines[:0]
     which, other = shapely.STRtree(as_lines(segments[lines])).query(
         shapely.points(places), predicate="dwithin", distance=reach
     )

@@ -42,6 +42,7 @@ class Strokes:
     role: Any
     # Whether a layer shows that the drawing is a sheet of paper, with more on it than a plan.
     sheet: bool = False
+    # The doors that rules have found; their strokes are taken out.
     doors: list[Door] = field(default_factory=list)
     # Which strokes (n,) each rule takes out, by its name.
     found: dict[str, Bool] = field(default_factory=dict)
@@ -68,7 +69,10 @@ class Strokes:
 
     @cached_property
     def pattern(self) -> Bool:
-        """Which strokes (n,) are drawn as a pattern; they may be extension lines, too."""
+        """Which strokes (n,) are drawn as a pattern; some of them may be annotations, too.
+
+        It is found once, before annotations are taken out.
+        """
         return self.among(self.free, is_pattern)
 
     def among(self, chosen: Bool, find: Callable[[Float], Bool]) -> Bool:
@@ -123,8 +127,8 @@ def _letters(strokes: Strokes) -> Bool:
 
 
 def _frame(strokes: Strokes) -> Bool:
-    sheet = strokes.shows_sheet("annotation line")
-    return strokes.among(strokes.left, lambda each: is_frame(each, sheet))
+    known = strokes.shows_sheet("annotation line")
+    return strokes.among(strokes.left, partial(is_frame, sheet=known))
 
 
 def _beside(strokes: Strokes) -> Bool:
