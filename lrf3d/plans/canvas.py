@@ -1,7 +1,7 @@
 """A drawing: lines and areas as they are seen, each with its layer, its width and its colour.
 
 The readers of DXF, SVG and PDF paint marks on a :class:`Canvas`, in the order of the file and in
-metres; a :class:`Drawing` leaves, in which areas hide what was painted before.
+metres; the marks that are seen leave: areas hide what was painted before.
 """
 
 from collections import Counter
@@ -12,20 +12,33 @@ import shapely
 
 from lrf3d.base.errors import WorldError
 from lrf3d.base.interrupts import check
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int
 from lrf3d.world.pieces import check_crossings
 
 # Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005
 
-# Largest numbers of marks and of points: of larger drawings, blocks that hold each other.
+# Upper bounds on marks and on points: larger drawings are blocks that hold each other.
 MOST_MARKS = 150_000
 MOST_POINTS = 2_000_000
+
+# An inch, and a point, of which 72 are an inch [m].
+INCH = 0.0254
+POINT = INCH / 72.0
+
+# Value of a channel of white.
+WHITE = 255.0
+
+# Contrast of what is painted with a gradient or a pattern, whose colours are not read.
+UNKNOWN = 0.3
+
+# Opacity below which a mark is not seen; what is as close to 1 hides what is below it.
+FAINT = 0.02
 
 # Contrast below which a mark has the colour of the paper.
 PALEST = 0.08
 
-# Distance [m] within an area from which on a line is hidden: on its edge it is half seen.
+# Distance [m] from the edge of an area to where it hides lines: on its edge a line is half seen.
 HIDDEN = 0.002
 
 
@@ -34,42 +47,37 @@ class Mark(NamedTuple):
 
     shape: Any
     layer: str = ""
+    # Names that say what it is, the best first: of layer and block, or of groups from within.
     names: tuple[str, ...] = ()
-    """Names that say what it is, the best first: of layer and block, or of groups from within."""
     width: float = 0.0
+    # Difference to the colour of the paper, from 0 to 1; such as the paper it only hides.
     contrast: float = 1.0
-    """Difference to the colour of the paper, from 0 to 1; such as the paper it only hides."""
     opaque: bool = True
+    # Whether it shows what is above, such as a beam, or a way, and nothing that stands.
     dashed: bool = False
-    """Whether it shows what is above, such as a beam, or a way, and nothing that stands."""
-
-
-class Drawing(NamedTuple):
-    """The marks that are seen, and how many things of which kind are not read."""
-
-    marks: list[Mark]
-    left_out: Counter[str]
-    said: str = ""
-    """What the reader assumed."""
 
 
 class Canvas:
-    """Takes what a reader paints, and bounds the work for it."""
+    """Takes what a reader paints, bounds the work for it, and returns what is seen."""
 
     def __init__(self, tolerance: float, pen: float = 0.0) -> None:
         self.tolerance = tolerance
         self.pen = pen
+        # How many things of which kind are not read.
         self.left_out = Counter[str]()
         self.marks = list[Mark]()
+        # What the reader assumed.
         self.said = ""
         self._work = self._points = 0
 
     @classmethod
     def of_sheet(cls, side: float, scale: float) -> "Canvas":
-        """The canvas of a sheet of paper, of which a side is so long [m], enlarged by a scale."""
-        # A drawing on paper is a thousandth of the size of what it shows. A line of over 12 cm, and
-        # over a millimetre on paper, has two faces.
-        return cls(min(CURVE_ERROR, 2e-4 * side), max(0.12, 1.05e-3 * scale))
+        """Canvas for a sheet whose longer side measures `side` [m] after scaling."""
+        # Widths [m] above which a line has two faces: of a wall, and of a pen on paper.
+        thin_wall = 0.12
+        pen = 1.05e-3
+        # A sheet that is not enlarged is far smaller than what it shows: its curves are finer.
+        return cls(min(CURVE_ERROR, 2e-4 * side), max(thin_wall, pen * scale))
 
     def count(self, steps: int = 1) -> None:
         """Count steps of work, also those that paint nothing."""
@@ -119,14 +127,14 @@ class Canvas:
         is contrast, opacity, width [m], and whether it goes on beyond its ends.
         """
         contrast, alpha, winding = fill
-        if alpha > 0.02:
-            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98, dashed=False)
+        if alpha > FAINT:
+            solid = mark._replace(contrast=contrast, opaque=alpha > 1.0 - FAINT, dashed=False)
             self.area(lines, solid, clip, winding)
         contrast, alpha, width, square = stroke
-        if alpha > 0.02:
+        if alpha > FAINT:
             # A stroke in the colour of the paper hides the marks below it.
             wide = width if width > self.pen or contrast < PALEST else 0.0
-            pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 0.98)
+            pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 1.0 - FAINT)
             for line in lines:
                 self.line(line, pen, clip, "square" if square else "flat")
 
@@ -136,9 +144,9 @@ class Canvas:
         if not shape.is_empty:
             self.marks.append(mark._replace(shape=shape))
 
-    def drawing(self) -> Drawing:
-        """What is seen of all marks."""
-        return Drawing(_seen(_on_paper(self.marks)), self.left_out, self.said)
+    def seen(self) -> list[Mark]:
+        """The marks without the paper and what later areas hide."""
+        return _seen(_on_paper(self.marks))
 
 
 def area_of(rings: list[Float], winding: bool = False) -> Any:
@@ -204,31 +212,33 @@ def _on_paper(marks: list[Mark]) -> list[Mark]:
 def _seen(marks: list[Mark]) -> list[Mark]:
     """What later areas leave of the marks, without what has the colour of the paper."""
     shapes = np.array([mark.shape for mark in marks], dtype=object)
-    whole = shapes.copy()
     hiding = np.flatnonzero([mark.opaque and is_area(mark.shape) for mark in marks])
-    if len(hiding):
-        covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
-        cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
-        pairs = np.stack([under, cover])[:, under < hiding[cover]]
-        _check_overlaps(pairs.shape[1])
-        order = np.argsort(pairs[0], kind="stable")
-        for over in np.split(order, np.flatnonzero(np.diff(pairs[0, order])) + 1):
-            check()
-            for number in pairs[0, over[:1]]:
-                solid = is_area(shapes[number])
-                above = pairs[1, over]
-                hidden = shapely.union_all(whole[hiding[above]] if solid else covers[above])
-                left = shapes[number].difference(hidden)
-                if not solid:
-                    # Of a line that ends on the edge of an area no crumb is left.
-                    parts = shapely.get_parts(left)
-                    left = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
-                shapes[number] = left
     return [
         mark._replace(shape=shape)
-        for mark, shape in zip(marks, shapes, strict=True)
+        for mark, shape in zip(marks, _uncovered(shapes, hiding), strict=True)
         if mark.contrast >= PALEST and not shape.is_empty
     ]
+
+
+def _uncovered(shapes: Any, hiding: Int) -> Any:
+    """What areas, given by their numbers, leave of the shapes (n,) painted before them."""
+    left = shapes.copy()
+    covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
+    cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
+    under, cover = np.stack([under, cover])[:, under < hiding[cover]]
+    _check_overlaps(len(under))
+    order = np.argsort(under, kind="stable")
+    for over in np.split(order, np.flatnonzero(np.diff(under[order])) + 1):
+        check()
+        for number in under[over[:1]]:
+            solid = is_area(shapes[number])
+            above = shapes[hiding[cover[over]]] if solid else covers[cover[over]]
+            left[number] = shapes[number].difference(shapely.union_all(above))
+            if not solid:
+                # Of a line that ends on the edge of an area no crumb is left.
+                parts = shapely.get_parts(left[number])
+                left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
+    return left
 
 
 def _check_overlaps(count: int) -> None:
@@ -240,3 +250,8 @@ def _check_overlaps(count: int) -> None:
 def is_area(shape: Any) -> bool:
     """Whether a geometry is an area."""
     return shape.geom_type in ("Polygon", "MultiPolygon")
+
+
+def contrast_to_white(*channels: float) -> float:
+    """The contrast to white paper, from 0 to 1, of a colour in channels up to 255."""
+    return 1.0 - min(channels) / WHITE

@@ -2,14 +2,13 @@
 
 A drawing, of DXF, SVG or PDF, enters; walls (segments with heights) and doors leave, with what was
 left out and why, and become a world, in which walls that touch are one object. A layer whose name
-says what it holds, in AIA's groups or words of the larger languages, is taken at its word.
-Elsewhere a leaf and its quarter arc are a door that stands open, and rows of small strokes are
-text. What has a thickness is two faces.
+says what it holds, in AIA's groups or words of the larger languages, is taken at its word. Of other
+layers, `RULES` take out what is drawn as a symbol. What has a thickness is two faces.
 """
 
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,27 +18,42 @@ import shapely
 
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, Int, lengths
-from lrf3d.plans.canvas import Drawing, Mark, is_area
+from lrf3d.geometry.lines import Float, Int
+from lrf3d.plans.canvas import Canvas, Mark, is_area
+from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
-from lrf3d.plans.rules.symbols import SIDE, Door, Strokes, cleared, find_doors, find_leaves, symbols
+from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
 
 # Height of furniture [m]: that of tables and of kitchen units.
 FURNITURE_HEIGHT = 0.8
 
-# Largest thickness [m] of what is left of a wall beside a doorway that is painted on it.
+# Largest thickness [m] of what is left of a wall next to a doorway that is painted on it.
 SLIVER = 0.02
 
-# Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour; contrast
-# below which one that parts a dark wall is a doorway.
+# Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour.
 THICKEST = 0.6
+
+# Contrast below which an area that divides a dark wall is a doorway.
 PALE = 0.25
 
-# The roles of what stands; lines of ``other`` layers are walls, too.
-STANDS = ("wall", "window", "other", "furniture")
+# Contrast below which a thick area on a layer that says nothing is a floor; what is darker is a
+# solid house.
+FLOOR = 0.45
+
+# Contrast above which an area is a dark wall.
+DARK = 0.6
+
+# Length [m] of its outline from which an area cuts the lines on it: an arrowhead does not.
+CUTTING = 1.5
+
+# Distance [m] up to which a line runs along the outline of an area.
+OUTLINE = 1e-4
+
+# Number of plans on one sheet from which they are the houses of a town.
+TOWN = 10
 
 
 class Layer(NamedTuple):
@@ -51,28 +65,31 @@ class Layer(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Walls (n, 4) with heights (n,) [m], doors, what was left out (k, 4), and the layers."""
+    """Walls (n, 4) with heights (n,) [m], doors, what was left out, and the layers."""
 
     segments: Float
     heights: Float
     doors: Sequence[Door] = ()
-    rest: Float = np.empty((0, 4))
+    # Strokes (k, 4) [m] that were left out, by the name of the rule that found them.
+    left: Mapping[str, Float] = {}
     layers: Sequence[Layer] = ()
+    # In words: ``12 texts, layers DOORS, TEXT``.
     left_out: str = ""
-    """In words: ``12 texts, layers DOORS, TEXT``."""
+    # What else a reader assumed.
     said: str = ""
-    """What else a reader assumed."""
+    # Areas [m²] and places (2,) [m] of rooms, as a route through them is planned.
     rooms: Sequence[tuple[float, Float]] = ()
-    """Areas [m²] and places (2,) [m] of rooms, as a route through them is planned."""
+    # Largest gap [m] between walls that touch.
     gap: float = TOUCHING
-    """Largest gap [m] between walls that touch."""
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
-        doors = [Door(door.corners * factor, door.width * factor) for door in self.doors]
-        segments = self.segments * factor
-        rest = self.rest * factor
-        return self._replace(segments=segments, rest=rest, doors=doors, gap=self.gap * factor)
+        return self._replace(
+            segments=self.segments * factor,
+            left={name: strokes * factor for name, strokes in self.left.items()},
+            doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
+            gap=self.gap * factor,
+        )
 
     def world(self, path: Path) -> World:
         """The world of the walls, with a note on what was left out."""
@@ -88,78 +105,63 @@ class Plan(NamedTuple):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
-        # On a drawing of the size of its paper all touches, and more are the houses of a town.
-        large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
-        town = 10
-        plans = plans_apart(world.segments) if large else ()
-        if 1 < len(plans) < town:
-            each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
-            warnings.warn(
-                f"{path}: {len(plans)} plans stand apart ({', '.join(each)}); the route is"
-                " planned in one of them: --set robot.start=[x,y,0] chooses which, --layers and"
-                " --page choose what is read; `lrf3d world show` draws them",
-                Lrf3dWarning,
-                stacklevel=4,
-            )
+        _warn_of_plans_apart(world, path)
         return world
 
 
-def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
+def _warn_of_plans_apart(world: World, path: Path) -> None:
+    """Warn of several plans on a sheet: a route is planned in one of them."""
+    # On a drawing of the size of its paper all touches.
+    large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
+    plans = plans_apart(world.segments) if large else ()
+    if 1 < len(plans) < TOWN:
+        each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
+        warnings.warn(
+            f"{path}: {len(plans)} plans stand apart ({', '.join(each)}); the route is"
+            " planned in one of them: --set robot.start=[x,y,0] chooses which, --layers and"
+            " --page choose what is read; `lrf3d world show` draws them",
+            Lrf3dWarning,
+            stacklevel=5,
+        )
+
+
+def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
-    marks = drawing.marks
-    roles = _without_floors(marks, _roles(marks, layers, without))
-    solids = _solids(marks, roles)
-    flat = [(mark.shape, role) for mark, role in zip(marks, roles, strict=True)
-            if not (is_area(mark.shape) and role in STANDS)]  # fmt: skip
-    # An arrowhead does not cut the line that it is on.
-    large = [shape for shape, _ in solids if shape.length > 1.5]
-    outline = 1e-4  # Distance [m] up to which a line runs along the outline of an area.
-    solid = shapely.union_all(large).buffer(outline)
-    shapely.prepare(solid)
-    pieces = [
-        (shape.difference(solid) if role in STANDS and solid.intersects(shape) else shape, role)
-        for shape, role in flat
-    ]
-    pieces += [(shape.boundary, role) for shape, role in solids]
-    segments, line, mark, role = _segments(pieces)
-    drawn = np.isin(role, [*STANDS, "door", "dashed"])
-    doors, opened = find_doors(segments, line, drawn)
-    more, leaves = find_leaves(segments, line, drawn & ~opened)
-    doors = doors + more
-    opened = opened | leaves
-    # Partitions are found on layers of doors, too; they are longer than leaves.
-    stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
-    stands &= ~opened
-    left = drawing.left_out + Counter(
-        {each: roles.count(each.split()[0]) for each in ("dashed line", "doorway", "floor")}
-    )
-    # On a drawing that is as large as its paper symbols have other sizes, and far more neighbours.
-    small = not len(segments) or np.ptp(segments.reshape(-1, 2), axis=0).max() < SHEET
-    known = np.flatnonzero(stands & (not small))
-    strokes = Strokes(segments[known], line[known], mark[known], role[known] == "other")
-    for what, found in symbols(strokes, sheet="annotation" in roles):
-        stands[known[found]] = False
-        left[what] += int(found.sum())
-    walls, own, left["doorway line"] = cleared(segments[stands], doors)
-    role = role[stands][own]
+    marks = canvas.seen()
+    roles = _with_floors(marks, _roles(marks, layers, without))
+    strokes = Strokes(*_segments(_pieces(marks, roles)), sheet="annotation" in roles)
+    for rule in RULES:
+        strokes.take(rule)
+    walls, own, cut = cleared(strokes.segments[strokes.left], strokes.doors)
+    role = strokes.role[strokes.left][own]
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
-    hidden = {name for name, role in layered if role == "left out"}
-    named = ("annotation", "door")
-    hidden |= {name for name, _ in layered} - {name for name, role in layered if role not in named}
-    # In a layer of which more stands, groups and blocks may be left out by their names.
-    for what in named:
-        left[f"{what} mark"] = sum(each == what and name not in hidden for name, each in layered)
-    words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
-    words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
+    left = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
     return Plan(
         walls,
         np.where(role == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
-        doors,
-        segments[~stands],
+        strokes.doors,
+        {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
-        ", ".join(words),
-        drawing.said,
+        _in_words(canvas.left_out + Counter({**left, "doorway line": cut}), layered),
+        canvas.said,
     )
+
+
+def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
+    """What was left out, in words: things by their number, and layers by their names."""
+    held = Counter(role for _, role in layered)
+    left = left + Counter(
+        {what: held[what.split()[0]] for what in ("dashed line", "doorway", "floor")}
+    )
+    named = ("annotation", "door")
+    hidden = {name for name, role in layered if role == "left out"}
+    hidden |= {name for name, _ in layered} - {name for name, role in layered if role not in named}
+    # In a layer of which more stands, groups and blocks may be left out by their names.
+    shown = Counter(role for name, role in layered if name not in hidden)
+    left += Counter({f"{what} mark": shown[what] for what in named})
+    words = [counted(number, noun) for noun, number in sorted(left.items())]
+    words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
+    return ", ".join(words)
 
 
 def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> list[str]:
@@ -169,18 +171,20 @@ def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> 
         if not any(_fits(name, [pattern]) for name in names):
             known = ", ".join(dict.fromkeys(layer or "(none)" for layer, _ in [*names][:100]))
             raise WorldError(f"no layer is called {pattern}; with lines are {known}")
-    kinds = dict[Any, str]()
-    for name in names:
-        role = role_of(*name[1])
-        if layers and role in ("annotation", "door", "other"):
-            role = "wall"
-        chosen = (not layers or _fits(name, layers)) and not _fits(name, without)
-        kinds[name] = role if chosen else "left out"
+    kinds = {name: _role(name, layers, without) for name in names}
     roles = [kinds[mark.layer, mark.names] for mark in marks]
     return [
         "dashed" if mark.dashed and role in ("other", "furniture") else role
         for mark, role in zip(marks, roles, strict=True)
     ]
+
+
+def _role(name: tuple[str, tuple[str, ...]], layers: Sequence[str], without: Sequence[str]) -> str:
+    """The role of a layer, given by its names and by the patterns that were chosen."""
+    if _fits(name, without) or (layers and not _fits(name, layers)):
+        return "left out"
+    role = role_of(*name[1])
+    return "wall" if layers and role in ("annotation", "door", "other") else role
 
 
 def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
@@ -189,25 +193,27 @@ def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
     return any(fnmatch(word, pattern.casefold()) for word in each for pattern in patterns)
 
 
-def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
-    """The roles, where areas that are floors are said to be that: thick, and pale or drawn on."""
+def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
+    """The roles, with areas that are floors or doorways: floors are thick, and pale or drawn on."""
     shapes = [mark.shape for mark in marks]
     tree = shapely.STRtree(shapes)
     roles = list(roles)
-    thin = list[int]()
-    for number, (mark, role) in enumerate(zip(marks, roles, strict=True)):
-        area = mark.shape.area
-        edge = mark.shape.length
-        stands = role in STANDS and role != "furniture" and is_area(mark.shape)
-        if stands and 2.0 * area > THICKEST * edge:
-            # What is darker is a solid house.
-            pale = mark.contrast < 0.45 and role != "wall"
-            if pale or (tree.query(mark.shape, predicate="contains_properly") > number).any():
+    stands = [
+        number
+        for number, role in enumerate(roles)
+        if role in STANDS and role != "furniture" and is_area(shapes[number])
+    ]
+    for number in stands:
+        shape = shapes[number]
+        if 2.0 * shape.area > THICKEST * shape.length:
+            pale = marks[number].contrast < FLOOR and roles[number] != "wall"
+            inner = tree.query(shape, predicate="contains_properly")
+            if pale or (inner > number).any():
                 roles[number] = "floor"
-        elif stands and mark.contrast < PALE and 2.0 * area < THICKEST_WALL * edge:
-            thin.append(number)
-    for number in thin:
-        _open_doorway(marks, roles, number, tree.query(shapes[number], "dwithin", distance=SLIVER))
+    for number in stands:
+        shape = shapes[number]
+        if marks[number].contrast < PALE and 2.0 * shape.area < THICKEST_WALL * shape.length:
+            _open_doorway(marks, roles, number, tree.query(shape, "dwithin", distance=SLIVER))
     return roles
 
 
@@ -217,11 +223,7 @@ def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -
     Lines that end in it are its leaf; without one, it has floors on both sides.
     """
     shape = marks[number].shape
-    dark = [marks[n].shape for n in near if is_area(marks[n].shape) and marks[n].contrast > 0.6]
-    wall = shapely.union_all(shapely.intersection(dark, shape.buffer(2.0 * SIDE)))
-    # Along its sides a sliver of the wall may be left.
-    ends = shape.boundary.intersection(wall.buffer(-SLIVER).buffer(1.5 * SLIVER))
-    if ends.length > 0.5 * shape.length or len(shapely.get_parts(shapely.line_merge(ends))) < 2:
+    if not _divides(shape, marks, near):
         return
     lines = [n for n in near if roles[n] == "other" and not is_area(marks[n].shape)]
     short = [n for n in lines if marks[n].shape.length < 2.0]
@@ -232,23 +234,55 @@ def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -
             roles[each] = "door"
 
 
+def _divides(shape: Any, marks: list[Mark], near: Int) -> bool:
+    """Whether an area divides a dark wall among the marks near it, which meets two of its sides."""
+    dark = [marks[n].shape for n in near if is_area(marks[n].shape) and marks[n].contrast > DARK]
+    wall = shapely.union_all(shapely.intersection(dark, shape.buffer(2.0 * SIDE)))
+    # Along its sides a sliver of the wall may be left.
+    ends = shape.boundary.intersection(wall.buffer(-SLIVER).buffer(1.5 * SLIVER))
+    sides = shapely.get_parts(shapely.line_merge(ends))
+    return bool(ends.length <= 0.5 * shape.length and len(sides) > 1)
+
+
+def _pieces(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
+    """Lines with their roles: the outlines of areas that stand, and other lines outside of them."""
+    solids = _solids(marks, roles)
+    large = [shape for shape, _ in solids if shape.length > CUTTING]
+    solid = shapely.union_all(large).buffer(OUTLINE)
+    shapely.prepare(solid)
+    pieces = list[tuple[Any, str]]()
+    for mark, role in zip(marks, roles, strict=True):
+        if role not in STANDS:
+            pieces.append((mark.shape, role))
+        elif not is_area(mark.shape):
+            cut = solid.intersects(mark.shape)
+            pieces.append((mark.shape.difference(solid) if cut else mark.shape, role))
+    return pieces + [(shape.boundary, role) for shape, role in solids]
+
+
 def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
     """The areas that stand, joined where they touch, each with its role."""
-    solids = list[tuple[Any, str]]()
     areas = [(mark.shape, r) for mark, r in zip(marks, roles, strict=True) if is_area(mark.shape)]
     doorways = shapely.union_all([shape for shape, role in areas if role == "doorway"])
     open_ = doorways.buffer(1.5 * SLIVER, join_style="mitre")
-    for name, group in (("wall", ("wall", "window", "other")), ("furniture", ("furniture",))):
-        members = [(shape, role) for shape, role in areas if role in group]
-        if not members:
-            continue
-        shapes = np.array([shape for shape, _ in members])
-        whole = shapely.union_all(shapes).difference(open_)
-        parts = [each for each in shapely.get_parts(whole) if is_area(each)]
-        known = shapely.STRtree(shapes[[role != "other" for _, role in members]])
-        named = set(known.query(parts, predicate="intersects")[0].tolist())
-        solids += [(part, name if n in named else "other") for n, part in enumerate(parts)]
-    return solids
+    walls = [(shape, role) for shape, role in areas if role in ("wall", "window", "other")]
+    furniture = [(shape, role) for shape, role in areas if role == "furniture"]
+    return _joined(walls, "wall", open_) + _joined(furniture, "furniture", open_)
+
+
+def _joined(areas: list[tuple[Any, str]], name: str, open_: Any) -> list[tuple[Any, str]]:
+    """Areas with their roles, joined where they touch, without what is open.
+
+    A part has the name where a layer gives one of its areas a role, else it is ``other``.
+    """
+    if not areas:
+        return []
+    shapes = np.array([shape for shape, _ in areas])
+    whole = shapely.union_all(shapes).difference(open_)
+    parts = [each for each in shapely.get_parts(whole) if is_area(each)]
+    known = shapely.STRtree(shapes[[role != "other" for _, role in areas]])
+    named = set(known.query(parts, predicate="intersects")[0].tolist())
+    return [(part, name if number in named else "other") for number, part in enumerate(parts)]
 
 
 def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Int, Int, Any]:

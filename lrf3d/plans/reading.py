@@ -1,4 +1,4 @@
-"""The door of plans: a drawing or a picture of a floor plan enters, what was understood leaves."""
+"""Reading plans: the file of a drawing or a picture enters, its walls and doors leave."""
 
 from importlib import import_module
 from pathlib import Path
@@ -49,4 +49,4 @@ def plan_of_file(
         return read_picture(path, **options).scaled(scale)
     draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
     found = draw(path, scale, **options)
-    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
+    return found if isinstance(found, Plan) else plan_of(found, layers, without)

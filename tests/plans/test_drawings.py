@@ -157,7 +157,7 @@ def test_the_lines_of_a_multiline_are_walls(tmp_path):
     assert world.bounds == pytest.approx(np.array([[0, -1], [11, 5]]))
 
 
-def test_what_a_dxf_drawing_hides_is_no_wall(tmp_path):
+def test_hidden_parts_of_a_dxf_drawing_are_not_walls(tmp_path):
     def draw(space):
         doc = space.doc
         block = doc.blocks.new("hall")

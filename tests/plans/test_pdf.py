@@ -82,7 +82,7 @@ def test_a_scanned_page_is_read_as_a_picture(tmp_path):
         load_world(tmp_path / "a.pdf", threshold=40)
 
 
-def test_a_pale_area_that_parts_a_dark_wall_is_a_doorway(tmp_path):
+def test_a_pale_area_that_divides_a_dark_wall_is_a_doorway(tmp_path):
     # Two floors and two walls; in the first a door with its leaf and an open passage, in the second
     # a window.
     floors = ".8 g 0 0 144 33 re f 0 39 144 27 re f 0 g 0 33 144 6 re f 0 66 144 6 re f"

@@ -141,7 +141,7 @@ def test_the_threshold_is_found_or_given(tmp_path):
         Sheet().read(tmp_path, "empty.png")
 
 
-def test_what_is_small_and_loose_is_no_wall_but_pillars_are(tmp_path):
+def test_small_loose_parts_are_not_walls_but_pillars_are(tmp_path):
     sheet = Sheet()
     sheet.walls()
     sheet.box(5.0, 5.0, 5.3, 5.3, fill=(0, 0, 0))
@@ -164,7 +164,7 @@ def test_a_very_large_picture_is_read_coarser_and_keeps_its_lines(paper, tmp_pat
     assert world.bounds == pytest.approx(np.array([[1, 1], [10, 7]]), abs=0.06)
 
 
-def test_a_maze_of_centimetres_is_no_hatching(tmp_path):
+def test_a_maze_of_centimetres_is_not_hatching(tmp_path):
     sheet = Sheet()
     for x in range(10):
         sheet.draw.line(
@@ -177,7 +177,7 @@ def test_a_maze_of_centimetres_is_no_hatching(tmp_path):
     assert len(small.segments) >= 10 * 4
 
 
-def test_what_a_sheet_holds_beside_a_plan_is_no_wall(tmp_path):
+def test_parts_of_a_sheet_next_to_a_plan_are_not_walls(tmp_path):
     sheet = Sheet()
     sheet.walls()
     plain = sheet.read(tmp_path)
@@ -212,7 +212,7 @@ def test_a_door_with_thresholds_stands_open_where_its_leaf_and_arc_are_drawn(fac
     assert off(world) < 0.06 and find_route(world).notes == ()
 
 
-def test_the_space_between_a_solid_wall_and_an_axis_is_no_wall(tmp_path):
+def test_the_space_between_a_solid_wall_and_an_axis_is_not_a_wall(tmp_path):
     sheet = Sheet()
     sheet.walls()
     plain = sheet.read(tmp_path)
@@ -248,7 +248,7 @@ def test_a_photograph_without_a_plan_is_refused_and_lettering_is_doubted(tmp_pat
         load_world(tmp_path / "dots.png", resolution=SIDE)
 
 
-def test_a_square_shaft_with_a_label_in_its_corner_is_no_door(tmp_path):
+def test_a_square_shaft_with_a_label_in_its_corner_is_not_a_door(tmp_path):
     sheet = Sheet()
     sheet.walls(faces=True)
     sheet.box(3.8, 0.3, 5.0, 1.5, outline=(0, 0, 0), width=2)
@@ -260,7 +260,7 @@ def test_a_square_shaft_with_a_label_in_its_corner_is_no_door(tmp_path):
     assert labelled.bounds == pytest.approx(plain.bounds)
 
 
-def test_round_letters_are_no_columns(tmp_path):
+def test_round_letters_are_not_columns(tmp_path):
     sheet = Sheet()
     sheet.walls()
     sheet.box(8.0, 5.0, 8.3, 5.3, fill=0)
@@ -273,7 +273,7 @@ def test_round_letters_are_no_columns(tmp_path):
         assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
 
 
-def test_what_closes_no_room_is_doubted_but_not_a_town_or_an_open_room(tmp_path):
+def test_a_picture_that_closes_no_room_is_doubted_unless_it_is_a_town_or_an_open_room(tmp_path):
     def doubted(sheet, name):
         with pytest.warns(Lrf3dNote) as notes:
             sheet.read(tmp_path, f"{name}.png")
@@ -307,7 +307,7 @@ def test_solid_blocks_in_a_paler_ink_are_furniture(ink, tmp_path):
     assert shapely.multipoints(low).bounds == pytest.approx((0.5, 0.5, 7.0, 6.0), abs=0.04)
 
 
-def test_specks_in_rooms_make_them_no_walls(tmp_path):
+def test_rooms_with_specks_are_not_walls(tmp_path):
     sheet = Sheet()
     sheet.walls(faces=True)
     sheet.furnish()

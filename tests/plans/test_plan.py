@@ -14,7 +14,9 @@ from ezdxf.math import Vec2
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
 from lrf3d.plans.reading import read_plan
-from lrf3d.plans.rules.symbols import is_pattern
+from lrf3d.plans.rules.patterns import is_pattern
+from lrf3d.plans.rules.strokes import RULES
+from lrf3d.studio.figures.figures import draw_world
 from lrf3d.world import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
@@ -53,7 +55,7 @@ SYMBOLS = {
 
 
 @pytest.mark.parametrize("name", SYMBOLS)
-def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp_path):
+def test_frames_patterns_arrows_and_leaves_without_an_arc_are_not_walls(name, tmp_path):
     # Two rooms with walls of .2 m and a door of .9 m, tables, and a window of six lines.
     door = [(4.8, 0.2), (4.8, 2), (5.2, 2), (5.2, 0.2), (9.8, 0.2), (9.8, 6.8), (5.2, 6.8)]
     door += [(5.2, 2.9), (4.8, 2.9), (4.8, 6.8), (0.2, 6.8), (0.2, 0.2), (4.8, 0.2)]
@@ -73,6 +75,35 @@ def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp
     with pytest.warns(Lrf3dNote, match=name):
         world = dxf(tmp_path, lambda space: draw(space, [*plain, *SYMBOLS[name]]))
     assert np.array_equal(world.segments, walls)
+
+
+def test_each_rule_has_a_name_and_a_sentence():
+    assert len({rule.name for rule in RULES}) == len(RULES)
+    assert all(rule.what[0].isupper() and rule.what.endswith(".") for rule in RULES)
+
+
+def test_what_each_rule_left_out_is_drawn_with_its_name(tmp_path):
+    lines = [ring(0, 0, 10, 7), *SYMBOLS["frame line"], *SYMBOLS["pattern line"]]
+    dxf(tmp_path, lambda space: [space.add_lwpolyline(line) for line in lines])
+    plan = read_plan(tmp_path / "a.dxf")
+    assert {name: len(strokes) for name, strokes in plan.left.items()} == {
+        "frame line": 13,
+        "pattern line": 14,
+    }
+    assert np.array_equal(plan.scaled(2.0).left["frame line"], 2.0 * plan.left["frame line"])
+    figure = draw_world(plan.world(tmp_path / "a.dxf"), plan=plan)
+    names = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"left out: frame lines", "left out: pattern lines"} <= names
+
+
+def test_strokes_of_layers_that_are_not_walls_have_a_rule_of_their_own(tmp_path):
+    def draw(space):
+        space.add_line((0, 0), (4, 0))
+        space.add_line((0, 1), (4, 1), dxfattribs={"layer": "A-ANNO-DIMS"})
+
+    dxf(tmp_path, draw)
+    left = read_plan(tmp_path / "a.dxf").left
+    assert left["layer stroke"].tolist() == [[0, 1, 4, 1]] and len(left) == 1
 
 
 TWO_ROOMS = [ring(0, 0, 10, 7), ring(0.2, 0.2, 4.9, 6.8), ring(5.2, 0.2, 9.8, 6.8)]
@@ -163,7 +194,7 @@ def test_layers_are_taken_by_their_names_or_as_chosen(tmp_path):
         load_world(path, layers=["A-GLAZ"])
 
 
-def test_words_that_are_drawn_as_lines_are_no_walls(tmp_path):
+def test_words_drawn_as_lines_are_not_walls(tmp_path):
     letters = " M1 5v-.3h.2 M1.3 5v-.3 M1.4 5h.2v-.3h-.2z M1.7 5v-.3h.15v.15h-.15"
     columns = "".join(f"M{x} 8h.3v.3h-.3z" for x in (1, 1.4, 1.8, 2.2))
     looks = 'style="fill: none; stroke: red; stroke-width: .1"'
@@ -186,9 +217,7 @@ def test_words_that_are_drawn_as_lines_are_no_walls(tmp_path):
         ("utf-8", "Stěny", "中心線寸法"),
     ],
 )
-def test_names_in_a_code_page_that_is_not_declared_are_read_as_known_words(
-    page, wall, axis, tmp_path
-):
+def test_layer_names_in_an_undeclared_code_page_are_read_as_known_words(page, wall, axis, tmp_path):
     drawing = ezdxf.new("R2000")
     for number, layer in enumerate((wall, axis, "0")):
         space = drawing.modelspace()
@@ -214,7 +243,7 @@ def test_plans_that_stand_apart_are_reported(tmp_path):
     dxf(tmp_path, draw, units.MM)
 
 
-def test_a_pattern_is_found_beside_more_lines_than_can_be_compared():
+def test_a_pattern_is_found_among_more_lines_than_can_be_compared():
     turns = np.linspace(0.0, np.pi, 2400, endpoint=False)
     ways = 0.2 * np.column_stack([np.cos(turns), np.sin(turns)])
     rungs = 0.1 * np.arange(12)

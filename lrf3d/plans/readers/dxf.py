@@ -16,7 +16,7 @@ import shapely
 
 from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
-from lrf3d.plans.canvas import CURVE_ERROR, Canvas, Mark
+from lrf3d.plans.canvas import CURVE_ERROR, PALEST, Canvas, Mark, contrast_to_white
 from lrf3d.plans.rules.layers import rename
 
 # It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
@@ -29,10 +29,10 @@ with redirect_stdout(StringIO()):
     from ezdxf.enums import InsertUnits
     from ezdxf.filemanagement import readfile
 
-# A white that no drawing uses: just wipeouts have it.
+# A white that no drawing uses, so that wipeouts alone have it.
 PAPER = "#fefdfb"
 
-# Entities that are no walls, by what they are called in the line that counts them.
+# Entities that are not walls, and what the line that counts them calls them.
 LEFT_OUT = {
     **dict.fromkeys(("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"), "text"),
     **dict.fromkeys(("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION"), "dimension"),
@@ -65,18 +65,18 @@ def draw(path: Path, scale: float) -> Canvas:
     filled = (layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout))
     if (layout := next(filled, None)) is not None:
         with redirect_stdout(StringIO()):
-            _Walker(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+            _EntityFilter(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
     rename(canvas, file.encoding)
     return canvas
 
 
-class _Walker(Frontend):
-    """Leaves out and counts what is no wall."""
+class _EntityFilter(Frontend):
+    """Leaves out and counts entities that are not walls."""
 
     def __init__(
         self, context: RenderContext, canvas: Canvas, scale: float, config: Configuration
     ) -> None:
-        self.painter = _Painter(canvas, scale)
+        self.painter = _EntityPainter(canvas, scale)
         super().__init__(context, self.painter, config)
         self.canvas = canvas
 
@@ -93,12 +93,11 @@ class _Walker(Frontend):
             super().draw_entity(entity, properties)
 
     def skip_entity(self, entity: Any, msg: str) -> None:
-        hidden = msg == "invisible"
         self.canvas.count()
-        self.canvas.left_out["hidden part" if hidden else entity.dxftype()] += 1
+        self.canvas.left_out["hidden part" if msg == "invisible" else entity.dxftype()] += 1
 
 
-class _Painter(Backend):
+class _EntityPainter(Backend):
     """Paints on a canvas what ezdxf draws."""
 
     def __init__(self, canvas: Canvas, scale: float) -> None:
@@ -121,16 +120,15 @@ class _Painter(Backend):
             self.canvas.line(self._points(part), mark)
 
     def draw_filled_paths(self, paths: Iterable[Any], properties: Any) -> None:
-        rings = [self._points(part) for path in paths for part in path.sub_paths()]
-        self._fill(rings, properties)
+        self._fill([self._points(part) for path in paths for part in path.sub_paths()], properties)
 
     def draw_filled_polygon(self, points: Any, properties: Any) -> None:
         self._fill([np.array(points.to_tuples()) * self.scale], properties)
 
     def _fill(self, rings: list[Float], properties: Any) -> None:
-        red, green, blue = bytes.fromhex(properties.color[1:7])
-        contrast = max(0.1, 1.0 - min(red, green, blue) / 255.0)
-        mark = self._mark(properties, 0.0 if properties.color == PAPER else contrast)
+        # What is white on the screen is printed, too.
+        seen = max(1.25 * PALEST, contrast_to_white(*bytes.fromhex(properties.color[1:7])))
+        mark = self._mark(properties, 0.0 if properties.color == PAPER else seen)
         opaque = properties.color[7:].lower() in ("", "ff")
         self.canvas.area(rings, mark._replace(opaque=opaque))
 

@@ -15,64 +15,85 @@ import shapely
 
 from lrf3d.base.errors import WorldError, missing_extra
 from lrf3d.geometry.lines import Float
-from lrf3d.plans.canvas import PALEST, Canvas, Mark, area_of, curve_points
+from lrf3d.plans.canvas import (
+    PALEST,
+    POINT,
+    UNKNOWN,
+    WHITE,
+    Canvas,
+    Mark,
+    area_of,
+    contrast_to_white,
+    curve_points,
+)
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.layers import rename
 
-# Objects that are not read, by pdfium's number of their type.
+try:
+    import pypdf
+    import pypdfium2
+except ImportError:
+    raise missing_extra("a PDF drawing needs pypdfium2 and pypdf", "pdf") from None
+
+# The functions of pdfium, as in C.
+raw: Any = pypdfium2.raw
+
+# What objects that are not read are called, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 
 # Number of lines and areas up to which a page with large pictures is a scanned one.
 MOST_ON_SCAN = 10
 
 
-def draw(
-    path: Path, scale: float, page: int = 1, threshold: float | None = None
-) -> "Canvas | Plan":
+def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None) -> Canvas | Plan:
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
-    try:
-        import pypdf
-        import pypdfium2
-    except ImportError:
-        raise missing_extra("a PDF drawing needs pypdfium2 and pypdf", "pdf") from None
     document = pypdfium2.PdfDocument(path)
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle = document[page - 1]
     file = pypdf.PdfReader(path)
-    point = 0.0254 / 72.0  # The unit of PDF [m].
-    unit = point * scale * float(file.pages[page - 1].user_unit)
-    left, bottom, right, top = handle.get_cropbox()
-    # Clockwise, as it is shown.
-    cosine, sine = [(1, 0), (0, -1), (-1, 0), (0, 1)][handle.get_rotation() // 90 % 4]
-    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    corners = np.array([[left, bottom, 1.0], [right, top, 1.0]]) @ matrix.T
-    matrix[:2, 2] = -corners[:, :2].min(axis=0)
-    matrix[:2] *= unit
-    size = np.ptp(corners[:, :2], axis=0) * unit
-    raw = pypdfium2.raw
+    unit = POINT * scale * float(file.pages[page - 1].user_unit)
+    matrix, size = _frame(handle, unit)
     canvas = Canvas.of_sheet(float(size.max()), scale)
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
-    painter = _Painter(raw, canvas, _hidden(file))
+    painter = _PagePainter(canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
     rename(canvas, "latin-1")
-    others = len(document) - 1
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
-    # A scan may have a border, and white paper below it.
-    few = lines <= MOST_ON_SCAN and painter.pictured > 0.5 * float(size.prod())
-    if painter.pictured and (few or not lines):
+    if _is_scanned(lines, painter.pictured, float(size.prod())):
         # Pixels of two centimetres, or 6,000 along a side.
         side = max(0.02, float(size.max()) / 6000)
         picture = handle.render(scale=unit / side).to_pil().convert("RGB")
         plan = plan_of_picture(np.asarray(picture), side, threshold)
-        return plan._replace(said=f"page {page} of {others + 1}, scanned: {plan.said}")
-    if not lines and others:
-        raise WorldError(f"page {page} of {others + 1} shows no line; --page chooses another")
-    canvas.left_out["other page"] = others
+        return plan._replace(said=f"page {page} of {len(document)}, scanned: {plan.said}")
+    canvas.left_out["other page"] = len(document) - 1
+    if not lines and len(document) > 1:
+        raise WorldError(f"page {page} of {len(document)} shows no line; --page chooses another")
     if threshold is not None:
         raise WorldError("is no scanned page: threshold is for pictures")
     return canvas
+
+
+def _frame(page: Any, unit: float) -> tuple[Float, Float]:
+    """The matrix (3, 3) from units of a page to metres, as it is shown, and its size (2,) [m]."""
+    left, bottom, right, top = page.get_cropbox()
+    # Clockwise, as it is shown.
+    cosine, sine = [(1, 0), (0, -1), (-1, 0), (0, 1)][page.get_rotation() // 90 % 4]
+    matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    corners = np.array([[left, bottom, 1.0], [right, top, 1.0]]) @ matrix.T
+    matrix[:2, 2] = -corners[:, :2].min(axis=0)
+    matrix[:2] *= unit
+    return matrix, np.ptp(corners[:, :2], axis=0) * unit
+
+
+def _is_scanned(lines: int, pictured: float, area: float) -> bool:
+    """Whether a page with lines and areas, and pictures [m²], was scanned.
+
+    A scan may have a border, and white paper below it.
+    """
+    few = lines <= MOST_ON_SCAN and pictured > 0.5 * area
+    return pictured > 0.0 and (few or not lines)
 
 
 def _hidden(file: Any) -> set[str]:
@@ -88,25 +109,23 @@ def _hidden(file: Any) -> set[str]:
 
 
 def _decoded(name: bytes) -> str:
-    """A name; one without a mark of its encoding is in that of old files, or in none."""
+    """A name; one without a mark of its encoding is decoded as in old files."""
     marks = {b"\xfe\xff": "utf-16", b"\xff\xfe": "utf-16", b"\xef\xbb": "utf-8-sig"}
     return name.decode(marks.get(name[:2], "latin-1"), "replace")
 
 
-class _Painter:
+class _PagePainter:
     """Paints the objects of a page on a canvas, without those on hidden layers."""
 
-    def __init__(self, raw: Any, canvas: Canvas, hidden: set[str]) -> None:
-        self.raw = raw
+    def __init__(self, canvas: Canvas, hidden: set[str]) -> None:
         self.canvas = canvas
         self.hidden = hidden
         self._clips = dict[bytes, Any]()
+        # Area [m²] of the pictures.
         self.pictured = 0.0
-        """Area [m²] of the pictures."""
 
     def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
-        raw = self.raw
         if depth > 50:
             raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
@@ -132,7 +151,6 @@ class _Painter:
                 self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
-        raw = self.raw
         width = ctypes.c_float()
         rule = ctypes.c_int()
         stroked = ctypes.c_int()
@@ -141,19 +159,23 @@ class _Painter:
         segments = (raw.FPDFPath_GetPathSegment(each, number) for number in range(count))
         raw.FPDFPageObj_GetStrokeWidth(each, width)
         wide = width.value * float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
-        fill = self._colour(raw.FPDFPageObj_GetFillColor, each, rule)
-        stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
         self.canvas.shape(
             self._lines(segments, matrix),
             Mark(None, layer, (layer,), dashed=raw.FPDFPageObj_GetDashCount(each) > 0),
             clip,
-            (*fill, rule.value == raw.FPDF_FILLMODE_WINDING),
-            (*stroke, wide, bool(raw.FPDFPageObj_GetLineCap(each))),
+            (
+                *self._colour(raw.FPDFPageObj_GetFillColor, each, rule),
+                rule.value == raw.FPDF_FILLMODE_WINDING,
+            ),
+            (
+                *self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked),
+                wide,
+                bool(raw.FPDFPageObj_GetLineCap(each)),
+            ),
         )
 
     def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:
         """The lines (k, 2) [m] of a path."""
-        raw = self.raw
         lines = list[list[Float]]()
         x = ctypes.c_float()
         y = ctypes.c_float()
@@ -177,8 +199,7 @@ class _Painter:
         return [np.concatenate(line) for line in lines]
 
     def _clip(self, each: Any, matrix: Float, clip: Any) -> Any:
-        """What the clip paths of an object leave of a clip."""
-        raw = self.raw
+        """The clip of an object: its clip paths within a clip."""
         own = raw.FPDFPageObj_GetClipPath(each)
         for path in range(raw.FPDFClipPath_CountPaths(own) if own else 0):
             count = raw.FPDFClipPath_CountPathSegments(own, path)
@@ -193,7 +214,6 @@ class _Painter:
 
     def _layer(self, each: Any) -> str:
         """The name of the layer in which an object stands."""
-        raw = self.raw
         name = b""
         for number in range(raw.FPDFPageObj_CountMarks(each)):
             mark = raw.FPDFPageObj_GetMark(each, number)
@@ -203,23 +223,22 @@ class _Painter:
 
     @staticmethod
     def _bytes(read: Any, *arguments: Any) -> bytes:
-        """What a function of pdfium writes into a buffer."""
+        """The bytes that a function of pdfium writes into a buffer."""
         size = ctypes.c_ulong()
         buffer = (ctypes.c_ubyte * 512)()
         read(*arguments, ctypes.cast(buffer, read.argtypes[-3]), 512, size)
         return bytes(buffer)[: min(size.value, 512)]
 
     def _matrix(self, each: Any) -> Float:
-        m = self.raw.FS_MATRIX()
-        self.raw.FPDFPageObj_GetMatrix(each, m)
+        m = raw.FS_MATRIX()
+        raw.FPDFPageObj_GetMatrix(each, m)
         return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])
 
     @staticmethod
     def _colour(read: Callable[..., Any], each: Any, used: Any) -> tuple[float, float]:
-        """How far a colour is from white, and how opaque it is where used, both from 0 to 1."""
+        """The contrast of a colour, and how opaque it is where used, both from 0 to 1."""
         *colours, alpha = channels = [ctypes.c_uint() for _ in range(4)]
         if not used.value or not read(each, *channels):
-            # The colour of a pattern is unknown.
-            return 0.3, 0.5 if used.value else 0.0
-        opaque = alpha.value / 255.0
-        return opaque * (1.0 - min(each.value for each in colours) / 255.0), opaque
+            return UNKNOWN, 0.5 if used.value else 0.0
+        opaque = alpha.value / WHITE
+        return opaque * contrast_to_white(*(each.value for each in colours)), opaque

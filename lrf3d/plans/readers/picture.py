@@ -1,4 +1,4 @@
-"""Worlds from pictures of floor plans: what differs from the paper, without what is no wall.
+"""Plans from pictures: walls are what differs from the paper, without doors, letters and floors.
 
 A wall has any colour that is far from the paper's, by a threshold that is found from the picture
 (Otsu 1979). Thick areas that are pale or coloured are floors. Two lines close to each other are the
@@ -19,6 +19,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, 
 from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
+from lrf3d.plans.canvas import WHITE
 from lrf3d.plans.plan import FURNITURE_HEIGHT, THICKEST, Plan
 from lrf3d.plans.rules.enclosure import closes_rooms
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
@@ -35,13 +36,30 @@ from lrf3d.world.grid_walls import (
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pixels import pixels_of
 
-# Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
-# and outlines of furniture are drawn thinner.
+# Thickness [m] of the thinnest walls in a plan that has thick ones; leaves of doors and outlines of
+# furniture are drawn thinner.
 THIN = 0.07
+
+# The same [pixels], for coarse pictures.
 LEAST = 3
 
-# Length [pixels] below which most pieces of walls are in photographs, lettering and patterns; in
-# plans they are half of the length at most.
+# Distance [pixels] within which cells are next to each other, also across a corner.
+RIM = 1.5
+
+# Distance [m] between parts that belong together: letters of a word, a line and the wall it meets.
+CLOSE = 0.1
+
+# Largest size [m] of a leaf and its arc together.
+LARGEST_DOOR = 1.4
+
+# Largest size [m] of a letter.
+LETTER = 0.6
+
+# Share of dark pixels in its box from which a part is solid.
+SOLID = 0.7
+
+# Length [pixels] of short pieces of walls: of photographs, lettering and patterns most are shorter,
+# of plans half of the length at most.
 SHORT = 12
 
 # Number of pixels above which a picture is made smaller.
@@ -71,25 +89,17 @@ def read_picture(
 def plan_of_picture(colours: Any, resolution: float, threshold: float | None) -> Plan:
     """The plan of a picture in colours (rows, columns, 3) from 0 to 255, the first row on top.
 
-    The threshold is the grey, from 0 to 255, from which on a pixel is paper; found if not given.
+    The threshold is the least grey of paper, from 0 to 255; it is found if not given.
     """
-    colours = colours[::-1]
-    # Of four pixels the darkest stays, on dark paper the lightest: thin lines are not lost.
-    stays = np.minimum if colours[::16, ::16].mean() > 127.0 else np.maximum
-    coarse = ""
-    while colours[..., 0].size > MOST_PIXELS:
-        rows = stays(colours[:-1:2], colours[1::2])
-        colours = stays(rows[:, :-1:2], rows[:, 1::2])
-        resolution = 2.0 * resolution
-        coarse = f"; read at {resolution:g} m a pixel"
-    even = evened(colours, 2.0 * THICKEST / resolution)
+    colours, side, coarse = _reduced(colours[::-1], resolution)
+    even = evened(colours, 2.0 * THICKEST / side)
     if even is not None:
         colours = even
         coarse = f"{coarse}; uneven light is evened, as on a photograph"
     contrast, lightness, key = contrast_of(colours)
-    found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
+    found = threshold_of(contrast) if threshold is None else (WHITE - threshold) / WHITE
     dark = contrast > found
-    pixels = 1.0 / resolution
+    pixels = 1.0 / side
     left_out = Counter[str]()
     stands = dark & ~_marked(colours, dark, left_out)
     # A thick area is a floor if it is pale.
@@ -99,14 +109,12 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     walls = walls & ~pale
     furniture = furniture | pale
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
-    segments = np.concatenate(parts) * resolution
-    darker = f"darker than grey {255.0 * (1.0 - found):.0f} of 255"
+    segments = np.concatenate(parts) * side
+    darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
-    how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     doubt = ""
-    long = lengths(segments)
-    if len(long) > 100 and 2.0 * long[long < SHORT * resolution].sum() > long.sum():
+    if _is_in_pieces(lengths(segments), SHORT * side):
         doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
         if even is not None and threshold is None:
             held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
@@ -114,14 +122,35 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
             raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
     elif not closes_rooms(walls, thin[0], pixels):
         doubt = "hardly any of it closes a room: is it a plan? "
+    how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
-        rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
+        left={"dark part": _rows(dark & ~grown(walls | furniture, RIM)) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
         said=f"{doubt}walls are {darker}{how}{coarse}",
-        gap=0.5 * resolution,
+        gap=0.5 * side,
     )
+
+
+def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
+    """A picture that is not too large, by halves, the side of its pixels [m], and a note on it.
+
+    Of four pixels the darkest stays, on dark paper the lightest: thin lines are not lost.
+    """
+    coarse = ""
+    stays = np.minimum if colours[::16, ::16].mean() > 127.0 else np.maximum
+    while colours[..., 0].size > MOST_PIXELS:
+        rows = stays(colours[:-1:2], colours[1::2])
+        colours = stays(rows[:, :-1:2], rows[:, 1::2])
+        side = 2.0 * side
+        coarse = f"; read at {side:g} m a pixel"
+    return colours, side, coarse
+
+
+def _is_in_pieces(long: Float, short: float) -> bool:
+    """Whether half of the length of many walls (n,) is in short ones."""
+    return len(long) > 100 and bool(2.0 * long[long < short].sum() > long.sum())
 
 
 def _rows(cells: Bool) -> Float:
@@ -145,18 +174,21 @@ def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool
 def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, Bool, list[Float]]:
     """Which pixels are walls and which furniture, and thin walls and sides of furniture (n, 4).
 
-    There are so many pixels in a metre.
+    Args:
+        drawn: Which pixels are dark, without floors.
+        pixels: Pixels per metre.
+        left_out: The number of things of each kind that are left out, which is added here.
     """
     drawn = drawn & ~_frame(drawn, pixels, left_out)
     drawn = drawn & ~_doors(drawn, pixels, left_out)
     dark = _filled(drawn, pixels, left_out)
-    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    solid = _opened(dark, _half_thin(pixels))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
     building = _building(solid, pixels)
     # In a plan of thin lines, thick parts are lettering, or some columns.
     share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
-        strokes = dark & ~grown(solid, 1.5)
+        strokes = dark & ~grown(solid, RIM)
         left_out["outside part"] = parts_of((strokes | solid) & ~building)[1]
         thin = _thin_walls(strokes & building, solid, pixels, left_out)
         thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
@@ -178,7 +210,7 @@ def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
     # The rim of a coloured line may be greyish.
     loose[np.unique(parts[grown(_opened(grey, 1.0), 2.0)])] = loose[0] = False
     left_out["coloured part"] = int(loose.sum())
-    return np.asarray(grown(loose[parts], 1.5))
+    return np.asarray(grown(loose[parts], RIM))
 
 
 def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
@@ -197,7 +229,7 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     owner = np.repeat(
         np.append(np.flatnonzero(large), np.flatnonzero(~large)), [len(each) for each in lines]
     )
-    # On a sheet, thick walls stand beside thin lines.
+    # On a sheet, there are thick walls and thin lines.
     thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
     sheet = extent_of(thick) > 0.3 * extent_of(drawn)
     found = is_frame(np.concatenate(lines) / pixels, sheet)
@@ -207,7 +239,7 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
 
 
 def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
-    """The pixels of leaves, arcs and thresholds that enclose quarters of discs: doors swing there.
+    """The pixels of leaves, arcs and thresholds around quarters of discs, in which doors swing.
 
     The space between two thresholds is as long as the door is wide.
     """
@@ -218,7 +250,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     least = sides.min(axis=1)
     most = sides.max(axis=1)
     opened = np.zeros(count + 1, dtype=bool)
-    door = (least > 0.5 * pixels) & (most < 1.4 * pixels) & (least > 0.8 * most)
+    door = (least > 0.5 * pixels) & (most < LARGEST_DOOR * pixels) & (least > 0.8 * most)
     for place in np.flatnonzero(door):
         own = parts[boxes[place]] == place + 1
         y, x = ((np.arange(side) + 0.5) / side for side in own.shape)
@@ -240,18 +272,18 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     parts, count = label(~drawn)
     walls = _radii(drawn, parts, count) < 0.5 * THICKEST * pixels
     walls[np.unique(parts[inside | drawn])] = False
-    solid = _opened(drawn, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    solid = _opened(drawn, _half_thin(pixels))
     return np.asarray(
-        drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, 1.5)
+        drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM)
     )
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
-    """The cells of the building and next to it, without legends and others that stand beside it.
+    """The cells of the building and next to it, without legends and others that stand next to it.
 
     It is what the largest part of the walls surrounds, unless others are as large.
     """
-    parts, _ = parts_of(grown(solid, 0.1 * pixels))
+    parts, _ = parts_of(grown(solid, CLOSE * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))
     owner = parts[tuple(edge.T)]
     edge = edge[order := np.argsort(owner, kind="stable")]
@@ -294,12 +326,10 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
     parts, count = parts_of(strokes)
     box = sides_of(parts)
     meets = np.isin(np.arange(1, count + 1), parts[grown(solid, 3.0)])
-    # Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
-    # strokes stays.
-    door = 1.4
-    long = 0.7
-    large = (box.max(axis=1) > door * pixels) & (meets | (box.min(axis=1) > long * pixels))
-    # A line for itself is one of a dimension.
+    # Length [m] from which a side of large strokes stays.
+    long = LARGEST_DOOR / 2.0
+    large = (box.max(axis=1) > LARGEST_DOOR * pixels) & (meets | (box.min(axis=1) > long * pixels))
+    # An isolated line is one of a dimension.
     left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
     sides = walls_of_grid(np.append(False, large)[parts])
     sides = sides[lengths(sides) >= long * pixels]
@@ -308,35 +338,33 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
     sides = sides + 2.5 * np.hstack([-along, along])
     gaps = distance_transform_edt(~solid)
     ends = np.clip(np.floor(sides.reshape(-1, 2)).astype(int), 0, np.array(solid.shape)[::-1] - 1)
-    meets = (gaps[ends[:, 1], ends[:, 0]] < 0.1 * pixels).reshape(-1, 2)
+    meets = (gaps[ends[:, 1], ends[:, 0]] < CLOSE * pixels).reshape(-1, 2)
     return [sides[meets.all(axis=1)], sides[~meets.all(axis=1)]]
 
 
 def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
-    """Take small loose parts out of the solid ones; returns those that are furniture."""
+    """Take small loose parts out of the solid pixels in place; return those that are furniture."""
     parts, count = parts_of(solid)
     sides = sides_of(parts)
     area, inked = (np.bincount(parts[of], minlength=count + 1)[1:] for of in (solid, solid & drawn))
     space = sides.prod(axis=1)
-    letter = 0.6  # Largest size [m] of a letter.
-    small = sides.max(axis=1) <= min(letter * pixels, 0.04 * extent_of(solid))
+    small = sides.max(axis=1) <= min(LETTER * pixels, 0.04 * extent_of(solid))
     # The letters of a word may touch: the outline of such a part is long.
     edges: Any = sum(
         np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
         for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
     )
-    small |= (sides.min(axis=1) <= letter * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
+    small |= (sides.min(axis=1) <= LETTER * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other, and to the thin strokes of others.
-    strokes, _ = parts_of(drawn & ~grown(solid, 1.5))
-    thin = np.append(False, sides_of(strokes).max(axis=1) <= letter * pixels)[strokes]
-    words, _ = parts_of(grown(np.append(False, small)[parts] | thin, 0.1 * pixels))
+    strokes, _ = parts_of(drawn & ~grown(solid, RIM))
+    thin = np.append(False, sides_of(strokes).max(axis=1) <= LETTER * pixels)[strokes]
+    words, _ = parts_of(grown(np.append(False, small)[parts] | thin, CLOSE * pixels))
     word = np.zeros(count + 1, dtype=np.int64)
     word[parts[solid]] = words[solid]
     word = word[1:]
     alone = (np.bincount(word, minlength=1)[word] == 1) & ~np.isin(word, words[thin])
-    full = 0.7  # Share of dark pixels in its box from which on a part is solid.
-    stands = (area >= full * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
-    hollow = (inked < full * area) & (sides.max(axis=1) <= 0.3 * extent_of(solid))
+    stands = (area >= SOLID * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
+    hollow = (inked < SOLID * area) & (sides.max(axis=1) <= 0.3 * extent_of(solid))
     out = small & ~stands
     left_out["small part"] = int(out.sum())
     solid &= ~np.append(False, out)[parts]
@@ -349,9 +377,9 @@ def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
     sides = sides_of(parts)
     area = np.bincount(parts.ravel(), minlength=count + 1)[1:]
     block = (sides.min(axis=1) > 0.3 * pixels) & (sides.max(axis=1) < 3.0 * pixels)
-    block &= area > 0.7 * sides.prod(axis=1)
+    block &= area > SOLID * sides.prod(axis=1)
     # The rim of what is dark is pale.
-    inner = parts * (dark & ~grown(~dark, 1.5))
+    inner = parts * (dark & ~grown(~dark, RIM))
     held, shade = (
         np.bincount(inner.ravel(), weights, count + 1)[1:] for weights in (None, lightness.ravel())
     )
@@ -367,27 +395,27 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     radius[[0, *on_border(parts)]] = np.inf
     area = np.bincount(parts.ravel(), minlength=count + 1)
     narrow = radius <= most
-    # Tiles and stairs that fill a place are no wall. The space in a wall is long.
+    # Tiles and stairs that fill a place are not walls. The space in a wall is long.
     small = area < 24.0 * np.minimum(radius, 1e6) ** 2
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
         return dark
-    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
-    # Between a solid wall and a line is no wall: both of its faces are lines.
+    solid = _opened(dark, _half_thin(pixels))
+    # The space between a solid wall and a line is not a wall: both of its faces are lines.
     rim = grown(dark, 1.0) & narrow[parts]
-    by_solid = np.bincount(parts[rim & grown(solid, 1.5)], minlength=count + 1)
+    by_solid = np.bincount(parts[rim & grown(solid, RIM)], minlength=count + 1)
     share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
     narrow &= (share < 0.2) | (share > 0.8)
     compact: Bool = (narrow & small)[parts]
     room = _opened(dark | compact, 0.55 * THICKEST * pixels)
-    pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
+    pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), RIM)
     places, number = parts_of(pattern)
-    # A line beside a wall is none.
+    # One line next to a wall is not a pattern.
     gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
     many = np.bincount(gaps, minlength=number + 1) >= 5
     left_out["floor pattern"] = int(many[1:].sum())
-    # Of two spaces that are too thick together, the wider one is beside a wall.
+    # Of two spaces that are too thick together, the wider one is outside of the wall.
     thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
     held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
     for place in np.unique(held[0]):
@@ -395,6 +423,11 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
     return np.asarray((dark | (narrow[parts] & ~(compact & pattern))) & ~many[places])
+
+
+def _half_thin(pixels: float) -> float:
+    """Half of the thickness [pixels] of the thinnest walls."""
+    return max(0.5 * THIN * pixels, 0.5 * LEAST)
 
 
 def _opened(cells: Bool, radius: float) -> Bool:

@@ -22,19 +22,46 @@ import tinycss2
 
 from lrf3d.base.errors import WorldError, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
-from lrf3d.plans.canvas import Canvas, Mark, curve_points, is_area
+from lrf3d.plans.canvas import (
+    FAINT,
+    INCH,
+    POINT,
+    UNKNOWN,
+    WHITE,
+    Canvas,
+    Mark,
+    contrast_to_white,
+    curve_points,
+    is_area,
+)
 
-# The unit of numbers without one [m]: 1/96 in.
-PIXEL = 0.0254 / 96.0
+# The unit of numbers without one [m].
+PIXEL = INCH / 96.0
 
-UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
-UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "em": 16.0 * PIXEL}
-"""Metres in the units of lengths."""
+# Metres in the units of lengths.
+UNITS = {
+    "": PIXEL,
+    "px": PIXEL,
+    "m": 1.0,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "q": 0.25e-3,
+    "in": INCH,
+    "pt": POINT,
+    "pc": 12.0 * POINT,
+    "em": 16.0 * PIXEL,
+}
 
+# Upper bound on the depth of groups and uses within each other.
+DEEPEST = 100
+
+# Properties that an element takes over from those around it.
 INHERITED = frozenset(
     "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
     " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
+
+# Elements that are painted, and their classes of svgelements.
 SHAPES = {
     "path": svgelements.Path,
     "rect": svgelements.Rect,
@@ -44,17 +71,21 @@ SHAPES = {
     "polyline": svgelements.Polyline,
     "polygon": svgelements.Polygon,
 }
+
+# Elements that are not read, and what they are called.
 COUNTED = {"text": "text", "image": "picture", "foreignObject": "picture"}
+
+# Elements that hold others.
 GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
 
 
 class State(NamedTuple):
-    """What an element gets from those around it."""
+    """What an element inherits from those around it."""
 
+    # From its units to metres (3, 3).
     matrix: Float
-    """From its units to metres (3, 3)."""
+    # Of the viewport, of which lengths in % are parts.
     size: tuple[float, ...]
-    """Of the viewport, of which lengths in % are parts."""
     style: dict[str, str] = {}  # noqa: RUF012 - never changed.
     clip: Any = None
     alpha: float = 1.0
@@ -74,7 +105,7 @@ def draw(path: Path, scale: float) -> Canvas:
     width, height = _size(root)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
     by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
-    painter = _Painter(canvas, _style_sheet(root), by_id)
+    painter = _ElementPainter(canvas, _style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
     up[1, 2] = scale * PIXEL * height
     state = _framed(root, (0.0, 0.0, width, height), State(up, (width, height)))
@@ -82,12 +113,12 @@ def draw(path: Path, scale: float) -> Canvas:
     return canvas
 
 
-class _Painter(NamedTuple):
+class _ElementPainter(NamedTuple):
     """Paints elements on a canvas."""
 
     canvas: Canvas
+    # The properties that style sheets give to elements.
     sheet: dict[Element, dict[str, str]]
-    """The properties that style sheets give to elements."""
     by_id: dict[str, Element]
 
     def state(self, element: Element, outer: State, transformed: bool = True) -> State:
@@ -96,22 +127,18 @@ class _Painter(NamedTuple):
         own |= self.sheet.get(element, {}) | _declarations(element.get("style", ""))
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
-        turned = transformed and style.get("transform", "none") != "none"
-        matrix = outer.matrix @ _transform(style, outer.size) if turned else outer.matrix
-        label = next((v for k, v in own.items() if k.endswith("}label")), "")
-        names = (label, own.get("data-name", ""), own.get("id", ""), own.get("class", ""))
-        named = next(filter(None, names), "")
-        chosen = label if any(v == "layer" for k, v in own.items() if k.endswith("mode")) else ""
+        names, layer = _named(_tag(element), own, outer)
         state = outer._replace(
-            matrix=matrix,
             style=style,
             alpha=outer.alpha * _share(style.get("opacity", "1")),
-            names=tuple(filter(None, names)) + outer.names,
-            layer=chosen or outer.layer or (named if _tag(element) in GROUPS else ""),
+            names=names,
+            layer=layer,
             depth=outer.depth + 1,
         )
-        if state.depth > 100:
-            raise WorldError("has groups or uses within each other, more than 100 deep")
+        if transformed and style.get("transform", "none") != "none":
+            state = state._replace(matrix=outer.matrix @ _transform(style, outer.size))
+        if state.depth > DEEPEST:
+            raise WorldError(f"has groups or uses within each other, more than {DEEPEST} deep")
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -131,8 +158,7 @@ class _Painter(NamedTuple):
         if name not in SHAPES and name not in GROUPS:
             return
         state = self.state(element, outer)
-        hidden = name in SHAPES and state.style.get("visibility", "visible") != "visible"
-        if hidden or state.style.get("display") == "none" or state.alpha < 0.02:
+        if _is_hidden(name, state):
             self.canvas.left_out["hidden part"] += 1
         elif name in SHAPES:
             self._shape(element, state)
@@ -151,9 +177,8 @@ class _Painter(NamedTuple):
         if target is None:
             self.canvas.left_out["unresolved use"] += 1
             return
-        x = _length(element, "x", state.size[0])
-        y = _length(element, "y", state.size[1])
-        state = state._replace(matrix=state.matrix @ _moved(x, y))
+        place = (_length(element, key, side) for key, side in zip("xy", state.size, strict=True))
+        state = state._replace(matrix=state.matrix @ _moved(*place))
         if _tag(target) == "symbol":
             inner = self.state(target, state)
             self.children(target, _viewport(target, element, inner, placed=True))
@@ -161,7 +186,7 @@ class _Painter(NamedTuple):
             self.paint(target, state)
 
     def _clipped(self, key: str, text: str, state: State) -> Any:
-        """What a clip path or a mask leaves of the clip of a state."""
+        """The clip of a state within a clip path or a mask."""
         match = re.match(r"""url\(\s*["']?#([^"')]+)""", text)
         target = self.by_id.get(match[1]) if match else None
         if target is None or "objectBoundingBox" in target.attrib.values():
@@ -207,30 +232,11 @@ class _Painter(NamedTuple):
 
 def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
     """The lines (k, 2) [m] of a shape."""
-    wide, high = state.size
-    sides = dict.fromkeys(("x", "cx", "x1", "x2", "rx", "width"), wide)
-    sides |= dict.fromkeys(("y", "cy", "y1", "y2", "ry", "height"), high)
-    given = {key: _length(state.style, key, side, "auto") for key, side in sides.items()}
-    if kind == "circle":
-        given["rx"] = given["ry"] = _length(state.style, "r", math.hypot(wide, high) / math.sqrt(2))
-    usual = {"rx": math.nan, "ry": math.nan} if kind == "rect" else {}
-    for key, value in given.items():
-        if not value >= (0.0 if key in ("rx", "ry", "width", "height") else -math.inf):
-            given[key] = usual.get(key, 0.0)
-    values: dict[str, Any] = {key: value for key, value in given.items() if value == value}
-    for key in {"d", "points"} & set(state.style):
-        # svgelements takes minutes for thousands of closings in a row, and for such a number.
-        values[key] = re.sub(r"[zZ](?:[\s,]*+[zZ])++", "z", state.style[key])
-        if re.search(r"\d{50}", values[key]):
-            raise WorldError(f"has a number of 50 digits in a {kind}; save it again")
-    path = svgelements.Path(SHAPES[kind](values))
+    path = svgelements.Path(SHAPES[kind](_measures(kind, state)))
     path.approximate_arcs_with_cubics(1.0 / 48.0)
     lines = list[list[Float]]()
     for piece in path:
-        names = ("start", "control", "control1", "control2", "end")
-        points = [p for p in (getattr(piece, name, None) for name in names) if p is not None]
-        found = np.array([(p.x, p.y) for p in points]).reshape(-1, 2)
-        found = found @ state.matrix[:2, :2].T + state.matrix[:2, 2]
+        found = _controls(piece) @ state.matrix[:2, :2].T + state.matrix[:2, 2]
         if isinstance(piece, svgelements.Move):
             lines.append([found[-1:]])
         elif lines and len(found) > 1:
@@ -238,8 +244,53 @@ def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
     return [np.concatenate(line) for line in lines]
 
 
+def _controls(piece: Any) -> Float:
+    """The control points (k, 2) of a piece of a path, in its units."""
+    names = ("start", "control", "control1", "control2", "end")
+    points = [p for p in (getattr(piece, name, None) for name in names) if p is not None]
+    return np.array([(p.x, p.y) for p in points]).reshape(-1, 2)
+
+
+def _measures(kind: str, state: State) -> dict[str, Any]:
+    """The attributes of a shape: lengths in pixels, and points and paths as they are written."""
+    wide, high = state.size
+    sides = dict.fromkeys(("x", "cx", "x1", "x2", "rx", "width"), wide)
+    sides |= dict.fromkeys(("y", "cy", "y1", "y2", "ry", "height"), high)
+    given = {key: _length(state.style, key, side, "auto") for key, side in sides.items()}
+    if kind == "circle":
+        given["rx"] = given["ry"] = _length(state.style, "r", math.hypot(wide, high) / math.sqrt(2))
+    least = dict.fromkeys(("rx", "ry", "width", "height"), 0.0)
+    for key, value in given.items():
+        if not value >= least.get(key, -math.inf):
+            # Radii of a rectangle that are not given follow from each other.
+            given[key] = math.nan if kind == "rect" and key in ("rx", "ry") else 0.0
+    values: dict[str, Any] = {key: value for key, value in given.items() if value == value}
+    for key in {"d", "points"} & set(state.style):
+        # svgelements takes minutes for thousands of closings in a row, and for such a number.
+        values[key] = re.sub(r"[zZ](?:[\s,]*+[zZ])++", "z", state.style[key])
+        if re.search(r"\d{50}", values[key]):
+            raise WorldError(f"has a number of 50 digits in a {kind}; save it again")
+    return values
+
+
+def _named(tag: str, own: dict[str, str], outer: State) -> tuple[tuple[str, ...], str]:
+    """The names of an element, its own before those around it, and the layer that it is in."""
+    label = next((v for k, v in own.items() if k.endswith("}label")), "")
+    names = (label, own.get("data-name", ""), own.get("id", ""), own.get("class", ""))
+    named = tuple(filter(None, names))
+    chosen = label if any(v == "layer" for k, v in own.items() if k.endswith("mode")) else ""
+    group = named[0] if named and tag in GROUPS else ""
+    return named + outer.names, chosen or outer.layer or group
+
+
+def _is_hidden(tag: str, state: State) -> bool:
+    """Whether an element is not shown; a group that is not visible may hold shapes that are."""
+    invisible = tag in SHAPES and state.style.get("visibility", "visible") != "visible"
+    return invisible or state.style.get("display") == "none" or state.alpha < FAINT
+
+
 def _within(region: Any, clip: Any) -> Any:
-    """The intersection of two clips, of which one may be None."""
+    """The intersection of two clips; None clips nothing."""
     return region if clip is None else clip if region is None else clip.intersection(region)
 
 
@@ -316,7 +367,7 @@ def _box(element: Element) -> tuple[float, ...]:
 
 
 def _length(values: Any, key: str, whole: float, usual: str = "0") -> float:
-    """A length [px] of a key, or a part of the whole; NaN if it is none."""
+    """A length [px] of a key, or a part of the whole; NaN if it is invalid."""
     text = values.get(key, usual)
     match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*|%)\s*", text)
     if not match:
@@ -326,7 +377,7 @@ def _length(values: Any, key: str, whole: float, usual: str = "0") -> float:
 
 
 def _share(text: str) -> float:
-    """A share, from 0 to 1; 1 if it is none."""
+    """A share, from 0 to 1; 1 if it is invalid."""
     given = _length({"": text}, "", 1.0)
     return 1.0 if math.isnan(given) else min(max(given, 0.0), 1.0)
 
@@ -338,20 +389,20 @@ def _tag(element: Element) -> str:
 
 
 def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[float, float]:
-    """How far a colour is from white, and how opaque it is, both from 0 to 1."""
+    """The contrast of a colour, and how opaque it is, both from 0 to 1."""
     text = style.get(key, usual)
     text = style.get("color", "black") if text.lower() == "currentcolor" else text
     if "url(" in text:
-        return 0.3, alpha
+        return UNKNOWN, alpha
     colour = svgelements.Color(text)
     if text == "none" or colour.value is None:
         return 0.0, 0.0
-    alpha *= colour.alpha / 255.0 * _share(style.get(f"{key}-opacity", "1"))
-    return alpha * (1.0 - min(colour.red, colour.green, colour.blue) / 255.0), alpha
+    alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
+    return alpha * contrast_to_white(colour.red, colour.green, colour.blue), alpha
 
 
 def _style_sheet(root: Element) -> dict[Element, dict[str, str]]:
-    """What the style sheets of a drawing say of its elements."""
+    """The properties that style sheets give to the elements of a drawing."""
     matcher = cssselect2.Matcher()
     texts = ["".join(each.itertext()) for each in root.iter() if _tag(each) == "style"]
     for rule in tinycss2.parse_stylesheet("\n".join(texts), True, True):

@@ -1,4 +1,4 @@
-"""Whether what is dark in a picture closes rooms, as the walls of a plan do.
+"""Whether the dark pixels of a picture close rooms, as the walls of a plan do.
 
 Letters, logos and charts close hardly any. The blocks of a town, each solid, and a few long walls
 close none, either, but are worlds.
@@ -13,18 +13,25 @@ from lrf3d.geometry.lines import Bool, Float, lengths
 from lrf3d.plans.plan import THICKEST
 from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 
+# Width [m] of the widest door.
+DOOR = 1.2
+
+# Extent [m] below which a plan is that of a model, and the width of its doors as a share of it.
+MODEL = 5.0
+DOOR_OF_MODEL = 0.05
+
+# Smallest share of the area of a plan that its walls close.
+LEAST_CLOSED = 0.15
+
+# Number of solid blocks from which they are a town.
+LEAST_BLOCKS = 12
+
+# Share of the extent of a plan that few long walls exceed with half of their length.
+LONGEST = 0.3
+
 
 def closes_rooms(walls: Bool, thin: Float, pixels: float) -> bool:
-    """Whether walls, and thin ones (n, 4) [pixels], may be a plan; so many pixels are a metre."""
-    # Width of the widest door [m]; of a model, which is smaller than this [m], its share.
-    door = 1.2
-    model = 5.0
-    share = 0.05
-    # Smallest share of the area of a plan that is closed; the solid blocks of a town; the share of
-    # its extent that half of the length of a few long walls exceeds.
-    least = 0.15
-    blocks = 12
-    longest = 0.3
+    """Whether walls, and thin ones (n, 4) [pixels], may be a plan; `pixels`: pixels per metre."""
     step = -(-max(walls.shape) // 600)
     rows, columns = (np.arange(0, side, step) for side in walls.shape)
     image = Image.fromarray(
@@ -39,16 +46,16 @@ def closes_rooms(walls: Bool, thin: Float, pixels: float) -> bool:
         return True
     points = sides.reshape(-1, 2)
     extent = np.ptp(points, axis=0).max()
-    reach = 0.5 * (door * metre if extent > model * metre else share * extent)
+    reach = 0.5 * (DOOR * metre if extent > MODEL * metre else DOOR_OF_MODEL * extent)
     rooms, count = label(distance_transform_edt(~dark) > reach)
     closed = np.arange(count + 1) > 0
     closed[on_border(rooms)] = False
     space = grown(closed[rooms], reach) & ~dark
-    if space.sum() > least * shapely.convex_hull(shapely.multipoints(points)).area:
+    if space.sum() > LEAST_CLOSED * shapely.convex_hull(shapely.multipoints(points)).area:
         return True
     core = distance_transform_edt(dark) > 0.5 * THICKEST * metre
     solid = grown(core, 0.5 * THICKEST * metre) & dark
     long = np.sort(lengths(sides))[::-1]
     half = long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())]
-    few = half > longest * extent and solid.sum() < 0.9 * dark.sum()
-    return bool(few or parts_of(core)[1] >= blocks)
+    few = half > LONGEST * extent and solid.sum() < 0.9 * dark.sum()
+    return bool(few or parts_of(core)[1] >= LEAST_BLOCKS)

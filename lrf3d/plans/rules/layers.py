@@ -10,7 +10,7 @@ from unicodedata import combining, normalize
 
 from lrf3d.plans.canvas import Canvas
 
-# Beginnings or ends of words in names, by what a layer holds; the first that fits counts.
+# Beginnings or ends of words in names, by what a layer holds; the first match counts.
 WORDS = {
     "annotation": (
         "anno text txt teks dim bemass cota acot koty quot wymi maatv misure note tag symb simb"
@@ -54,6 +54,12 @@ WORDS = {
     ),
 }
 
+# Encodings of names, the likeliest first.
+ENCODINGS = (
+    "utf-8 cp1252 cp1250 cp1251 cp1253 cp1254 cp1255 cp1256 cp1257 cp932 gbk big5 cp949"
+    " cp866 cp850 cp852 mac_roman utf-16-be"
+)
+
 _KNOWN = {
     role: ["".join(c for c in normalize("NFKD", part) if not combining(c)) for part in text.split()]
     for role, text in WORDS.items()
@@ -86,17 +92,16 @@ def _means(word: str, part: str) -> bool:
 
 
 def rename(canvas: Canvas, encoding: str) -> None:
-    """Read the names of marks, decoded by one encoding, in that in which more of them are known."""
+    """Decode the names of marks again, in the encoding in which most of them are known words.
+
+    They were decoded by one encoding.
+    """
     names = dict.fromkeys(name for mark in canvas.marks for name in (mark.layer, *mark.names))
     foreign = [name for name in names if not (name.isascii() and name.isprintable())]
     # Of many names a few are words in a wrong encoding, too.
     most = max(_known(foreign), len(foreign) // 3)
     found = dict[str, str]()
-    encodings = (
-        "utf-8 cp1252 cp1250 cp1251 cp1253 cp1254 cp1255 cp1256 cp1257 cp932 gbk big5 cp949"
-        " cp866 cp850 cp852 mac_roman utf-16-be"
-    )
-    for each in encodings.split():
+    for each in ENCODINGS.split():
         try:
             read = [name.encode(encoding, "surrogateescape").decode(each) for name in foreign]
         except UnicodeError:
@@ -105,9 +110,14 @@ def rename(canvas: Canvas, encoding: str) -> None:
             most = _known(read)
             found = dict(zip(foreign, read, strict=True))
             canvas.said = f"layer names read as {each}"
-    for number, mark in enumerate(canvas.marks if found else ()):
-        layer, *own = (found.get(name, name) for name in (mark.layer, *mark.names))
-        canvas.marks[number] = mark._replace(layer=layer, names=tuple(own))
+    if found:
+        canvas.marks = [
+            mark._replace(
+                layer=found.get(mark.layer, mark.layer),
+                names=tuple(found.get(name, name) for name in mark.names),
+            )
+            for mark in canvas.marks
+        ]
 
 
 def _known(names: Sequence[str]) -> int:

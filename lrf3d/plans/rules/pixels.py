@@ -11,12 +11,13 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, grey_closing
 
 from lrf3d.geometry.lines import Int, Single
+from lrf3d.plans.canvas import WHITE
 
 
 def on_paper(pixels: Any) -> Any:
     """The colours of pixels (rows, columns, 2 or 4), composited on white paper."""
-    alpha = pixels[..., -1:] / np.float32(255.0)
-    return np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
+    alpha = pixels[..., -1:] / np.float32(WHITE)
+    return np.round(WHITE - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
 
 
 def evened(colours: Any, wide: float) -> Any:
@@ -42,7 +43,7 @@ def evened(colours: Any, wide: float) -> Any:
         paper = Image.fromarray(gaussian_filter(closed, 1.0).astype(np.float32))
         light = np.asarray(paper.resize((long * side, high * side), Image.Resampling.BILINEAR))
         share = colours[..., channel] / np.maximum(light[:rows, :columns], 16.0)
-        even[..., channel] = np.minimum(255.0 * share, 255.0)
+        even[..., channel] = np.minimum(WHITE * share, WHITE)
     return even
 
 
@@ -59,7 +60,7 @@ def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
     usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
     paper = np.median(colours[key == usual], axis=0).astype(np.float32)
     most: Any = np.zeros(key.shape, dtype=np.float32)
-    scale = np.float32(255.0)
+    scale = np.float32(WHITE)
     for channel in range(3):
         np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
     lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
@@ -72,14 +73,14 @@ def threshold_of(contrast: Single) -> float:
     While what is above it is much of the picture, and of two colours, it holds floors and is
     separated again.
     """
-    counts = np.bincount(np.round(contrast * 255.0).astype(np.int64).ravel(), minlength=256)
+    counts = np.bincount(np.round(contrast * WHITE).astype(np.int64).ravel(), minlength=256)
     first, _ = _separated(counts)
     while counts[first:].sum() > 0.2 * counts.sum():
         more, apart = _separated(counts[first:])
         if apart < 40.0:
             break
         first += more
-    return (first - 0.5) / 255.0
+    return (first - 0.5) / WHITE
 
 
 def _separated(counts: Int) -> tuple[int, float]:

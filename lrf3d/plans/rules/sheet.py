@@ -10,40 +10,54 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths
+from lrf3d.geometry.lines import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.pieces import connected, groups, members_of, pairs_within
 
-# Largest size [m] of a tick, an arrowhead or a dot, and largest radius of a bubble: those on a plan
-# of 1:100 are 3 mm and 5 mm, and on one of 1:200 twice as large.
+# Largest size [m] of a tick, an arrowhead or a dot: on a plan of 1:100 they are 3 mm, and on one of
+# 1:200 twice as large.
 LARGEST = 0.6
+
+# Largest radius [m] of a bubble around the name of an axis: 4 mm on a plan of 1:200.
 BUBBLE = 0.8
 
 # Length [m] by which a dimension, or an extension line, may go on beyond their crossing.
 OVERSHOOT = 0.4
 
-# Least area [m²] of a plan in a frame, as in a hall there may be tables.
+# Distance [m] within which ends of strokes meet: ends that are drawn as one miss it by rounding.
+MEETING = 2e-3
+
+# Cosine of the angle, of 10°, within which an arrowhead points along its line.
+ALONG = 0.985
+
+# Least area [m²] of a plan in a frame: a smaller part may be a table in a hall.
 LEAST_PLAN = 20.0
 
-# Gaps [m] between walls of one plan: as wide as a door, and as a wall with two faces.
+# Gap [m] up to which parts belong to one plan: the width of a door.
 ASIDE = 1.0
+
+# Largest thickness [m] of a wall that is drawn as two faces.
 THICKEST_WALL = 0.3
 
 # Width [m] of the rim of a sheet in which the lines of a frame are.
 MARGIN = 0.6
 
+# Proportions of sheets of paper, of ISO 216 and of North America.
+PAPER = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
+
 
 class _Markers(NamedTuple):
-    """Places (k, 2) [m], sizes (k,) [m], directions (k, 2), and kinds (k,) of markers.
+    """Markers: what lines of annotations end at."""
 
-    The direction of an arrowhead is that in which it points, a dot has none. The segments (m,) are
-    of the markers (m,) with the owner's number.
-    """
-
+    # (k, 2) [m].
     place: Float
+    # (k,) [m].
     size: Float
+    # Unit vectors (k, 2): where an arrowhead points; dots have none.
     along: Float
     kind: Int
+    # Numbers (m,) of the segments that draw markers.
     segment: Int
+    # The marker (m,) of each of these segments.
     owner: Int
 
 
@@ -56,67 +70,83 @@ _Found = tuple[Float, float, Float, int, Int]
 def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     """Which segments (n, 4) are of annotations; those of the same line (n,) are joined.
 
-    Lines of the same mark (n,) were one; strokes of a pattern (n,) may look like ticks.
+    Lines of the same mark (n,) were one; strokes of a pattern (n,) may look like ticks. A host is
+    an isolated line on which markers are.
     """
+    shortest = 0.25  # Length [m] of the shortest host: shorter lines are strokes of letters.
     found = np.zeros(len(segments), dtype=bool)
     line = _parted(segments, line)
     markers = _markers(segments, line)
-    hosts = np.flatnonzero(_is_alone(line) & (lengths(segments) > 0.25))
+    hosts = np.flatnonzero(is_alone(line) & (lengths(segments) > shortest))
     if not len(hosts) or not len(markers.place):
         return found
     host, marker, end, station = _met(segments[hosts], markers)
-    # An end is next to one marker; a chain of dimensions has others on its way.
+    # The kinds of markers at both ends of each host, a bit for each kind; a chain of dimensions has
+    # other markers on its way.
     at_end = end < 2
     kinds = np.zeros((len(hosts), 2), dtype=np.int64)
     clear = np.zeros(len(hosts), dtype=bool)
+    # Ticks that are strokes of a pattern alone prove nothing.
     hatched = np.bincount(markers.owner, pattern[markers.segment]) > 0
     clear[host[at_end & ~hatched[marker]]] = True
     np.bitwise_or.at(kinds, (host[at_end], end[at_end]), 1 << markers.kind[marker[at_end]])
-    ends = segments.reshape(-1, 2)
-    near = cKDTree(ends).query_ball_point(segments[hosts].reshape(-1, 2), 2e-3, return_length=True)
-    loose = np.reshape(near, (-1, 2)) == 1
+    tree = cKDTree(segments.reshape(-1, 2))
+    loose = _ends_at(tree, segments[hosts].reshape(-1, 2)).reshape(-1, 2) == 1
+    # A leader has an arrowhead or a bubble at one end, and at the other another marker or nothing.
     pointed = (kinds & (1 << ARROW | 1 << RING)) > 0
     leads = (pointed & ((kinds > 0) | loose)[:, ::-1]).any(axis=1)
     broken = _is_broken(segments[hosts], (kinds > 0), loose)
     chosen = ((kinds > 0).all(axis=1) | leads | broken) & clear
-    found[hosts[chosen]] = True
     found |= np.isin(mark, mark[hosts[chosen]])
     used = np.unique(marker[chosen[host]])
     found[markers.segment[np.isin(markers.owner, used)]] = True
+    # The name of an axis stands in its bubble.
     rings = used[markers.kind[used] == RING]
     bubbles = shapely.buffer(shapely.points(markers.place[rings]), markers.size[rings])
-    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
-    found[shapely.STRtree(lines).query(bubbles, predicate="contains")[1]] = True
+    lines = shapely.STRtree(as_lines(segments))
+    found[lines.query(bubbles, predicate="contains")[1]] = True
     dimension = chosen[host] & (markers.kind[marker] != RING)
-    found[_extensions(segments, hosts, host[dimension], station[dimension], found)] = True
+    along = directions(segments[hosts[host[dimension]]])
+    found[_extensions(segments, tree, along, station[dimension], found)] = True
     return found
+
+
+def as_lines(segments: Float) -> Any:
+    """The segments (n, 4) as geometries (n,)."""
+    return shapely.linestrings(segments.reshape(-1, 2, 2))
+
+
+def is_alone(line: Int) -> Bool:
+    """Which segments are isolated: no other is of the same line (n,)."""
+    return np.asarray(np.bincount(line, minlength=1)[line] == 1) if len(line) else line > 0
+
+
+def _ends_at(tree: Any, places: Float) -> Int:
+    """The number of ends (k,) that meet at places (k, 2)."""
+    return np.asarray(tree.query_ball_point(places, MEETING, return_length=True))
 
 
 def _parted(segments: Float, line: Int) -> Int:
     """The lines (n,), from 0; a dimension drawn as one path with its arrowhead is split there."""
+    turned = np.radians(130.0)  # From a dimension to the barb of its arrowhead.
     long = lengths(segments)
     along = directions(segments)
-    back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(np.radians(130.0))
+    back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(turned)
     uneven = np.minimum(long[1:], long[:-1]) < 0.5 * np.maximum(long[1:], long[:-1])
     return np.cumsum(np.append(0, (line[1:] != line[:-1]) | (back & uneven)))[: len(line)]
 
 
-def _is_alone(line: Int) -> Bool:
-    """Which segments are lines for themselves."""
-    return np.asarray(np.bincount(line, minlength=1)[line] == 1) if len(line) else line > 0
-
-
 def _markers(segments: Float, line: Int) -> _Markers:
-    """What may be a marker: by itself, it may also be a letter or a chair."""
+    """Find what may be a marker; without a host, it may also be a letter or a chair."""
     long = lengths(segments)
     found = list[_Found]()
     small = np.bincount(line, long) < 7.0 * BUBBLE
     for own in members_of(line) if len(line) else []:
         if small[line[own[0]]]:
             found += _marker(segments[own], long[own], own)
-    short = np.flatnonzero(_is_alone(line) & (long < LARGEST))
+    short = np.flatnonzero(is_alone(line) & (long < LARGEST))
     if len(short):
-        for pair in cKDTree(segments[short].reshape(-1, 2)).query_pairs(2e-3):
+        for pair in cKDTree(segments[short].reshape(-1, 2)).query_pairs(MEETING):
             barbs = short[np.array(pair) // 2]
             found += _heads(segments[barbs], barbs)
     place, size, along, kind, parts = zip(*found, strict=True) if found else [()] * 5
@@ -132,29 +162,47 @@ def _markers(segments: Float, line: Int) -> _Markers:
 
 
 def _marker(chords: Float, long: Float, own: Int) -> list[_Found]:
-    """The marker that the chords (k, 4) of a line are, if they are one."""
+    """The marker that the chords (k, 4) of a line draw, if they draw one."""
     count = len(chords)
+    if count < 3:
+        known = _heads if count == 2 else _tick
+        return known(chords, own) if long.max() <= LARGEST else []
+    if (chords[0, :2] != chords[-1, 2:]).any():
+        return []
+    if count == 3:
+        return (
+            _heads(np.delete(chords, np.argmin(long), axis=0), own) if long.max() < LARGEST else []
+        )
+    if count == 4:
+        slim = long.min() < 0.35 * long.max() < 0.35 * LARGEST
+        return _tick(chords, own) if slim else []
+    return _round(chords, own)
+
+
+def _tick(chords: Float, own: Int) -> list[_Found]:
+    """The tick of a line (1, 4), or of a slim ring (4, 4)."""
+    shortest = 0.05  # [m]
+    long = lengths(chords)
     longest = int(np.argmax(long))
-    if count < 3 and long[longest] > LARGEST:
+    if long[longest] <= shortest:
         return []
-    if count == 2:
-        return _heads(chords, own)
-    closed = (chords[0, :2] == chords[-1, 2:]).all()
     middle = chords.reshape(-1, 2).mean(axis=0)
-    along = directions(chords)[longest]
-    if count == 1 or (count == 4 and closed and long.min() < 0.35 * long.max() < 0.35 * LARGEST):
-        return [(middle, float(long[longest]), along, TICK, own)] if long[longest] > 0.05 else []
-    if count == 3 and closed and long[longest] < LARGEST:
-        return _heads(np.delete(chords, np.argmin(long), axis=0), own)
+    return [(middle, float(long[longest]), directions(chords)[longest], TICK, own)]
+
+
+def _round(chords: Float, own: Int) -> list[_Found]:
+    """The dot or the bubble that a ring of chords (k, 4) is, if it is round."""
+    dot = 0.12  # Radius [m] below which it is a dot.
+    middle = chords.reshape(-1, 2).mean(axis=0)
     radii = np.hypot(*(chords[:, :2] - middle).T)
-    if count < 6 or not closed or np.ptp(radii) > 0.1 * radii.mean() or radii.mean() > BUBBLE:
+    radius = float(radii.mean())
+    if len(chords) < 6 or np.ptp(radii) > 0.1 * radius or radius > BUBBLE:
         return []
-    kind = DOT if radii.mean() < 0.12 else RING
-    return [(middle, float(radii.mean()), np.zeros(2), kind, own)]
+    return [(middle, radius, np.zeros(2), DOT if radius < dot else RING, own)]
 
 
 def _heads(barbs: Float, own: Int) -> list[_Found]:
-    """The arrowhead of two barbs (2, 4) that meet, if they are one."""
+    """The arrowhead that two barbs (2, 4) draw, if they meet at a tip."""
     a, b = barbs.reshape(2, 2, 2)
     apart = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
     i, j = np.unravel_index(np.argmin(apart), (2, 2))
@@ -162,7 +210,8 @@ def _heads(barbs: Float, own: Int) -> list[_Found]:
     sizes = np.hypot(*back.T)
     back /= np.maximum(sizes[:, None], 1e-9)
     angle = np.degrees(np.arccos(np.clip(back[0] @ back[1], -1.0, 1.0)))
-    even = 0.03 < sizes.min() > sizes.max() / 1.2 and apart[i, j] < 3e-3
+    shortest = 0.03  # [m]
+    even = shortest < sizes.min() > sizes.max() / 1.2 and apart[i, j] < 1.5 * MEETING
     if not even or not 6.0 < angle < 80.0:
         return []
     along = -back.sum(axis=0) / np.hypot(*back.sum(axis=0))
@@ -170,10 +219,9 @@ def _heads(barbs: Float, own: Int) -> list[_Found]:
 
 
 def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
-    """Pairs of hosts (k,) and of markers (k,) on them, by the end (0 or 1, else 2) and place."""
-    body = shapely.linestrings(hosts.reshape(-1, 2, 2))
+    """Pairs of hosts (k,) and markers (k,) on them; the end (0 or 1, else 2), and the place."""
     reach = np.where(markers.kind == RING, 1.15, 1.0) * markers.size
-    marker, host = shapely.STRtree(body).query(
+    marker, host = shapely.STRtree(as_lines(hosts)).query(
         shapely.points(markers.place), predicate="dwithin", distance=reach + 0.01
     )
     along = directions(hosts)[host]
@@ -181,7 +229,7 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     place, size, kind = (each[marker] for each in (markers.place, markers.size, markers.kind))
     off = place - hosts[host, :2]
     station = (off * along).sum(axis=1)
-    aside = np.abs(off[:, 0] * along[:, 1] - off[:, 1] * along[:, 0])
+    aside = np.abs(cross(off, along))
     cosine = (markers.along[marker] * along).sum(axis=1)
     close = np.choose(kind, [size, 0.5 * size, size, 1.15 * size]) + 0.02
     close = np.maximum(close, np.where(kind == TICK, OVERSHOOT, 0.0))
@@ -189,8 +237,8 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     last = np.abs(station - long) < close
     # An arrow points along its line, a tick is slanted.
     slanted = (np.abs(cosine) > np.cos(np.radians(68))) & (np.abs(cosine) < np.cos(np.radians(22)))
-    fits = aside < np.where(kind == RING, 0.3, 0.2) * size + 2e-3
-    fits &= np.select([kind == ARROW, kind == TICK], [np.abs(cosine) > 0.985, slanted], True)
+    fits = aside < np.where(kind == RING, 0.3, 0.2) * size + MEETING
+    fits &= np.select([kind == ARROW, kind == TICK], [np.abs(cosine) > ALONG, slanted], True)
     fits &= (long > 1.2 * size) & ((kind != RING) | first | last)
     # The tip of an arrow is at the end to which it points, or else comes from outside.
     away = (kind == ARROW) & (cosine > 0.0)
@@ -200,14 +248,15 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
 
 def _is_broken(hosts: Float, marked: Bool, loose: Bool) -> Bool:
     """Which hosts are a half of a dimension that is broken for its number."""
+    # Upper bound on the halves that are examined, and width [m] of the widest number.
+    most = 5000
+    widest = 2.0
     half = (marked & loose[:, ::-1]).any(axis=1) & ~marked.all(axis=1)
     found = np.zeros(len(hosts), dtype=bool)
     along = directions(hosts)
-    number = np.flatnonzero(half)[:5000]
-    if len(number) < 2:
-        return found
+    number = np.flatnonzero(half)[:most]
     free = np.where(marked[number, 0, None], hosts[number, 2:], hosts[number, :2])
-    for one, two in cKDTree(free).query_pairs(2.0):
+    for one, two in cKDTree(free).query_pairs(widest):
         gap = free[two] - free[one]
         wide = np.hypot(*gap) + 1e-9
         straight = np.abs(along[number[[one, two]]] @ gap) > 0.999 * wide
@@ -216,23 +265,22 @@ def _is_broken(hosts: Float, marked: Bool, loose: Bool) -> Bool:
     return found
 
 
-def _extensions(segments: Float, hosts: Int, host: Int, place: Float, found: Bool) -> Int:
-    """The lines that end a little beyond the places (k, 2) of markers, across their hosts (k,)."""
+def _extensions(segments: Float, tree: Any, along: Float, places: Float, found: Bool) -> Int:
+    """The extension lines among what is not found: they end a little beyond markers.
+
+    The places (k, 2) are those of the markers, the directions (k, 2) those of their hosts, which
+    extension lines cross at right angles; nothing meets their ends in a tree of all ends.
+    """
+    reach = 0.06  # Distance [m] from a marker within which an extension line runs.
     lines = np.flatnonzero(~found)
-    if not len(place) or not len(lines):
-        return lines[:0]
-    body = shapely.linestrings(segments[lines].reshape(-1, 2, 2))
-    which, other = shapely.STRtree(body).query(
-        shapely.points(place), predicate="dwithin", distance=0.06
+    which, other = shapely.STRtree(as_lines(segments[lines])).query(
+        shapely.points(places), predicate="dwithin", distance=reach
     )
-    across = (directions(segments[lines[other]]) * directions(segments[hosts[host[which]]])).sum(
-        axis=1
-    )
+    across = (directions(segments[lines[other]]) * along[which]).sum(axis=1)
     ends = segments[lines[other]].reshape(-1, 2, 2)
-    away = np.hypot(*(ends - place[which][:, None]).transpose(2, 0, 1))
+    away = np.hypot(*(ends - places[which][:, None]).transpose(2, 0, 1))
     tip = ends[np.arange(len(away)), np.argmin(away, axis=1)]
-    joined = cKDTree(segments.reshape(-1, 2)).query_ball_point(tip, 2e-3, return_length=True)
-    kept = (np.abs(across) < 0.05) & (away.min(axis=1) < OVERSHOOT) & (np.asarray(joined) == 1)
+    kept = (np.abs(across) < 0.05) & (away.min(axis=1) < OVERSHOOT) & (_ends_at(tree, tip) == 1)
     return np.unique(lines[other[kept]])
 
 
@@ -245,48 +293,64 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
     framed = np.zeros(len(segments), dtype=bool)
     while not framed.all():
         left = np.flatnonzero(~framed)
-        ends = segments[left].reshape(-1, 2, 2)
-        long = lengths(segments[left])
-        near = 2e-3 * np.ptp(ends, axis=(0, 1)).max()
-        runs = _runs_across(ends, long, near)
-        for chosen in (long > 0.0, runs):
-            box = ends[chosen].reshape(-1, 2) if chosen.any() else np.zeros((1, 2))
-            low = box.min(axis=0)
-            high = box.max(axis=0)
-            sides = high - low
-            reach = np.concatenate([ends - low, high - ends], axis=2)
-            off = reach.max(axis=1)
-            drawn = long @ (np.abs(off) < near)
-            if sides.min() > 0.0 and (drawn > 0.98 * sides[[1, 0, 1, 0]]).all():
-                break
-        else:
-            return framed
-        rim = (off < MARGIN).any(axis=1)
-        inner = left[~rim]
-        part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
-        if not len(hulls):
-            return framed
-        part = near[part]
-        area = shapely.area(hulls)
-        # A plan may come near to the frame, a title block is drawn from it.
-        lines = shapely.linestrings(ends)
-        edge = shapely.union_all(lines[rim & runs])
-        block = np.zeros(len(hulls), dtype=bool)
-        block[part[shapely.dwithin(lines[~rim], edge, 0.02)]] = True
-        beside = (reach[~rim] < 1.01 * MARGIN).any()
-        # Proportions of sheets of paper.
-        known = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
-        paper = np.abs(known - sides.max() / sides.min()).min() < 0.02
-        plan, titles = (float(area[each].max(initial=0.0)) for each in (~block, block))
-        held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
-        if not (held and (paper or beside or sheet)):
-            return framed
-        framed[left[rim]] = framed[inner[block[part]]] = True
+        found = _is_outer_frame(segments[left], sheet)
+        if not found.any():
+            break
+        framed[left[found]] = True
     return framed
 
 
+def _is_outer_frame(segments: Float, sheet: bool) -> Bool:
+    """Which segments (n, 4) are the outermost frame, with the title block that is drawn from it."""
+    ends = segments.reshape(-1, 2, 2)
+    long = lengths(segments)
+    near = 2e-3 * np.ptp(ends, axis=(0, 1)).max()
+    runs = _runs_across(ends, long, near)
+    for chosen in (long > 0.0, runs):
+        if chosen.any():
+            low = ends[chosen].min(axis=(0, 1))
+            high = ends[chosen].max(axis=(0, 1))
+            sides = high - low
+            reach = np.concatenate([ends - low, high - ends], axis=2)
+            drawn = long @ (np.abs(reach.max(axis=1)) < near)
+            if sides.min() > 0.0 and (drawn > 0.98 * sides[[1, 0, 1, 0]]).all():
+                return _is_of_box(segments, reach, sides, runs, sheet)
+    return np.zeros(len(segments), dtype=bool)
+
+
+def _is_of_box(segments: Float, reach: Float, sides: Float, runs: Bool, sheet: bool) -> Bool:
+    """Which segments (n, 4) are of a box of sides (2,) [m] and its title block, if it is a frame.
+
+    The distances [m] of their ends from the sides of the box are reach (n, 2, 4); those that run
+    across the sheet (n,) may be lines of the frame.
+    """
+    rim: Bool = (reach.max(axis=1) < MARGIN).any(axis=1)
+    inner = ~rim
+    part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
+    found = np.zeros(len(segments), dtype=bool)
+    if not len(hulls):
+        return found
+    # A plan may come near to the frame, a title block is drawn from it.
+    lines = as_lines(segments)
+    edge = shapely.union_all(lines[rim & runs])
+    block = np.zeros(len(hulls), dtype=bool)
+    block[near[part][shapely.dwithin(lines[inner], edge, 0.02)]] = True
+    area = shapely.area(hulls)
+    plan, titles = (float(area[each].max(initial=0.0)) for each in (~block, block))
+    paper = np.abs(PAPER - sides.max() / sides.min()).min() < 0.02
+    beside = (reach[inner] < 1.01 * MARGIN).any()
+    held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
+    if not (held and (paper or beside or sheet)):
+        return found
+    found[inner] = block[near[part]]
+    return rim | found
+
+
 def _runs_across(ends: Float, long: Float, near: float) -> Bool:
-    """Which lines (n, 2, 2), of lengths (n,), are on upright or level runs across most of all."""
+    """Which lines (n, 2, 2) are on upright or level runs across most of the drawing.
+
+    Lines within a distance [m] are one run; each has its length (n,) [m].
+    """
     found = np.zeros(len(ends), dtype=bool)
     extent = np.ptp(ends, axis=(0, 1))
     for axis in (0, 1):
@@ -320,15 +384,15 @@ def plans_apart(segments: Float) -> Float:
 
 
 def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
-    """Which segments (n, 4) are of parts beside the plan: a legend, a scale bar, a north arrow.
+    """Which segments (n, 4) are of parts next to the plan: a legend, a scale bar, a north arrow.
 
-    Where nothing else shows that a drawing is a sheet, such a part encloses nothing.
+    Where nothing else shows that a drawing is a sheet, such a part encloses nothing. Segments that
+    their layer names (n,) as walls are of the plan.
     """
     part, hulls, _, whole = _parts(segments, ASIDE)
     area = shapely.area(whole)
     if not len(hulls) or area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
         return part < 0
-    # Walls that are called so are of the plan.
     known = hulls[np.unique(part[named])]
     plan = shapely.convex_hull(shapely.union_all([whole[int(np.argmax(area))], *known]))
     apart = shapely.disjoint(hulls, plan)

@@ -4,7 +4,8 @@ A run enters; a matplotlib figure leaves, and a picture file where a path is giv
 raised where that cannot be written.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any, NamedTuple, Protocol
@@ -47,11 +48,18 @@ WRONG = "#7a3fb0"
 NEAR = 6.0
 
 
+# Colours of what the rules of a plan left out, in their order; after the last the first.
+LEFT_OUT = ("#c28b00", "#8a5fb0", "#9aa3ad", "#0b8a5f", "#2f9fc4", "#b06a3b", "#c2558a", "#7a9a3a")
+
+
 class PlanShown(Protocol):
     """What is drawn of a plan: strokes that were left out, doors, and rooms with their areas."""
 
-    rest: Float
     doors: Sequence[Any]
+
+    @property
+    def left(self) -> Mapping[str, Float]:
+        """Strokes (k, 4) [m] by the name, in the singular, of the rule that left them out."""
 
     @property
     def rooms(self) -> Sequence[tuple[float, Any]]:
@@ -99,7 +107,7 @@ def draw_world(
     world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
     places = [world.segments.reshape(-1, 2), legs, robots[:, :2]]
-    places += [plan.rest.reshape(-1, 2)] if plan is not None else []
+    places += [each.reshape(-1, 2) for each in plan.left.values()] if plan is not None else []
     figure, (ax,) = metre_sheet(places, 1, title, words)
     plot.world(world, ax, poses=robots, linewidth=1.6)
     if plan is not None:
@@ -117,10 +125,11 @@ def draw_world(
 
 def _draw_plan(plan: PlanShown, ax: Axes) -> None:
     """Draw the doors and the rooms of a plan, what was left out, and a scale bar."""
-    rest = LineCollection(
-        list(plan.rest.reshape(-1, 2, 2)), colors=FAINT, linewidths=0.6, label="left out", zorder=1
-    )
-    ax.add_collection(rest, autolim=False)
+    for (name, strokes), colour in zip(plan.left.items(), cycle(LEFT_OUT), strict=False):
+        lines = list(strokes.reshape(-1, 2, 2))
+        label = f"left out: {name}s"
+        rest = LineCollection(lines, colors=colour, linewidths=0.6, label=label, zorder=1)
+        ax.add_collection(rest, autolim=False)
     for number, door in enumerate(plan.doors):
         label = "doors that stand open" if number == 0 else "_"
         ax.plot(*door.opening.T, color=plot.PATH, linewidth=1.6, label=label, zorder=3)

@@ -1,0 +1,257 @@
+"""Doors that stand open, found by how they are drawn, and the doorways that they leave.
+
+Segments enter; doors leave, with the segments that draw their leaves and arcs. A door is a leaf and
+its quarter arc, or a leaf alone that stands in the corner of a wall.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
+from lrf3d.plans.rules.sheet import THICKEST_WALL, as_lines, is_alone
+
+# Turn [rad] between two segments above which they are not chords of one arc: a circle drawn with
+# fewer than a dozen chords is a polygon.
+CORNER = np.radians(32.0)
+
+# Least and largest turn [rad] along the arc of a door: of doors drawn half open up to those drawn
+# wide open.
+SWEEP = np.radians([40.0, 150.0])
+
+# Least and largest width [m] of a leaf: of a cupboard, and of a gate.
+WIDTHS = (0.4, 1.7)
+
+# Largest distance of a leaf from its hinge and its arc, in widths of the door: a leaf may be drawn
+# with its thickness.
+NEAR = 0.12
+
+# Largest part of a leaf that a thick wall may cover, in widths of the door.
+COVERED = 0.3
+
+# Upper bound on the arcs and on the leaves that are examined.
+MOST_DOORS = 5000
+
+# Distance [m] within which a line runs along a doorway or a leaf.
+SIDE = 0.05
+
+
+class Door(NamedTuple):
+    """A door that stands open: hinge, other side and end of the leaf (3, 2), and its width [m]."""
+
+    corners: Float
+    width: float
+
+    @property
+    def opening(self) -> Float:
+        """Its ends (2, 2), the hinge first."""
+        return self.corners[:2]
+
+
+class _Walls(NamedTuple):
+    """Segments by their ends: end 2 i and end 2 i + 1 are those of segment i."""
+
+    # (2 n, 2) [m].
+    ends: Float
+    # Unit vectors (2 n, 2) from each end along its segment.
+    ways: Float
+    # The k-d tree of the ends.
+    tree: Any
+    # Returns the segments within a distance of a geometry.
+    near: Any
+
+    @classmethod
+    def of(cls, segments: Float) -> "_Walls":
+        ends = segments.reshape(-1, 2)
+        along = directions(segments)
+        ways = np.stack([along, -along], axis=1).reshape(-1, 2)
+        return cls(ends, ways, cKDTree(ends), shapely.STRtree(as_lines(segments)).query)
+
+    def at(self, place: Float, reach: float) -> Int:
+        """The numbers of the ends within a reach [m] of a place (2,)."""
+        return np.array(self.tree.query_ball_point(place, reach), dtype=np.int64)
+
+    def leading(self, place: Float, way: Float, reach: float) -> Float:
+        """The ends (k, 2) at a place (2,) from which walls lead in a direction (2,)."""
+        near = self.at(place, reach)
+        return self.ends[near[self.ways[near] @ way > 0.98]]
+
+
+def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool]:
+    """Find doors drawn as a leaf and an arc, and which segments (n,) draw them.
+
+    Consecutive segments of the same line (n,) are joined. Only free segments can belong to a door.
+    """
+    arcs = [arc for arc in _arcs(segments, line) if free[arc[0]].all()][:MOST_DOORS]
+    straight = np.setdiff1d(np.flatnonzero(free), [n for run, *_ in arcs for n in run])
+    opened = np.zeros(len(segments), dtype=bool)
+    ends = segments[straight].reshape(-1, 2)
+    doors = list[Door]()
+    tree = cKDTree(ends)
+    around = shapely.STRtree(as_lines(segments))
+    for run, hinge, radius in arcs:
+        tips = np.stack([segments[run[0], :2], segments[run[-1], 2:]])
+        # A leaf drawn from the middle of a thick wall is visible from the face of the wall on.
+        near = np.array(tree.query_ball_point(hinge, COVERED * radius), dtype=np.int64)
+        off = np.hypot(*(ends[near ^ 1][:, None] - tips).transpose(2, 0, 1))
+        aside = cross((ends[near] - hinge)[:, None], (tips - hinge)[None] / radius)
+        off = np.maximum(off, np.abs(aside))
+        meets = off < NEAR * radius
+        if not meets.any():
+            continue
+        # Where a line closes the opening, too, the leaf has a thickness or comes first.
+        far = int(np.argmax(off[np.argmin(off.min(axis=1))]))
+        doors.append(Door(np.stack([hinge, tips[far], tips[1 - far]]), radius))
+        opened[run] = True
+        opened[straight[near[meets.any(axis=1)] // 2]] = True
+        for tip in tips[meets.any(axis=0)]:
+            along = (tip - hinge) / radius
+            body = shapely.linestrings([hinge + 0.02 * along, tip + NEAR * radius * along])
+            body = body.buffer(NEAR * radius, cap_style="flat")
+            opened[around.query(body, predicate="contains")] = True
+    return doors, opened & free
+
+
+def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
+    """Arcs that a leaf may sweep: the numbers of their chords, their middle (2,) and radius [m]."""
+    if len(segments) < 3:
+        return []
+    along = segments[:, 2:] - segments[:, :2]
+    one = along[:-1]
+    two = along[1:]
+    turn = np.arctan2(cross(one, two), (one * two).sum(axis=1))
+    joined = (line[1:] == line[:-1]) & (segments[:-1, 2:] == segments[1:, :2]).all(axis=1)
+    bent = joined & (np.abs(turn) < CORNER) & (np.abs(turn) > 1e-4)
+    # An arc bends to one side.
+    bent[1:] &= ~(bent[:-1] & (turn[1:] * turn[:-1] < 0.0))
+    run = np.concatenate([[0], np.cumsum(~bent)])
+    swept = np.abs(np.bincount(run[1:], np.where(bent, turn, 0.0), run[-1] + 1))
+    long = np.bincount(run, lengths(segments))
+    wanted = (swept > SWEEP[0]) & (swept < SWEEP[1])
+    wanted &= (long > WIDTHS[0] * SWEEP[0]) & (long < WIDTHS[1] * 2.0)
+    found = []
+    for number in np.flatnonzero(wanted):
+        chords = np.arange(*np.searchsorted(run, [number, number + 1]))
+        points = np.vstack([segments[chords, :2], segments[chords[-1:], 2:]])
+        about = points[0]
+        x, y = (points - about).T
+        terms = np.column_stack([2 * x, 2 * y, np.ones_like(x)])
+        (cx, cy, c), *_ = np.linalg.lstsq(terms, x**2 + y**2)
+        radius = float(np.sqrt(max(c + cx**2 + cy**2, 0.0)))
+        off = np.abs(np.hypot(x - cx, y - cy) - radius).max()
+        if len(chords) > 2 and WIDTHS[0] < radius < WIDTHS[1] and off < 0.02 * radius:
+            found.append((chords, about + np.array([cx, cy]), radius))
+    return found
+
+
+def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool]:
+    """Find doors drawn as a leaf without an arc, and which segments (n,) are such leaves.
+
+    A leaf is an isolated line. It leads from the corner of a wall with two faces into a room, and
+    is as long as the gap from there to the corner where the face of the wall goes on.
+    """
+    doors = list[Door]()
+    found = np.zeros(len(segments), dtype=bool)
+    long = lengths(segments)
+    leaves = np.flatnonzero(free & is_alone(line) & (long > WIDTHS[0]) & (long < WIDTHS[1]))
+    walls = _Walls.of(segments[free])
+    for leaf in leaves[:MOST_DOORS]:
+        door = _door_of_leaf(segments[leaf].reshape(2, 2), long[leaf], walls)
+        if door is not None:
+            doors.append(door)
+            found[leaf] = True
+    return doors, found
+
+
+def _door_of_leaf(leaf: Float, long: float, walls: _Walls) -> Door | None:
+    """The door of a leaf (2, 2), if it stands in a corner of walls."""
+    corner = 0.02  # Distance [m] within which lines meet in a corner.
+    near = [walls.at(end, corner) for end in leaf]
+    # The hinge is at a corner of two others, the tip stands free.
+    at = int(len(near[1]) > 2)
+    if len(near[at]) < 3 or len(near[1 - at]) > 1:
+        return None
+    hinge, tip = leaf[[at, 1 - at]]
+    for end in walls.at(hinge, 1.08 * long):
+        gap = walls.ends[end] - hinge
+        width = float(np.hypot(*gap))
+        turn = np.arccos(np.clip(gap @ (tip - hinge) / (width * long + 1e-9), -1.0, 1.0))
+        fits = width >= 0.92 * long and SWEEP[0] / 2 < turn < SWEEP[1]
+        if fits and _goes_on(hinge, gap, near[at], end, walls):
+            return Door(np.stack([hinge, walls.ends[end], tip]), width)
+    return None
+
+
+def _goes_on(hinge: Float, gap: Float, corner: Int, end: int, walls: _Walls) -> bool:
+    """Whether a wall goes on, beyond a gap (2,) with nothing in it, from the hinge to an end."""
+    width = np.hypot(*gap)
+    away = walls.ends[end ^ 1] - walls.ends[end]
+    on = np.abs(cross(gap, away)) < 0.02 * width and gap @ away > 0.0
+    back = max(abs(walls.ways[each] @ gap) for each in corner) > 0.99 * width
+    between = shapely.linestrings([hinge + 0.05 * gap, hinge + 0.95 * gap])
+    return bool(on and back) and not len(walls.near(between, predicate="intersects"))
+
+
+def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
+    """Clip segments (n, 4) at doorways: nothing stands in a door that stands open.
+
+    Returns the pieces (k, 4), the index (k,) of each piece's segment, and how many were cut: lines
+    of tiles and thresholds, and walls that their author did not break behind a door.
+    """
+    walls = _Walls.of(segments)
+    lines = as_lines(segments)
+    tips = np.array([door.corners[1] for door in doors])
+    doorways = [_doorway(door, tips, walls) for door in doors]
+    shut = np.array([box for box in doorways if box is not None], dtype=object)
+    box, line = shapely.STRtree(lines).query(shut, predicate="intersects")
+    cut = np.unique(line)
+    while len(line):
+        # All boxes at once would be slow: one after the other for each line.
+        own, first = np.unique(line, return_index=True)
+        lines[own] = shapely.difference(lines[own], shut[box[first]])
+        box = np.delete(box, first)
+        line = np.delete(line, first)
+    parts, number = shapely.get_parts(lines, return_index=True)
+    points, part = shapely.get_coordinates(parts, return_index=True)
+    return points.reshape(-1, 4), number[part[::2]], len(cut)
+
+
+def _doorway(door: Door, tips: Float, walls: _Walls) -> Any:
+    """The area of a doorway through a wall, or None where a door does not lead through one.
+
+    A doorway is between two ends of walls, or one end and the tip (k, 2) of another leaf.
+    """
+    hinge, other, _ = door.corners
+    width = float(np.hypot(*(other - hinge)))
+    axis = (other - hinge) / width
+    before = (walls.leading(hinge, -axis, NEAR * width) - hinge) @ axis
+    after = (walls.leading(other, axis, NEAR * width) - hinge) @ axis
+    # Of two leaves, each ends where the other does.
+    paired = (np.hypot(*(tips - other).T) < NEAR * width).sum() > 1
+    between = len(before) and (len(after) or paired)
+    if not between and not _is_in_wall(door, axis, width, walls):
+        return None
+    across = (THICKEST_WALL + SIDE) * axis @ LEFT
+    low = hinge + (before.max(initial=0.0) + 0.01) * axis
+    high = hinge + (after.min(initial=width) - 0.01) * axis
+    return shapely.Polygon([low - across, high - across, high + across, low + across])
+
+
+def _is_in_wall(door: Door, axis: Float, width: float, walls: _Walls) -> bool:
+    """Whether a wall goes on behind a door, and its leaf stands free.
+
+    A shower in a corner is drawn alike, but has walls on both sides.
+    """
+    hinge, other, leaf = door.corners
+    base, free = shapely.linestrings(
+        [[hinge, other], [(1.0 - COVERED) * hinge + COVERED * leaf, leaf]]
+    )
+    near = partial(walls.near, predicate="dwithin")
+    # The hinge is at a face of the wall, or in its middle.
+    behind = walls.ends.reshape(-1, 2, 2)[near(base, distance=THICKEST_WALL / 2.0 + SIDE)] - hinge
+    reach = np.sort(behind @ axis, axis=1)
+    passes = (reach[:, 0] < -SIDE) & (reach[:, 1] > width + SIDE)
+    return bool(passes.any()) and not len(near(free, distance=SIDE))

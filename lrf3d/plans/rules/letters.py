@@ -1,0 +1,114 @@
+"""Letters: words that a drawing holds as lines."""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from lrf3d.geometry.lines import Bool, Float, Int
+from lrf3d.plans.rules.sheet import as_lines
+from lrf3d.world.pieces import connected, groups, members_of
+
+# Largest height [m] of letters, and of those of titles: on a plan of 1:100, 5 mm and 15 mm.
+LETTER = 0.5
+TITLE = 1.5
+
+# Least number of letters in a word; titles need more, as their letters are as large as furniture.
+LEAST_LETTERS = 3
+LEAST_IN_TITLE = 5
+
+
+class _Parts(NamedTuple):
+    """What touches, as the strokes of a letter do: boxes (k, 4) [m] and looks (k,) of parts."""
+
+    boxes: Float
+    # (k, 2) [m].
+    sides: Float
+    # The longer side [m].
+    size: Float
+    # Number of segments.
+    strokes: Int
+    # Whether a segment is not of a pattern.
+    plain: Bool
+    # Largest letter [m]: a drawing of the size of its paper shows nothing larger.
+    letter: float
+
+    def around(self, chosen: Int, share: float) -> Float:
+        """Boxes (m,) of chosen parts, enlarged on all sides by a share of their size."""
+        away = share * self.size[chosen, None] * [-1.0, -1.0, 1.0, 1.0]
+        return np.asarray(shapely.box(*(self.boxes[chosen] + away).T))
+
+
+def is_lettering(segments: Float, pattern: Bool) -> Bool:
+    """Which segments (n, 4) are letters of a word of three or more; a letter is what touches.
+
+    Columns and chairs in a row are all alike, and dashes have no width: they are not letters.
+    Titles have large letters of one height. Upright strokes may look like those of a pattern (n,).
+    """
+    found = np.zeros(len(segments), dtype=bool)
+    if not len(segments):
+        return found
+    # A word may be written over a wall, but no line goes on from its letters.
+    ends = segments.reshape(-1, 2)
+    _, node = np.unique(ends @ [1.0, 1.0j], return_inverse=True)
+    chain = groups(node[::2], node[1::2], node.max() + 1)[node]
+    box = np.full((2, chain.max() + 1, 2), np.inf)
+    for corner, sign in zip(box, (1.0, -1.0), strict=True):
+        np.minimum.at(corner, chain, sign * ends)
+    loose = ((-box.sum(axis=0)).max(axis=1) < TITLE)[chain[::2]]
+    if loose.any():
+        largest = 0.05 * float(np.ptp(ends, axis=0).max())
+        found[loose] = _is_in_words(segments[loose], pattern[loose], largest)
+    return found
+
+
+def _is_in_words(segments: Float, pattern: Bool, largest: float) -> Bool:
+    """Which segments (n, 4) are of words, with letters of up to a height [m]."""
+    part = connected(segments)
+    own = members_of(part)
+    boxes = shapely.bounds([shapely.multilinestrings(as_lines(segments[each])) for each in own])
+    sides = boxes[:, 2:] - boxes[:, :2]
+    strokes = np.array([len(each) for each in own])
+    plain = np.array([not pattern[each].all() for each in own])
+    parts = _Parts(boxes, sides, sides.max(axis=1), strokes, plain, largest)
+    text = np.zeros(len(own), dtype=bool)
+    for height, least in ((LETTER, LEAST_LETTERS), (TITLE, LEAST_IN_TITLE)):
+        for row in _rows(parts, height):
+            text[row] |= _is_word(parts, row, least)
+    # Units and single letters stand next to words.
+    while len(more := _next_to(parts, text)):
+        text[more] = True
+    return text[part]
+
+
+def _rows(parts: _Parts, height: float) -> list[Int]:
+    """Rows of parts up to a height [m], close to each other and alike in size."""
+    small = np.flatnonzero(parts.size < min(height, parts.letter))
+    # Gaps between letters of a word are shares of the larger one.
+    tree = shapely.STRtree(parts.around(small, 0.0))
+    one, other = tree.query(parts.around(small, 0.6), predicate="intersects")
+    ratio = parts.size[small[one]] / parts.size[small[other]]
+    # Points and accents are small, but not in titles.
+    alike = (ratio >= 1.0) & ((ratio < 2.5) | (height < TITLE))
+    return [small[row] for row in members_of(groups(one[alike], other[alike], len(small)))]
+
+
+def _is_word(parts: _Parts, row: Int, least: int) -> bool:
+    """Whether a row of parts is a word of at least a number of letters."""
+    sure = row[parts.plain[row]]
+    if len(row) < least or len(set(parts.strokes[sure].tolist())) < 2:
+        return False
+    wide = parts.sides[sure].min(axis=1) > 0.3 * parts.size[sure]
+    high = parts.sides[row, 1]
+    middle = float(np.median(high))
+    level = np.abs(high - middle) < 0.1 * middle
+    return bool(wide.any() and (least < LEAST_IN_TITLE or level.mean() > 0.6))
+
+
+def _next_to(parts: _Parts, text: Bool) -> Int:
+    """The parts that stand next to letters (k,) and are hardly larger."""
+    rest = np.flatnonzero((parts.size < min(LETTER, parts.letter)) & ~text)
+    letters = np.flatnonzero(text)
+    words = shapely.STRtree(parts.around(letters, 0.8))
+    near, word = words.query(parts.around(rest, 0.0), predicate="intersects")
+    return np.asarray(rest[near[parts.size[rest[near]] < 1.3 * parts.size[letters[word]]]])

@@ -1,0 +1,173 @@
+"""The rules for drawings: what is not a wall, found by how it is drawn, one rule after the other.
+
+The strokes of a drawing enter; doors leave, and for each rule the strokes that it takes out. A new
+kind of symbol is a function that returns which strokes it is, and an entry of `RULES`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lrf3d.geometry.lines import Bool, Float, Int, lengths
+from lrf3d.plans.rules.doors import Door, find_doors, find_leaves
+from lrf3d.plans.rules.letters import is_lettering
+from lrf3d.plans.rules.patterns import is_pattern
+from lrf3d.plans.rules.sheet import is_annotation, is_aside, is_frame
+from lrf3d.world.model import SHEET
+
+# Roles of what stands; lines of ``other`` layers are walls, too.
+STANDS = ("wall", "window", "other", "furniture")
+
+# Roles of which a leaf or an arc may be drawn.
+MAY_OPEN = (*STANDS, "door", "dashed")
+
+# Length [m] from which a line on a layer of doors is a partition: no leaf is that long.
+PARTITION = 2.2
+
+
+@dataclass
+class Strokes:
+    """The strokes of a drawing, and what the rules have found so far."""
+
+    # (n, 4) [m].
+    segments: Float
+    # The line (n,) that each stroke is drawn in; consecutive ones of a line are joined.
+    line: Int
+    # The mark (n,) of each stroke, which may be cut into lines by what covers it.
+    mark: Int
+    # What the layer says that each stroke (n,) is.
+    role: Any
+    # Whether a layer shows that the drawing is a sheet of paper, with more on it than a plan.
+    sheet: bool = False
+    # The doors that rules have found; their strokes are taken out.
+    doors: list[Door] = field(default_factory=list)
+    # Which strokes (n,) each rule takes out, by its name.
+    found: dict[str, Bool] = field(default_factory=dict)
+
+    # Which strokes (n,) no rule has taken out.
+    left: Bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.left = np.ones(len(self.segments), dtype=bool)
+
+    def take(self, rule: "Rule") -> None:
+        """Take out what a rule finds among the strokes that are left."""
+        self.found[rule.name] = rule.find(self) & self.left
+        self.left = self.left & ~self.found[rule.name]
+
+    @property
+    def free(self) -> Bool:
+        """Which strokes (n,) may be symbols: those left, on layers whose names say nothing.
+
+        On a drawing as small as its paper there are none, as its symbols have other sizes.
+        """
+        large = len(self.segments) and np.ptp(self.segments.reshape(-1, 2), axis=0).max() >= SHEET
+        return np.asarray(self.left & (self.role == "other") & bool(large))
+
+    @cached_property
+    def pattern(self) -> Bool:
+        """Which strokes (n,) are drawn as a pattern; some of them may be annotations, too.
+
+        It is found once, before annotations are taken out.
+        """
+        return self.among(self.free, is_pattern)
+
+    def among(self, chosen: Bool, find: Callable[[Float], Bool]) -> Bool:
+        """Which free strokes (n,) are found among the segments of those chosen (n,)."""
+        found = np.zeros(len(self.segments), dtype=bool)
+        free = self.free
+        if free.any():
+            found[chosen] = find(self.segments[chosen])
+        return found & free
+
+    def shows_sheet(self, *names: str) -> bool:
+        """Whether a layer, or a rule of one of some names, shows that the drawing is a sheet."""
+        return self.sheet or any(self.found[name].any() for name in names)
+
+
+class Rule(NamedTuple):
+    """A rule: it takes strokes out of the walls."""
+
+    # What a stroke that it finds is called, in the singular.
+    name: str
+    # A sentence: what it recognises, and how.
+    what: str
+    # Returns which strokes (n,) it takes, of those that are left.
+    find: Callable[[Strokes], Bool]
+    # Whether the note on what was left out counts strokes; doors and layers stand there apart.
+    counted: bool = True
+
+
+def _opened(strokes: Strokes, find: Callable[..., tuple[list[Door], Bool]]) -> Bool:
+    drawn = strokes.left & np.isin(strokes.role, MAY_OPEN)
+    doors, opened = find(strokes.segments, strokes.line, drawn)
+    strokes.doors += doors
+    return opened
+
+
+def _of_other_layers(strokes: Strokes) -> Bool:
+    partition = (strokes.role == "door") & (lengths(strokes.segments) > PARTITION)
+    return np.asarray(~(np.isin(strokes.role, STANDS) | partition))
+
+
+def _annotations(strokes: Strokes) -> Bool:
+    free = strokes.free
+    drawn = strokes.line[free], strokes.mark[free], strokes.pattern[free]
+    return strokes.among(free, lambda each: is_annotation(each, *drawn))
+
+
+def _letters(strokes: Strokes) -> Bool:
+    # Upright strokes of letters may look like those of a pattern.
+    pattern = strokes.found["pattern line"]
+    drawn = strokes.free | (pattern & (lengths(strokes.segments) < 0.5))
+    return strokes.among(drawn, lambda each: is_lettering(each, pattern[drawn]))
+
+
+def _frame(strokes: Strokes) -> Bool:
+    known = strokes.shows_sheet("annotation line")
+    return strokes.among(strokes.left, partial(is_frame, sheet=known))
+
+
+def _beside(strokes: Strokes) -> Bool:
+    left = strokes.left
+    sheet = strokes.shows_sheet("annotation line", "frame line")
+    return strokes.among(left, lambda each: is_aside(each, sheet, strokes.role[left] != "other"))
+
+
+# Each rule looks among what the rules before it leave.
+RULES = [
+    Rule(
+        "door stroke",
+        "A leaf and the quarter arc that its tip sweeps.",
+        partial(_opened, find=find_doors),
+        False,
+    ),
+    Rule(
+        "leaf stroke",
+        "An isolated line from the corner of a wall, as long as the gap to where the wall goes on.",
+        partial(_opened, find=find_leaves),
+        counted=False,
+    ),
+    Rule(
+        "layer stroke",
+        "Marks that are not walls by the name of their layer, their line type or their colour.",
+        _of_other_layers,
+        counted=False,
+    ),
+    Rule(
+        "annotation line",
+        "Dimensions, axes and leaders: lines that end at an arrowhead, a tick, a dot or a bubble.",
+        _annotations,
+    ),
+    Rule(
+        "pattern line",
+        "Tiles and hatching: six or more parallels at one distance.",
+        lambda strokes: strokes.pattern,
+    ),
+    Rule("letter stroke", "Words: rows of small parts that differ from each other.", _letters),
+    Rule("frame line", "The box around all on a sheet, and its title block.", _frame),
+    Rule("outside line", "Parts next to the plan: a legend, a scale bar, a north arrow.", _beside),
+]
