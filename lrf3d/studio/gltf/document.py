@@ -123,9 +123,7 @@ class Document:
         if colours is not None:
             rows = np.ones((len(columns["POSITION"]), 4))
             rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
-            # Screen colours are kept as the linear ones that glTF counts with.
-            low = np.clip(rows[:, :3], 0.0, 1.0)
-            rows[:, :3] = np.where(low <= 0.04045, low / 12.92, ((low + 0.055) / 1.055) ** 2.4)
+            rows[:, :3] = _linear(np.clip(rows[:, :3], 0.0, 1.0))
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
             columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
@@ -204,6 +202,17 @@ class Document:
             data += fill * (-len(data) % _ALIGNMENT)
             chunks += struct.pack("<I4s", len(data), kind) + data
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _linear(screen: Float) -> Float:
+    """Colours in linear light, with which glTF counts, of those of a screen (IEC 61966-2-1)."""
+    # The standard's slope of dark colours, up to the limit, and offset and power of the others.
+    slope = 12.92
+    limit = 0.04045
+    offset = 0.055
+    power = 2.4
+    curved = ((screen + offset) / (1.0 + offset)) ** power
+    return np.where(screen <= limit, screen / slope, curved)
 
 
 def turned(angles: Float) -> Float:

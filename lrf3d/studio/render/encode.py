@@ -19,7 +19,7 @@ from lrf3d.studio.scene.shapes import Pixels
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class FilmFormat:
     """A kind of film, as FFmpeg's libraries write it."""
 
     codec: str
@@ -38,8 +38,10 @@ class Format:
 
 
 FORMATS = {
-    ".gif": Format("gif", "pal8", 50.0, Fraction(1, 100), file_options={"loop": "0"}, palette=True),
-    ".mp4": Format(
+    ".gif": FilmFormat(
+        "gif", "pal8", 50.0, Fraction(1, 100), file_options={"loop": "0"}, palette=True
+    ),
+    ".mp4": FilmFormat(
         "libx264",
         "yuv420p",
         1000.0,
@@ -54,7 +56,7 @@ FORMATS = {
         file_options={"movflags": "faststart"},
         even=True,
     ),
-    ".webp": Format(
+    ".webp": FilmFormat(
         "libwebp_anim",
         "yuv420p",
         200.0,
@@ -66,7 +68,7 @@ FORMATS = {
 }
 
 
-def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
+def format_of(path: Path, size: tuple[int, int], fps: float) -> FilmFormat:
     """The kind of film that a path names.
 
     Raises:
@@ -87,7 +89,7 @@ def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
 def encode(
     pictures: Iterable[Pixels],
     path: Path,
-    kind: Format,
+    kind: FilmFormat,
     *,
     fps: float,
     examples: Sequence[Pixels] = (),

@@ -17,10 +17,8 @@ from lrf3d.studio.scene.shapes import Faces, GroundPicture, Mark
 
 _SHADERS = Path(__file__).parent / "shaders"
 
-# How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
-# weights of red, green and blue in brightness.
+# How far the ground goes past its picture, to the horizon, in the colour of its edge [m].
 LAND_REACH = 3000.0
-GREY = np.array([0.3, 0.55, 0.15])
 
 
 def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
@@ -46,7 +44,9 @@ def exposed(day: Any, on: Any, height: Any, setting: Setting) -> Float:
 
     How lit they are (…), and how high they lie [m].
     """
-    dark = look.NIGHT_LOW + (day @ GREY)[..., None] * np.subtract(setting.night, look.NIGHT_LOW)
+    dark = look.NIGHT_LOW + (day @ look.GREY)[..., None] * np.subtract(
+        setting.night, look.NIGHT_LOW
+    )
     share = on * np.maximum(1.0 - look.FALL * height, look.LEAST_FALL)
     return np.asarray(dark + share[..., None] * (day * setting.cool - dark))
 

@@ -22,12 +22,12 @@ from lrf3d.studio.render.buffers import (
 from lrf3d.studio.render.glsl import columns_of, ground_of, mesh
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import (
+    Inset,
     Lens,
     Lines,
     Mark,
     Painted,
     Pixels,
-    Plan,
     Points,
     Reflection,
     Seen,
@@ -58,7 +58,7 @@ class Renderer:
             self._resolving = self._filled("resolve", corners)
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
-        self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
+        self._scale = look.scale(size, look.LEAST_SCALE)
         self._camera = CameraBlock()
         self._parts = _Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
@@ -105,8 +105,8 @@ class Renderer:
         self._flatten()
         for name, mark in seen.marks:
             self._draw_mark(name, mark, seen.lens.focus)
-        if seen.plan is not None:
-            self._draw_plan(seen.plan)
+        if seen.inset is not None:
+            self._draw_inset(seen.inset)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)
@@ -255,13 +255,13 @@ class Renderer:
             self._paint("soft", buffer, blend=True, solid=False)
             GL.glDepthFunc(GL.GL_LEQUAL)
 
-    def _draw_plan(self, plan: Plan) -> None:
+    def _draw_inset(self, plan: Inset) -> None:
         left, top, wide, high = plan.box
         GL.glDisable(GL.GL_DEPTH_TEST)
         GL.glEnable(GL.GL_SCISSOR_TEST)
         for place in (GL.glScissor, GL.glViewport):
             place(left, top, wide, high)
-        GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
+        GL.glClearColor(*(part / look.WHITE for part in look.PLAN_BACK), 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT)
         self._camera.fill(plan.lens, wide, high)
         self._draw_ground("ground:PLAN", blend=True, solid=False)

@@ -10,7 +10,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.studio.gltf import run_glb
-from lrf3d.studio.page.shown import Shown, Wanted
+from lrf3d.studio.page.session import PageSession, Wanted
 from lrf3d.studio.scene.look import SECTION
 from lrf3d.studio.scene.stage.stage import paint_stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, Sight, Structures
@@ -76,7 +76,7 @@ def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
             picture = frame(run, 2.1, size=(64, 48), view=view, samples=0, renderer=renderer)
             assert picture.shape == (48, 64, 3)
     assert run_glb(run)[:4] == b"glTF"
-    assert Shown.played(run, 1.0).answer(Wanted(), 0.0)
+    assert PageSession.played(run, 1.0).answer(Wanted(), 0.0)
 
 
 def ground_of(structures):
