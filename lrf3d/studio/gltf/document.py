@@ -12,24 +12,41 @@ from PIL import Image
 
 from lrf3d.geometry.lines import Float
 
-# What an array is for, as the format numbers it; keys of animations have no number.
+# What an array is for, as the format numbers it: attributes of vertices.
 VERTICES = 34962
+
+# Numbers of vertices.
 INDICES = 34963
+
+# Keys of animations, which have no number.
 KEYS = None
 
-# What the corners of a part make up.
+# Mode of a part whose corners make up triangles.
 TRIANGLES = 4
+
+# Mode of a part whose corners make up lines.
 LINES = 1
 
+# Names of rows by their length, and numbers of types, as the format has them.
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
+# How textures are read, as OpenGL numbers it: not past their edges, ...
 _CLAMP = 33071
+
+# ... between their texels, ...
 _LINEAR = 9729
+
+# ... and, far away, in smaller copies.
 _MIPMAPS = 9987
 
-# The extension of all materials, and the bytes that the start of every array is a multiple of.
+# The extension of all materials.
 _UNLIT = "KHR_materials_unlit"
+
+# The start of every array is a multiple of this [bytes].
 _ALIGNMENT = 4
+
+# Number of vertices that two bytes can number; their largest number is not used.
+_SMALL = 65535
 
 
 class Document:
@@ -132,7 +149,7 @@ class Document:
         _, first, numbers = np.unique(
             rows.view(f"V{rows.shape[1]}")[:, 0], return_index=True, return_inverse=True
         )
-        small = np.uint16 if len(first) < 65535 else np.uint32
+        small = np.uint16 if len(first) < _SMALL else np.uint32
         attributes = {
             name: self.array(column[first], VERTICES, bounded=name == "POSITION")
             for name, column in columns.items()
