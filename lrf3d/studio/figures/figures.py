@@ -132,12 +132,11 @@ def draw_world(
     words = f"{counted(len(world.segments), 'wall')} of {counted(world.object_count, 'object')}"
     if scan is not None:
         words += f"  ·  scan of {len(scan.ranges)} beams, {int(scan.hits.sum())} returns"
-    title = world.name or "world"
     world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
     places = [world.segments.reshape(-1, 2), legs, robots[:, :2]]
     places += [plan.rest.reshape(-1, 2)] if plan is not None else []
-    figure, (ax,) = metre_sheet(places, 1, title, words)
+    figure, (ax,) = metre_sheet(places, 1, world.name or "world", words)
     plot.world(world, ax, poses=robots, linewidth=WALL_WIDTH)
     if plan is not None:
         _draw_plan(plan, ax)
@@ -289,8 +288,7 @@ def draw_crosscheck(
     ):
         if not len(answers):
             continue
-        reach = np.clip(answers, 0.0, lrf.range_max)
-        ends = starts + reach[:, None] * np.array(beams)
+        ends = starts + np.clip(answers, 0.0, lrf.range_max)[:, None] * np.array(beams)
         lines = list(np.stack([starts, ends], axis=1))
         ax.add_collection(
             LineCollection(lines, colors=colour, linewidths=fine * width, label=label, zorder=4)

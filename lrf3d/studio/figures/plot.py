@@ -321,10 +321,9 @@ def _draw_robots(ax: Axes, poses: Float, *, named: bool) -> None:
     """Draw robots as darts of an even size: at its true size a city would swallow one."""
     for number, (x, y, theta) in enumerate(poses.tolist()):
         dart = MarkerStyle(Path(DART), transform=Affine2D().rotate(theta))
-        label = "robot" if number == 0 else "_robot"
         ax.plot(
             x, y, marker=dart, markersize=13, color=ROBOT, mec="white", mew=0.6, zorder=7,
-            linestyle="none", label=label,
+            linestyle="none", label="robot" if number == 0 else "_robot",
         )  # fmt: skip
         if named:
             # The name stands behind the robot, where it has no beams.

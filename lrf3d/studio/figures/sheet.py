@@ -99,8 +99,7 @@ def plain(words: str) -> str:
 def save_figure(figure: Figure, path: str | Path | None) -> Figure:
     """Write a figure, if there is a path, and return it."""
     if path is not None:
-        known = figure.canvas.get_supported_filetypes()
-        if as_path(path).suffix[1:].lower() not in known:
+        if as_path(path).suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
             raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
         with replacing(path) as unfinished:
             figure.savefig(unfinished, dpi=DOTS_PER_INCH)

@@ -70,11 +70,10 @@ def draw_sweep(
     rows = -(-len(PANELS) // COLUMNS)
     figure = sheet(COLUMNS * WIDE, rows * TALL + 1.0, *titles)
     panels = [quiet(figure.add_subplot(rows, COLUMNS, 1 + k)) for k in range(len(PANELS))]
-    values = sorted({float(mean[column]) for mean in means})
     for axes, (measure, name, factor) in zip(panels, PANELS, strict=True):
         axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
         _draw_curves(axes, curves, column, measure, factor)
-        _scales(axes, values, measure)
+        _scales(axes, sorted({float(mean[column]) for mean in means}), measure)
     for axes in panels[-COLUMNS:]:
         axes.set_xlabel(axis, color=FAINT, fontsize=9)
     add_legend(figure, panels)

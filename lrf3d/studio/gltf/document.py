@@ -15,10 +15,10 @@ from lrf3d.geometry.lines import Float
 # What an array is for, as the format numbers it: attributes of vertices.
 VERTICES = 34962
 
-# Numbers of vertices.
+# What numbers of vertices are for.
 INDICES = 34963
 
-# Keys of animations, which have no number.
+# What keys of animations are for: the format has no number for them.
 KEYS = None
 
 # Mode of a part whose corners make up triangles.
@@ -27,16 +27,18 @@ TRIANGLES = 4
 # Mode of a part whose corners make up lines.
 LINES = 1
 
-# Names of rows by their length, and numbers of types, as the format has them.
+# Names of rows by their length.
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+# OpenGL's numbers for types.
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
-# How textures are read, as OpenGL numbers it: not past their edges, ...
+# OpenGL's number for textures that end at their edges.
 _CLAMP = 33071
 
-# ... between their texels, ...
+# OpenGL's number for textures that are interpolated between texels.
 _LINEAR = 9729
 
-# ... and, far away, in smaller copies.
+# OpenGL's number for textures that have smaller copies for what is far away.
 _MIPMAPS = 9987
 
 # The extension of all materials.
@@ -118,8 +120,7 @@ class Document:
         filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
         sampler = self.add("samplers", **filters, wrapS=_CLAMP, wrapT=_CLAMP)
         view = self._view(file.getvalue())
-        mime = f"image/{kind.lower()}"
-        source = self.add("images", name=name, mimeType=mime, bufferView=view)
+        source = self.add("images", name=name, mimeType=f"image/{kind.lower()}", bufferView=view)
         return self.add("textures", source=source, sampler=sampler)
 
     def part(
@@ -173,7 +174,7 @@ class Document:
     ) -> None:
         """Move a node: key times (k,) [s] and values (k, n), straight or stepping between.
 
-        What does not play an animation shows the first.
+        A viewer without animations shows the first.
         """
         self._parts["nodes"][node][path] = values[0].tolist()
         if len(times) < 2:
@@ -190,7 +191,7 @@ class Document:
     ) -> None:
         """Give a node its size only from one time to another [s], or to the end.
 
-        What does not play an animation shows it as it is at the start, or as told.
+        A viewer without animations shows it as at the start, or as `rests` says.
         """
         times, sizes = ([0.0, begin], [0.0, 1.0]) if begin > 0.0 else ([0.0], [1.0])
         if end is not None and end < self._length:
@@ -228,8 +229,7 @@ def _linear(screen: Float) -> Float:
     limit = 0.04045
     offset = 0.055
     power = 2.4
-    curved = ((screen + offset) / (1.0 + offset)) ** power
-    return np.where(screen <= limit, screen / slope, curved)
+    return np.where(screen <= limit, screen / slope, ((screen + offset) / (1.0 + offset)) ** power)
 
 
 def turned(angles: Float) -> Float:

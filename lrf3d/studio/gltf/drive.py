@@ -125,11 +125,9 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         parts = [_lines(document, beams, material)]
         if len(hits.places):
             robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
-            corners = _triangles(hits, robot)
             colours = np.repeat(hits.colours[:, None], 3, axis=1)
-            parts.append(document.part(material, corners, colours))
-        node = document.node(f"scan {number * every}", group, *parts)
-        document.show(node, begin, end)
+            parts.append(document.part(material, _triangles(hits, robot), colours))
+        document.show(document.node(f"scan {number * every}", group, *parts), begin, end)
 
 
 def _lines(document: Document, lines: Lines, material: int) -> dict[str, Any]:

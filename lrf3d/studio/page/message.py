@@ -86,8 +86,7 @@ class Sender:
             return rows, 0
         # The rows at the beginning that the page has already.
         count = min(len(rows), len(known))
-        differ = (rows[:count] != known[:count]).any(axis=1)
-        first = int(np.append(differ, True).argmax())
+        first = int(np.append((rows[:count] != known[:count]).any(axis=1), True).argmax())
         return None if first == len(rows) == len(known) else (rows, first)
 
 
@@ -100,9 +99,8 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     seen = stage.exposure.texels
     setting = stage.structures.setting
     # The corners of two triangles for each quad.
-    walls = (each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])
     parts = {
-        "walls": _part("walls", *walls),
+        "walls": _part("walls", *(each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])),
         "ground": _part("ground", ground_of(ground, 6)),
         "sky": _part("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2)),
     }

@@ -158,5 +158,4 @@ class _Record(Sender):
         block = self.blocks.setdefault(name, bytearray())
         self._arrays.append((name, (len(block), *whole.shape, size, exponent)))
         steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
-        planes = steps.T[..., None].copy().view(np.uint8).transpose(0, 2, 1)
-        block += planes.tobytes()
+        block += steps.T[..., None].copy().view(np.uint8).transpose(0, 2, 1).tobytes()

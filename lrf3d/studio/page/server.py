@@ -1,4 +1,4 @@
-"""The page and its server, and what a page is opened for.
+"""The server of the page, for a run that is played or a world to drive in.
 
 Everything is served from this machine, by the library of the page's socket; the page loads nothing
 from elsewhere.
@@ -45,7 +45,7 @@ _STEP = 1.0 / 30.0
 # Time that a page may take to load a file [s].
 _PATIENCE = 60.0
 
-# Time between two looks at whether the program is to end [s].
+# Time between two checks whether the program is to end [s].
 _WAIT = 0.05
 
 # Time that pages have to close their sockets in the end [s].

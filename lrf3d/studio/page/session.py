@@ -248,9 +248,11 @@ def _legend(colour: tuple[float, ...]) -> str:
 
 
 def _scene_camera(seen: Seen, view: Look) -> dict[str, Any]:
-    names = ("clock", "glass", "robot", "cut")
-    own = {name: getattr(seen, name) for name in names}
-    return {**_camera(seen.lens), **own, "target": _numbers(view.target)}
+    return {
+        **_camera(seen.lens),
+        **{name: getattr(seen, name) for name in ("clock", "glass", "robot", "cut")},
+        "target": _numbers(view.target),
+    }
 
 
 def _camera(lens: Lens) -> dict[str, Any]:

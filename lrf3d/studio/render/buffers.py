@@ -148,13 +148,11 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
             GL.glDrawArrays(self.mode, 0, self.count)
 
     def _write(self, place: int, values: NDArray[Any]) -> None:
-        new = place not in self._rooms
         self._store(GL.GL_ARRAY_BUFFER, place, values.astype(np.float32, copy=False))
-        if new:
+        if place not in self._rooms:
             GL.glBindVertexArray(self._vaid)
-            size = values.shape[1]
             start = ctypes.c_void_p(0)
-            GL.glVertexAttribPointer(place, size, GL.GL_FLOAT, GL.GL_FALSE, 0, start)
+            GL.glVertexAttribPointer(place, values.shape[1], GL.GL_FLOAT, GL.GL_FALSE, 0, start)
             GL.glEnableVertexAttribArray(place)
 
     def _store(self, kind: int, place: int, values: NDArray[Any]) -> None:
@@ -188,8 +186,7 @@ class ShaderProgram:
             GL.glAttachShader(self._id, shader)
         GL.glLinkProgram(self._id)
         if not GL.glGetProgramiv(self._id, GL.GL_LINK_STATUS):
-            log = GL.glGetProgramInfoLog(self._id)
-            raise RuntimeError(f"shader {name} does not link: {log!r}")
+            raise RuntimeError(f"shader {name} does not link: {GL.glGetProgramInfoLog(self._id)!r}")
         for shader in shaders:
             GL.glDeleteShader(shader)
         count = GL.glGetProgramiv(self._id, GL.GL_ACTIVE_UNIFORMS)

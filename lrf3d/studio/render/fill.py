@@ -167,9 +167,9 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
             right = ends[1]
             begin = ends[2]
             step = (ends[3] - begin) / max(right - left, TINY)
-            first = max(left - 0.5, 0.0)
-            last = min(right - 0.5, float(width))
-            for column in range(math.ceil(first), math.ceil(last)):
+            for column in range(
+                math.ceil(max(left - 0.5, 0.0)), math.ceil(min(right - 0.5, float(width)))
+            ):
                 depth = begin + (column + 0.5 - left) * step
                 if depth > near[row, column]:
                     hits[row, column] = t
@@ -276,7 +276,6 @@ def shade(
     tones = surfaces.tones
     eye = fixed[:3]
     focus = fixed[3]
-    thick = fixed[4]
     clock = laser.clock
     colours = np.empty((len(ways), 3), np.float32)
     near = np.zeros(len(ways), np.float32)
@@ -333,7 +332,7 @@ def shade(
                 seen[k] = tones[0, k] + (1.0 - (1.0 - rise) ** _SKY) * (tones[1, k] - tones[0, k])
             continue
         near[n] = 1.0 / max(away, _LEAST_AWAY)
-        far = (away * thick) ** 2
+        far = (away * fixed[4]) ** 2
         for k in range(3):
             seen[k] += far / (1.0 + far) * (tones[0, k] - seen[k])
     return colours, near, lit
@@ -365,9 +364,9 @@ def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> N
                     x = p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
                     left = min(left, x)
                     right = max(right, x)
-            begin = max(left - 0.5, 0.0)
-            end = min(right - 0.5, float(width))
-            for column in range(math.ceil(begin), math.ceil(end)):
+            for column in range(
+                math.ceil(max(left - 0.5, 0.0)), math.ceil(min(right - 0.5, float(width)))
+            ):
                 x = column + 0.5
                 u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
                 v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area

@@ -30,7 +30,7 @@ from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.timeline import Timeline, smoothed
 from lrf3d.world.cameras import check_view
 
-# How far past its end a run can still be looked at [s], as sums of steps are rounded.
+# Time past its end at which a run can still be shown [s], as sums of steps are rounded.
 SLACK = 1e-6
 
 # Smallest side of a picture [pixels].
@@ -134,9 +134,7 @@ class FilmOptions:
         check_view(view, run.world.cameras)
         sampled = is_finite(self.samples) and self.samples in (0, 4)
         _check(sampled, "samples", self.samples, "0 or 4")
-        known = self.panel in panel.PANELS
-        _check(known, "panel", self.panel, f"one of {', '.join(panel.PANELS)}")
-        goal = self._checked_goal()
+        _check(self.panel in panel.PANELS, "panel", self.panel, f"one of {', '.join(panel.PANELS)}")
         limits = {"least": _SMALLEST, "most": _LARGEST}
         width, height = (whole_number(side, "size", **limits) for side in self.size)
         return replace(
@@ -146,7 +144,7 @@ class FilmOptions:
             playback=number(playback, "playback", positive=True),
             renderer=choose_renderer(self.renderer),
             layers=frozenset(self.layers),
-            goal=goal,
+            goal=self._checked_goal(),
         )
 
     def _checked_goal(self) -> Any:
@@ -241,7 +239,7 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)
-    # The pictures of the opening and the end can be looked at, too.
+    # The pictures of the opening and the end can be drawn, too.
     before, after = (timeline.playback * margin for margin in margins(str(chosen.view)))
     # Checked before anything is painted, which takes seconds.
     if not timeline.start - before - SLACK <= time <= timeline.end + after + SLACK:

@@ -74,8 +74,7 @@ class PlainRenderer:
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
         self._scale = look.scale(size, look.LEAST_SCALE)
-        quads = stage.faces.rows()
-        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
+        self._corners = single(stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         setting = stage.structures.setting
@@ -89,8 +88,7 @@ class PlainRenderer:
         times = stage.exposure.texels
         self._mirrors = stage.mirrors
         area = np.array(stage.exposure.area)
-        clock = np.zeros(2)
-        self._laser = fill.LaserLight(times, np.zeros_like(times), area, clock)
+        self._laser = fill.LaserLight(times, np.zeros_like(times), area, np.zeros(2))
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -149,9 +147,8 @@ class PlainRenderer:
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         if starts is None:
             met = np.full(self._size[::-1], -1, np.int32)
-            matrix = lens.matrix[[0, 1, 3]]
             depths = np.zeros(met.shape, np.float32)
-            fill.number_nearest(self._surfaces.corners, matrix, met, depths)
+            fill.number_nearest(self._surfaces.corners, lens.matrix[[0, 1, 3]], met, depths)
             hits = met.ravel()
         else:
             hits = self._rays.first(starts, ways)
@@ -289,8 +286,7 @@ class PlainRenderer:
         for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True):
             half = 0.5 * np.maximum(wide, thick / place[:, 2:]) * across
             for side in (half, -half):
-                row = place[:, :2] + side, near, lines.colours, opacity
-                corners.append(np.column_stack(row))
+                corners.append(np.column_stack((place[:, :2] + side, near, lines.colours, opacity)))
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > NEAR, 2)
         fill.fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
@@ -300,11 +296,10 @@ def _before_eye(triangles: Float, lens: Lens) -> Float:
     """Triangles (t, 3, 3 + k), whose columns begin with places, cut off behind the eye."""
     depths = triangles[..., :3] @ lens.matrix[3, :3] + lens.matrix[3, 3] - _CUT
     front = depths > 0.0
-    count = front.sum(axis=1)
     found = [triangles[front.all(axis=1)]]
     for ahead in (1, 2):
         # The corner that is alone on its side of the plane comes first.
-        cut = np.flatnonzero(count == ahead)
+        cut = np.flatnonzero(front.sum(axis=1) == ahead)
         order = (np.argmax(front[cut] == (ahead == 1), axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(triangles[cut], order[..., None], axis=1).transpose(1, 0, 2)
         alone, *others = np.take_along_axis(depths[cut], order, axis=1).T[..., None]
@@ -328,8 +323,7 @@ def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> S
     off = np.linalg.norm(places - along[:, None] * toward / reach, axis=1)
     wide = off / np.maximum(along, _CONE) / look.PEEP
     rise = np.clip((wide - (1.0 - _CLOSES)) / _CLOSES, 0.0, 1.0)
-    opened = (1.0 - smoothed(rise)) * (along < reach - 1.0)
-    return single(1.0 - look.VEIL_SHARE * opened)
+    return single(1.0 - look.VEIL_SHARE * ((1.0 - smoothed(rise)) * (along < reach - 1.0)))
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:
@@ -366,8 +360,7 @@ def _projected(places: Any, lens: Lens, nearer: float, canvas: _Framebuffer) -> 
     ray = lens.eye - places
     away = np.linalg.norm(ray, axis=1)
     step = np.minimum(nearer + lens.slack * away, 0.5 * away) / np.maximum(away, look.TINY)
-    depth = clip[:, 2] + step * (ray @ lens.matrix[3, :3])
-    return clip, 1.0 / np.maximum(depth, _LEAST_DEPTH)
+    return clip, 1.0 / np.maximum(clip[:, 2] + step * (ray @ lens.matrix[3, :3]), _LEAST_DEPTH)
 
 
 def _texels(picture: Pixels) -> tuple[Pixels, NDArray[np.int64]]:

@@ -188,8 +188,7 @@ class Renderer:
             # How much of a cell is covered adds up to its opacity.
             one = GL.GL_ONE, GL.GL_ONE_MINUS_SRC_ALPHA
             GL.glBlendFuncSeparate(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA, *one)
-            columns = columns_of(tints.lines).values()
-            buffer = self._filled("tints", *columns, corners=4)
+            buffer = self._filled("tints", *columns_of(tints.lines).values(), corners=4)
             self._paint("lines", buffer, blend=True, solid=False, width=(tints.lines.width, 0.0))
 
     def _reflect(self, seen: Seen, reflection: Reflection) -> None:
@@ -297,8 +296,7 @@ class _Parts:
     def __init__(self, faces: Painted) -> None:
         owners = faces.objects
         self.count = int(faces.objects.max(initial=-1)) + 1
-        order = np.argsort(owners, kind="stable")
-        self._quads = quad_indices(len(owners)).reshape(-1, 6)[order]
+        self._quads = quad_indices(len(owners)).reshape(-1, 6)[np.argsort(owners, kind="stable")]
         self._sizes = np.bincount(owners, minlength=self.count)
         self._starts = np.cumsum(self._sizes) - self._sizes
         self._low, self._high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
@@ -330,11 +328,12 @@ def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
     """A framebuffer, and the buffers of its colour and its depth; textures, if with samples."""
     frame = GL.glGenFramebuffers(1)
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    colour = GL.GL_COLOR_ATTACHMENT0
-    depth = GL.GL_DEPTH_ATTACHMENT
     made = (GL.glGenTextures if samples else GL.glGenRenderbuffers)(2).tolist()
     for each, kind, place in zip(
-        made, (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24), (colour, depth), strict=True
+        made,
+        (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24),
+        (GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT),
+        strict=True,
     ):
         if samples:
             texture = GL.GL_TEXTURE_2D_MULTISAMPLE

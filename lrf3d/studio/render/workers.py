@@ -35,7 +35,7 @@ from lrf3d.studio.scene.stage.stage import Stage
 # Number of frames of which fewer take a process longer to start than it saves.
 _FRAMES_A_WORKER = 20
 
-# Time between two looks at whether the film is to be stopped [s].
+# Time between two checks whether the film is to be stopped [s].
 _WAIT = 0.1
 
 

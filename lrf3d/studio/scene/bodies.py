@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from lrf3d.base.files import data_folder
 from lrf3d.geometry.lines import LEFT, Float, directions
 from lrf3d.robot.kinematics import RADIUS
-from lrf3d.studio.scene.look import BODY_LIGHT, DART, ROBOT, SUN, TINY, WHITE, paler
+from lrf3d.studio.scene.look import BODY_LIGHT, DART, ROBOT, SUN, TINY, WHITE, paler, rgb
 from lrf3d.studio.scene.shapes import Faces, PosedFaces, Soft, single, together
 from lrf3d.studio.scene.stage.stage import triangles
 
@@ -52,7 +52,7 @@ _LEAST_STRETCH = 0.3
 _RIM = 1.4
 
 # Colour of a goal.
-_GOAL = (0.10, 0.70, 0.36)
+_GOAL = rgb("#1ab25c", 2)
 
 # Opacity of a goal's disc.
 _GOAL_DISC = 0.28
@@ -68,7 +68,7 @@ _GOAL_LIFT = 0.04
 
 # Colours of dynamic obstacles: strong, and none is the robot's orange.
 _OBSTACLE_COLOURS = np.array(
-    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
+    [rgb(code, 2) for code in ("#217a8c", "#755c9e", "#999433", "#a8475c")]
 )
 
 # Height of the dark foot of an obstacle [m].
@@ -214,8 +214,7 @@ class Obstacles:
             if each.is_robot:
                 found.append(flat_dart(pose, dart, 0.0, paler(colour)))
                 continue
-            size = max(1.0, _LEAST * dart / each.reach)
-            level = _placed(size * top.reshape(-1, 2), pose)
+            level = _placed(max(1.0, _LEAST * dart / each.reach) * top.reshape(-1, 2), pose)
             found.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
         return found
 
@@ -236,11 +235,10 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
     dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
     parts = []
     dark = _DARKER * colour
-    pale = (1.0 - _TOP_COLOUR) + _TOP_COLOUR * colour
     for corners, levels, normals, paint in (
         (sides, np.array([0.0, 0.0, foot, 0.0, foot, foot]), outward, dark),
         (sides, np.array([foot, foot, height, foot, height, height]), outward, colour),
-        (top.reshape(-1, 2), np.full(3, height), up, pale),
+        (top.reshape(-1, 2), np.full(3, height), up, (1.0 - _TOP_COLOUR) + _TOP_COLOUR * colour),
         (dart, np.full(6, height + _DART_LIFT), up, dark),
     ):
         places = np.column_stack([corners, np.resize(levels, len(corners))])

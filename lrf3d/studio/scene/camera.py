@@ -90,8 +90,7 @@ class Look:
     @property
     def key(self) -> tuple[object, ...]:
         """What distinguishes this look from others of its camera."""
-        place = self.eye.tobytes(), self.target.tobytes(), self.field
-        return *place, self.glass, self.shot
+        return self.eye.tobytes(), self.target.tobytes(), self.field, self.glass, self.shot
 
     @property
     def away(self) -> float:
@@ -116,10 +115,9 @@ class Look:
         """
         tall = 1.0 / np.tan(0.5 * self.field)
         near = max(NEAR, _NEAR_SHARE * self.away)
-        depth = (far + near) / (near - far), 2.0 * far * near / (near - far)
         wide = [tall / aspect, 0, 0, 0]
         up = [0, -tall, self.shift, 0]
-        deep = [0, 0, *depth]
+        deep = [0, 0, (far + near) / (near - far), 2.0 * far * near / (near - far)]
         return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
 
 

@@ -34,10 +34,10 @@ PHASE = -2.2
 # Angle of view from the top of the robot [rad].
 _FIRST_FIELD = float(np.radians(62.0))
 
-# Slope at which it looks up.
+# Slope at which the view from the robot looks up.
 _FIRST_UP = 0.09
 
-# Height of its eye over the laser [m], above the bands of the map.
+# Height of the eye of that view over the laser [m], above the bands of the map.
 _FIRST_OVER = 0.36
 
 # Share of the picture's height that is free above the whole.
@@ -81,6 +81,9 @@ _DRIVE_AROUND = 0.1 * _LARGEST_WORLD
 # Height up to which buildings are in the picture of the whole [m].
 _TALLEST_WALL = 14.0
 
+# Least slope of a look in which the vertical is still up in the picture [m/m].
+_STRAIGHT = 1e-6
+
 # Distance from which on the angle of view of a fixed camera that turns narrows [m].
 _CALM = 12.5
 
@@ -108,44 +111,44 @@ _SHOT = 4.8
 # Time after the start in which the first scan is seen [s of the film].
 _FIRST = 2.6
 
-# Largest share of the run that this is.
+# Largest share of the run for which the first scan is shown.
 _FIRST_SHARE = 0.4
 
-# How the eye looks at the robot in the dark.
+# The camera in the dark.
 _DARK = Rig(2.9, 13.0, shift=-0.25)
 
-# Angle by which it turns round the robot meanwhile [rad].
+# Angle by which that camera turns round the robot [rad].
 _DARK_TURN = 0.7
 
-# When the eye begins to rise from the dark, as a share of the opening before the run starts.
+# When that camera begins to rise, as a share of the opening before the run starts.
 _RISES = 0.3
 
-# When it has risen, as a share of the time in which the first scan is seen.
+# When that camera has risen, as a share of the time in which the first scan is seen.
 _RISEN = 0.6
 
 # How much steeper the eye looks down on its way to where the whole is seen from [rad]: into
 # streets, over the houses beside the robot.
 _INTO_STREETS = np.radians(25.0)
 
-# Where a rising shot ends, over the robot.
+# The camera at the end of a rising shot, over the robot.
 _ABOVE = Rig(92.0, 66.0, 40.0)
 
 # Share of the robot's turns that a rising shot follows.
 _ABOVE_TURN = 0.5
 
-# Factor of the speed at which it rises: it is above some time before its end.
+# Speed of a rising shot, in that which would take all its time: it ends at rest.
 _ABOVE_SPEED = 1.15
 
 # Largest distance of shots from above, as a share of that from which the whole is seen.
 _SHARE = 0.6
 
-# How a shot from near looks at the robot.
+# The camera of a shot from near.
 _CLOSE = Rig(4.6, 20.0, 42.0, -0.35)
 
 # Number of sides from which a shot from near may begin.
 _CLOSE_SIDES = 6
 
-# How a shot from high up looks at the robot.
+# The camera of a shot from high up.
 _HIGH = Rig(64.0, 68.0, 34.0)
 
 
@@ -203,10 +206,8 @@ class Fixed:
         target = np.array(camera.target) - place
         east, north, high = target - eye
         # Straight down or up there is no side that is up but the north.
-        level = np.hypot(east, north) > 1e-6 * abs(high)
-        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
-        field = float(np.radians(camera.field_deg))
-        self._look = Look(eye, target, field, up=up, shot=camera.name)
+        up = (0.0, 0.0, 1.0) if np.hypot(east, north) > _STRAIGHT * abs(high) else (0.0, 1.0, 0.0)
+        self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up, shot=camera.name)
         self._path = SmoothPath.of(timeline) if camera.track else None
 
     def look(self, time: float, aspect: float) -> Look:
@@ -214,9 +215,8 @@ class Fixed:
         if self._path is None:
             return self._look
         place = interpolated(np.array([time]), self._path.times, self._path.places)
-        eye = self._look.eye
         target = np.append(place, AIM)
-        narrow = np.clip(_CALM / np.linalg.norm(target - eye), _NARROWEST, 1.0)
+        narrow = np.clip(_CALM / np.linalg.norm(target - self._look.eye), _NARROWEST, 1.0)
         return replace(self._look, target=target, field=self._look.field * float(narrow))
 
 
@@ -256,8 +256,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
         turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > _LONG * min(wide, tall)
         turn = np.array([np.pi if turned else -0.5 * np.pi])
         found = _fit(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
-        tallest = float(structures.heights.max(initial=0.0))
-        return found._replace(aways=found.aways + tallest)
+        return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
     return PathCamera(track, {"shows_map": True, "inset": False, "shot": "whole"})
 
@@ -376,8 +375,7 @@ class Story:
             )
 
         if shot == "opening":
-            share = (passed - begin) / (end - begin)
-            turns = ahead + _DARK_TURN * (1.0 - _eased(share))
+            turns = ahead + _DARK_TURN * (1.0 - _eased((passed - begin) / (end - begin)))
             # The smoothed path of a fast film begins ahead of the robot.
             poses = self._timeline.poses(np.maximum(times, self._timeline.start))
             places = poses[:, :2] - self._timeline.origin

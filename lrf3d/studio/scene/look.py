@@ -26,9 +26,9 @@ WHITE = 255.0
 TINY = 1e-9
 
 
-def colour(code: str) -> Colour:
-    """A colour of ``#rrggbb``, in thousandths as shaders have it."""
-    red, green, blue = (round(part / WHITE, 3) for part in bytes.fromhex(code[1:]))
+def rgb(code: str, digits: int = 3) -> Colour:
+    """A colour of ``#rrggbb``, with three digits as in shaders, or two as it was chosen."""
+    red, green, blue = (round(part / WHITE, digits) for part in bytes.fromhex(code[1:]))
     return red, green, blue
 
 
@@ -40,8 +40,8 @@ def scale(size: tuple[int, ...], least: float = 0.0) -> float:
 # Direction to the brightest part of the sky, of unit length.
 SUN = np.array([0.33, -0.37, 0.868])
 
-# How bright a wall or roof is everywhere, how much brighter the more it looks at the sun, and the
-# share of that which is left at its foot.
+# Brightness of a wall or roof everywhere, how much brighter it is facing the sun, and the factor of
+# both at the foot of a wall.
 WALL_LIGHT = (0.72, 0.24, 0.80)
 
 # Weights of red, green and blue in brightness, about those of the eye.
@@ -64,16 +64,16 @@ _VARIED = 0.10
 _PLASTIC = 0.7548776662
 
 # Colour of what is far away.
-HAZE = colour("#0e1420")
+HAZE = rgb("#0e1420")
 
 # Colour of the sky overhead.
-ZENITH = colour("#0a0e17")
+ZENITH = rgb("#0a0e17")
 
 # What black becomes where no beam has been: a model at night.
-NIGHT_LOW = colour("#0a0f18")
+NIGHT_LOW = rgb("#0a0f18")
 
 # Colour of fresh light.
-EMBER = colour("#ffbf73")
+EMBER = rgb("#ffbf73")
 
 # Share of a surface that fresh light covers, what it adds to black, and what it adds for the
 # brightness of the surface: pure mixing is brown mud, pure adding burns out.
@@ -116,7 +116,7 @@ LAMP = 0.28
 REFLECTED = (0.70, 0.78, 0.90)
 
 # Colour of the edges of houses.
-OUTLINE = colour("#6f8fc4")
+OUTLINE = rgb("#6f8fc4")
 
 # Opacity of the edges of houses.
 OUTLINE_STRENGTH = 0.42
@@ -128,12 +128,12 @@ FINE = 1.1
 PANE = 0.10
 
 # Colour of the object that holds most of a map: the walls of a house around everything else.
-PALE_OBJECT = colour("#c3cfe2")
+PALE_OBJECT = rgb("#c3cfe2")
 
 # Share of the length of a map from which on an object is that one.
 PALE_FROM = 0.4
 
-# How bright a body is everywhere, how much brighter in the sun, and on what looks up.
+# Brightness of a body everywhere, and how much brighter it is facing the sun, and facing up.
 BODY_LIGHT = (0.70, 0.30, 0.06)
 
 # Share of opacity that walls that were never seen lose as they turn to glass, of haze's colour.
@@ -154,7 +154,7 @@ POINT_HALO = 2.6
 POINT_HALO_STRENGTH = 0.34
 
 # Colour of the robot's trail.
-TRAIL_COLOUR = colour("#ffb35a")
+TRAIL_COLOUR = rgb("#ffb35a")
 
 # Height of trails over the ground [m].
 TRAIL_HEIGHT = 0.015
@@ -169,7 +169,7 @@ ESTIMATE_FADED = 0.45
 PLAN_BACK = (11, 16, 26)
 
 # Colour of the inset where something was seen.
-EXPLORED = colour("#27344b")
+EXPLORED = rgb("#27344b")
 
 # Least number of times their size at 720 lines that lines and points have in smaller pictures.
 LEAST_SCALE = 0.62
@@ -213,7 +213,7 @@ class Setting(NamedTuple):
     beams: float
     # Side of a cell of the first-seen times [m].
     cell: float
-    # Cells from a wall to the one that it looks at: light does not leak under the wall.
+    # Distance of a wall from the cell whose light it has [cells]: light does not leak under it.
     before: float
     # Speed of light in the picture [m/s of the film]: a scan comes as a wave.
     light: float
@@ -236,13 +236,13 @@ class Setting(NamedTuple):
 
 
 TOWN = Setting(
-    night=colour("#263349"), cool=(1.02, 1.10, 1.24), haze=190.0, beams=42.0, cell=0.25,
+    night=rgb("#263349"), cool=(1.02, 1.10, 1.24), haze=190.0, beams=42.0, cell=0.25,
     before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2,
     chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3), wave=Rig(44.0, 62.0),
     steep=float(np.radians(42.0)),
 )  # fmt: skip
 ROOMS = Setting(
-    night=colour("#1f2a3e"), cool=(0.74, 0.82, 0.95), haze=120.0, beams=14.0, cell=0.08,
+    night=rgb("#1f2a3e"), cool=(0.74, 0.82, 0.95), haze=120.0, beams=14.0, cell=0.08,
     before=2.0, light=26.0, pixel=0.02, margin=3.0, land=96, shade=0.25,
     chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0), wave=Rig(11.0, 60.0),
     steep=float(np.radians(56.0)),
@@ -251,9 +251,9 @@ ROOMS = Setting(
 
 # Colours of mirrors, glass and retro-reflectors that have none of their own.
 MATERIAL_COLOURS = {
-    "mirror": (0.80, 0.85, 0.90),
-    "glass": (0.62, 0.82, 0.86),
-    "retro": (0.93, 0.80, 0.22),
+    "mirror": rgb("#ccd9e6", 2),
+    "glass": rgb("#9ed1db", 2),
+    "retro": rgb("#edcc38", 2),
 }
 
 

@@ -1,7 +1,7 @@
-"""What is drawn over a world: the beams of a scan, the map, and the trails of the robot.
+"""Marks over a world: the beams of a scan, the map, and the trails of the robot.
 
-A scan, a map snapshot, the keys of a drive and the estimate of a run enter; leave lines, points and
-translucent faces in the film's frame.
+A scan, a map snapshot, the keys of a drive and the estimate of a run enter; lines, points and
+translucent faces in the film's frame leave.
 """
 
 import sys
@@ -104,7 +104,7 @@ def draw_beams(
     reach: float,
     by: str = "range",
 ) -> tuple[Lines, Points, Soft]:
-    """A few beams of a scan, which fade to nothing at the reach [m], all its hits, and its lamp.
+    """Draw a few beams of a scan, which fade out at the reach [m], all its hits, and its lamp.
 
     The pose of the scan, walls (n, 4), those that turn beams (m, 4) and apex (2,) are in the film's
     frame. The apex is where the robot stands now, a little past that pose: beams follow the robot
@@ -221,8 +221,7 @@ class DrawnMap:
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
-        pieces = np.ceil(lengths(self.segments) / _GHOST_STEP)
-        count = np.clip(pieces, 1, _MOST_PIECES).astype(int)
+        count = np.clip(np.ceil(lengths(self.segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         start, end = np.hsplit(self.segments[owner], 2)

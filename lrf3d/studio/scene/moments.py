@@ -55,8 +55,8 @@ _WALL_NEARER = 0.12
 # By how much the depth of marks gains with their distance [m/m], as depths are coarser far away.
 _SLACK = 0.002
 
-# Least distance at which half of what is seen is haze, in distances to what is looked at: the
-# whole is seen through clear air.
+# Least distance at which half of what is seen is haze, in distances of the target: the whole is
+# seen through clear air.
 _CLEAR = 2.6
 
 # Far plane of a high camera, in multiples of its height: past all of the ground.
@@ -94,7 +94,7 @@ _HIT_SIZE = 0.05
 # Their smallest and largest diameter [pixels of 720 lines].
 _HIT_PIXELS = (2.0, 4.0)
 
-# Width of a robot [m], which is seen in a picture if it has the next number of pixels.
+# Width of a robot [m].
 _ROBOT_SIZE = 0.75
 
 # Width of the smallest robot that is seen without an arrow over it [pixels of 720 lines].
@@ -187,8 +187,28 @@ class Scene:
 
     def _marks(
         self, moment: Moment, pose: Float, view: Look, lens: Lens, size: tuple[int, int]
-    ) -> Iterator[tuple[str, str, Mark | None]]:
+    ) -> list[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
+        beams, hits, lamp = self._beams_at(moment)
+        drawn = self._snapshot(moment)
+        along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
+        return [
+            *self._edges(view),
+            ("shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)),
+            ("shadow", "shadows", self.obstacles.shadows(moment.time)),
+            ("goal", "goal", self._goal),
+            *self._trails_at(moment.time),
+            ("lamp", "lamp", lamp),
+            ("beams", "beams", beams),
+            *([("map", "map lines", drawn.above)] if view.shows_map else along),
+            ("points", "recent", self._recent_hits(moment)),
+            ("points", "points", hits),
+            *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
+            ("marker", "marker", self._markers(moment.time, pose, lens, size)),
+        ]
+
+    def _edges(self, view: Look) -> Iterator[tuple[str, str, Mark]]:
+        """Edges of houses or of walls that are cut, of glass and mirrors, and panes of glass."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
         if (self.structures.glass | self.structures.mirrors).any():
@@ -196,24 +216,6 @@ class Scene:
             panes, edges = self._panes.of(cut, partial(panes_of, self.structures, cut))
             yield "outlines", "panes", panes
             yield "outlines", "edges", edges
-        yield "shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)
-        yield "shadow", "shadows", self.obstacles.shadows(moment.time)
-        yield "goal", "goal", self._goal
-        yield from self._trails_at(moment.time)
-        beams, hits, lamp = self._beams_at(moment)
-        yield "lamp", "lamp", lamp
-        yield "beams", "beams", beams
-        drawn = self._snapshot(moment)
-        if view.shows_map:
-            yield "map", "map lines", drawn.above
-        else:
-            yield "map", "ghosts", drawn.ghosts
-            yield "map", "bands", drawn.bands
-        yield "points", "recent", self._recent_hits(moment)
-        yield "points", "points", hits
-        for layer, draw in MARKS.items():
-            yield layer, layer, draw(self, moment)
-        yield "marker", "marker", self._markers(moment.time, pose, lens, size)
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":
         number = self.run.snapshot_after(moment.mapped)
@@ -252,15 +254,13 @@ class Scene:
         """
         if not moment.scanning:
             return None, None, None
-        since = moment.time if self.live else None
-        key = moment.scan, moment.pose.tobytes(), since
+        key = moment.scan, moment.pose.tobytes(), moment.time if self.live else None
         return self._beams.of(key, partial(self._drawn_beams, moment.scan, moment.pose))
 
     def _drawn_beams(self, number: int, robot: Float) -> tuple[Lines, Points, Soft]:
         """Beams, hits and lamps of all lasers at a scan, with the robot at a pose (3,)."""
         run = self.run
         drawn = []
-        reach = min(run.lasers[0].range_max, self.structures.setting.beams)
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
             scan = replace(scan, pose=np.array(scan.pose) - self._frame)
@@ -270,7 +270,7 @@ class Scene:
                 self._mirrors,
                 (lrf.placed(robot) - self._frame)[:2],
                 height=lrf.height,
-                reach=reach,
+                reach=min(run.lasers[0].range_max, self.structures.setting.beams),
                 by=run.film.points_by,
             )
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]

@@ -1,9 +1,8 @@
-"""What films say: a caption with one number, all numbers if asked for, a card at the end.
+"""The text of films: a caption with one number, all numbers if asked for, a card at the end.
 
 A run and a moment of it enter, lines of text leave.
 """
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -18,7 +17,7 @@ from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
 from lrf3d.studio.scene.timeline import Moment
 
-# What a panel may say: all numbers, or three facts.
+# Kinds of panels: all numbers, or three facts.
 PANELS = ("full", "short")
 
 # Height of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide.
@@ -33,16 +32,16 @@ _INK = (236, 240, 247)
 # Colour of the other lines, 0…255.
 _PALE = (184, 196, 216)
 
-# Time for which a loss of walls behind mirrors is mentioned [s of the film].
+# Time for which a caption mentions that walls behind mirrors were dropped [s of the film].
 _REFLECTION_TIME = 4.0
 
-# Least number of walls that such a loss has.
+# Least number of dropped walls that it mentions.
 _DROPPED = 3
 
-# Distance within which the map lies where it has a wall [m].
+# Largest distance of the map from a wall that it has [m].
 _FOUND = 0.1
 
-# Share of the length of a wall along which it does if the wall is found.
+# Share of the length of a wall that the map has if the wall counts as found.
 _FOUND_SHARE = 0.5
 
 # Share of glass at the end of a story from which on its card is seen.
@@ -53,6 +52,9 @@ _MINUTE = 60.0
 
 # Shots whose caption counts walls.
 _WALLS = ("rise", "whole", "end")
+
+# All shots of the film's own cameras.
+_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
 
 # Number of letters of the longest line.
 _LINE_LENGTH = 60
@@ -67,7 +69,7 @@ def _caption(run: Run, moment: Moment, shot: str) -> str:
         return "The robot knows nothing yet"
     if words := _mapped(run, moment, shot):
         return words
-    return _BEAMS[shot](run, moment) if shot in _BEAMS else shot
+    return _measured(run, moment, shot) if shot in _SHOTS else shot
 
 
 def _mapped(run: Run, moment: Moment, shot: str) -> str:
@@ -82,28 +84,16 @@ def _mapped(run: Run, moment: Moment, shot: str) -> str:
     return ""
 
 
-def _measured(run: Run, moment: Moment) -> str:
-    return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
-
-
-def _lit(run: Run, moment: Moment) -> str:
-    return f"{len(run.ranges.T)} laser beams light up what they reach"
-
-
-def _scanning(run: Run, moment: Moment) -> str:
-    """Words on the beams of a scan, and how often that is taken where it is not rare."""
+def _measured(run: Run, moment: Moment, shot: str) -> str:
+    """Words on the laser: what it has measured, or its beams and how often they are sent."""
+    if shot == "close":
+        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
+    beams = f"{len(run.ranges.T)} laser beams"
+    if shot == "wave":
+        return f"{beams} light up what they reach"
     gap = float(np.median(np.diff(run.trajectory.times))) if len(run) > 1 else np.inf
     rate = 1.0 / gap if gap > 0.0 else 0.0
-    beams = f"{len(run.ranges.T)} laser beams"
     return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
-
-
-# What the shots of the film's own cameras say of the laser where they say nothing of the map.
-_BEAMS: dict[str, Callable[[Run, Moment], str]] = {
-    "wave": _lit,
-    "close": _measured,
-    **dict.fromkeys(("chase", "high", *_WALLS), _scanning),
-}
 
 
 def _reflected(run: Run, moment: Moment) -> str:
@@ -138,8 +128,7 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
 def _passed(run: Run, moment: Moment, playback: float, head: str) -> str:
     """How much time has passed, how fast, and how many walls are mapped, if the head is silent."""
     seconds = moment.time - run.trajectory.times.min()
-    short = seconds < 10 * _MINUTE
-    words = f"{seconds:.0f} s" if short else f"{seconds / _MINUTE:.0f} min"
+    words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
     if playback > 1.0:
         words += f" at {playback:.2g} × speed"
     walls = counted(len(run.map_after(moment.mapped)), "wall")
@@ -177,8 +166,7 @@ def _card(run: Run) -> Label:
     found = int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
     count = len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    rest = f"what was never seen is glass  ·  {objects}"
-    return _label([(share, _INK), (rest, _PALE)], _SIZE)
+    return _label([(share, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:

@@ -3,8 +3,8 @@
 A :class:`~lrf3d.simulation.run.Run` has these attributes, and so does a drive by hand.
 """
 
-from collections.abc import Hashable
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
@@ -15,8 +15,6 @@ from lrf3d.world.cameras import FilmPlan
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-
-Value = TypeVar("Value", covariant=True)
 
 
 class ScanPath(Protocol):
@@ -32,13 +30,6 @@ class ScanPath(Protocol):
 
     def at(self, times: Float, /) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
-
-
-class Numbered(Protocol[Value]):
-    """Values by the number of a map snapshot."""
-
-    def __getitem__(self, number: int, /) -> Value:
-        """The value of a number."""
 
 
 class Shown(Hashable, Protocol):
@@ -87,9 +78,9 @@ class Shown(Hashable, Protocol):
         """The number of the newest map snapshot without any scan after this one; −1 for none."""
 
     @property
-    def maps(self) -> Numbered[LineMap]:
-        """The map snapshots."""
+    def maps(self) -> Sequence[LineMap] | Mapping[int, LineMap]:
+        """The map snapshots, by their number."""
 
     @property
-    def lasting_objects(self) -> Numbered[Int]:
+    def lasting_objects(self) -> Sequence[Int] | Mapping[int, Int]:
         """For each map snapshot the objects (m,) of its segments, which choose their colours."""

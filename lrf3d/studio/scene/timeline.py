@@ -25,7 +25,7 @@ _SET_DOWN = 5e-4
 # Time between scans from which on they are stops and not a drive [s].
 _STOP_GAP = 1.0
 
-# Speed from which on a robot was set down elsewhere [m/s]: a metre in the time of that.
+# Speed above which a robot was set down elsewhere [m/s]: a metre in twice `_SET_DOWN`.
 _FASTEST = 1000.0
 
 # Half the time over which the speed is measured [s]: shorter shows the joints of the path.
@@ -97,7 +97,7 @@ class Timeline:
         self.keys = times
         self._shown = times
         if self.dwells:
-            # The last stop is looked at as long as the others.
+            # The last stop is shown as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
             places = run.trajectory.poses[:, :2]
             legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
@@ -116,8 +116,7 @@ class Timeline:
         step = self.playback / fps
         before, after = margins
         last = np.floor((self.end - self.start) / step + after * fps + _FRAME_ROUNDING)
-        frames = np.arange(-np.floor(before * fps), last + 1.0)
-        return self.start + step * frames
+        return self.start + step * np.arange(-np.floor(before * fps), last + 1.0)
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
@@ -131,9 +130,8 @@ class Timeline:
         scan = max(int(np.searchsorted(times, time + _ROUNDING, side="right")) - 1, 0)
         before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
         step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
-        since = time - times[scan]
         until = times[scan + 1 : scan + 2] - times[scan]
-        scanning = not (self.dwells and bool((since > _STANDING * until).any()))
+        scanning = not (self.dwells and bool((time - times[scan] > _STANDING * until).any()))
         scanning &= now >= self.start - _ROUNDING
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
@@ -148,11 +146,10 @@ def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:
     even = np.tile(np.linspace(0.0, 1.0, _GLIDE_KEYS + 1), (len(gaps), 1))
     share = np.sort(np.hstack([even, middle]), axis=1)
     # The glide starts and ends at rest, as a robot does.
-    gone = np.where(through_walls[:, None], share > 0.5, smoothed(share))
     keys = times[:-1, None] + gaps * (_STANDING + (1.0 - _STANDING) * share)
-    shown = times[:-1, None] + gaps * gone
     keys, first = np.unique(np.append(times, keys), return_index=True)
-    return keys, np.append(times, shown)[first]
+    gone = np.where(through_walls[:, None], share > 0.5, smoothed(share))
+    return keys, np.append(times, times[:-1, None] + gaps * gone)[first]
 
 
 def smoothed(share: Any) -> Any:
@@ -226,5 +223,4 @@ def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
     if not timeline.dwells:
         middles = 0.5 * (times[:-1] + times[1:])
         return np.append(timeline.start, middles), np.append(middles, timeline.end)
-    ends = times[:-1] + _STANDING * np.diff(times)
-    return times, np.append(ends, timeline.end)
+    return times, np.append(times[:-1] + _STANDING * np.diff(times), timeline.end)

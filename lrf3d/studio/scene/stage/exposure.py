@@ -43,7 +43,7 @@ _LONGEST_WAVE = 0.7
 # Time of what is never seen [lengths of the run].
 _NEVER = 9.0
 
-# Least length of a run [s]: that of a single scan is none.
+# Least length of a run [s]: a single scan takes no time.
 _LEAST_LENGTH = 1e-3
 
 # Standard deviation by which times are smoothed [cells].
@@ -199,8 +199,7 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     first = Image.new("I", size)
     mirrors = structures.segments[structures.mirrors]
     # From the last scan to the first: what was seen first lies on top.
-    step = 1 + (len(poses) - 1) // _MOST_SCANS
-    for number in range(0, len(poses), step)[::-1]:
+    for number in range(0, len(poses), 1 + (len(poses) - 1) // _MOST_SCANS)[::-1]:
         for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
             placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
             if not run.knows_truth:
@@ -308,5 +307,4 @@ def wave(exposure: Exposure, places: Float, speed: float) -> Single:
     x = left + (np.arange(columns, dtype=np.float32) + 0.5) * exposure.cell
     y = low + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
     from_x, from_y = np.moveaxis(places, -1, 0)
-    away = np.hypot(x - from_x, y[:, None] - from_y)
-    return single(np.minimum(away / speed, _LONGEST_WAVE))
+    return single(np.minimum(np.hypot(x - from_x, y[:, None] - from_y) / speed, _LONGEST_WAVE))

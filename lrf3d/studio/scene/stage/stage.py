@@ -1,4 +1,4 @@
-"""What stands in a run's world, painted once for all pictures: walls, roofs, ground and light.
+"""The stage of a run, painted once for all pictures: walls, roofs, ground and light.
 
 Walls and roofs are faces, as bright as they look at the sky; the ground is a picture of streets or
 floors, darker next to walls. Painting takes a second, so the stage that was asked for last is kept;
@@ -92,6 +92,7 @@ class Stage(NamedTuple):
     mirrors: Float
 
 
+# The stage that was asked for last.
 _STAGES = Latest()
 
 
@@ -110,10 +111,13 @@ def paint_stage(structures: Structures, run: Shown | None = None) -> Stage:
         exposure = expose(run, structures, *box)
     walls, tops = (each[structures.mirrors] for each in (structures.segments, structures.heights))
     longest = np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]
-    mirrors = np.column_stack([walls, tops])[longest]
-    faces = lay_faces(structures, exposure)
-    ground = paint_ground(structures, grid)
-    return Stage(structures, faces, ground, exposure, mirrors)
+    return Stage(
+        structures,
+        lay_faces(structures, exposure),
+        paint_ground(structures, grid),
+        exposure,
+        np.column_stack([walls, tops])[longest],
+    )
 
 
 def _free_walls(structures: Structures) -> tuple[Int, Float]:
@@ -148,8 +152,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
     free, parts = _free_walls(structures)
     number = np.concatenate([solid, free, free])
     segments = np.concatenate([structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]])
-    along = directions(segments)
-    off = -along @ LEFT
+    off = -directions(segments) @ LEFT
     *_, sun_up = SUN
     even, sunny, foot = WALL_LIGHT
     apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
@@ -180,8 +183,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         middles = before[..., :2].mean(axis=1)
         order = np.lexsort((exposure.sampled(middles)["mapped"], walls.objects))
         among, first = np.unique(walls.objects[order], return_index=True)
-        best = order[first][np.searchsorted(among, objects)]
-        roofs.before[..., :2] = middles[best, None]
+        roofs.before[..., :2] = middles[order[first][np.searchsorted(among, objects)], None]
     columns: zip[Any] = zip(walls, roofs, strict=True)
     return Painted(*map(np.concatenate, columns))
 

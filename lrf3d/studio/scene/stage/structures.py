@@ -43,8 +43,7 @@ class Sight(NamedTuple):
         low = places.min(axis=0)
         high = places.max(axis=0)
         world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
-        there = len(world.segments) > 0
-        return cls(world, world.origin if there else np.round(0.5 * (low + high)))
+        return cls(world, world.origin if len(world.segments) else np.round(0.5 * (low + high)))
 
 
 def _near(world: World, low: Float, high: Float) -> World:
@@ -302,9 +301,8 @@ def outlines_of(structures: Structures) -> Lines:
         walls = walls[structures.closed]
         tops = tops[structures.closed]
         count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
-        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
         storeys = np.repeat(walls, count, axis=0)
-        levels = _STOREY * number
+        levels = _STOREY * (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1)
     (a, b), (c, d) = (
         [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
         for lines, high in ((walls, tops), (storeys, levels))
