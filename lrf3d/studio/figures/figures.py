@@ -237,8 +237,7 @@ def draw_noise_levels(
     """Draw the world with the first scan, and next to it the map at each σ [m] (Fig. 5a–d)."""
     poses = runs[0].trajectory.poses
     world = Sight.of(runs[0].world, poses[:, :2]).world
-    places = [world.segments.reshape(-1, 2), poses[:, :2]]
-    figure, axes = metre_sheet(places, len(runs) + 1)
+    figure, axes = metre_sheet([world.segments.reshape(-1, 2), poses[:, :2]], len(runs) + 1)
     plot.world(world, axes[0], poses=poses, linewidth=WALL_WIDTH)
     plot.scan(runs[0].true_scan(0), axes[0])
     plot.trajectory(poses, axes[0])

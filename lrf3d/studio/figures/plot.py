@@ -174,8 +174,9 @@ def scan(
         ax.add_collection(_fan(here, hits, **_styled(usual, style)), autolim=False)
         ax.plot(*hits.T, ".", color=HIT, markersize=4.5, mew=0, label="returns", zorder=5)
     if lrf is not None and missed.any():
-        reach = np.full(missed.sum(), lrf.range_max)
-        far = reflection_points(scan.pose, scan.angles[missed], reach)
+        far = reflection_points(
+            scan.pose, scan.angles[missed], np.full(missed.sum(), lrf.range_max)
+        )
         faint = {"alpha": 0.15, **({} if not len(hits) else {"label": "_missed"})}
         ax.add_collection(_fan(here, far, **_styled(usual, {**style, **faint})), autolim=False)
     _draw_robots(ax, np.array([scan.pose]), named=False)
@@ -226,8 +227,9 @@ def estimate(
     ):
         if len(pairs):
             ends = list(estimate.lines(pairs).reshape(-1, 2, 2))
-            drawn = LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
-            ax.add_collection(drawn)
+            ax.add_collection(
+                LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
+            )
     return _shown(ax)
 
 

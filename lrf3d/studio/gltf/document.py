@@ -150,12 +150,13 @@ class Document:
         _, first, numbers = np.unique(
             rows.view(f"V{rows.shape[1]}")[:, 0], return_index=True, return_inverse=True
         )
-        small = np.uint16 if len(first) < _SMALL else np.uint32
         attributes = {
             name: self.array(column[first], VERTICES, bounded=name == "POSITION")
             for name, column in columns.items()
         }
-        indices = self.array(numbers.astype(small), INDICES)
+        indices = self.array(
+            numbers.astype(np.uint16 if len(first) < _SMALL else np.uint32), INDICES
+        )
         return {"attributes": attributes, "indices": indices, "material": material, "mode": mode}
 
     def node(
@@ -181,10 +182,12 @@ class Document:
             return
         keys = self.array(times.astype(np.float32), KEYS, bounded=True)
         output = self.array(values.astype(np.float32), KEYS)
-        kind = "STEP" if step else "LINEAR"
-        self._samplers.append({"input": keys, "output": output, "interpolation": kind})
-        target = {"node": node, "path": path}
-        self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
+        self._samplers.append(
+            {"input": keys, "output": output, "interpolation": ("STEP" if step else "LINEAR")}
+        )
+        self._channels.append(
+            {"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}}
+        )
 
     def show(
         self, node: int, begin: float, end: float | None = None, *, rests: bool | None = None

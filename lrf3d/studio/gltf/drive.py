@@ -70,8 +70,9 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     timeline = scene.timeline
     about = {"origin": scene.origin.tolist(), "world": run.world.name}
     document = Document(run.world.name or "world", about, timeline.end - timeline.start)
-    last = DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
-    add_stage(document, scene.stage, last)
+    add_stage(
+        document, scene.stage, DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
+    )
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
     nodes = []
@@ -194,8 +195,7 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
         return
     keys = drawn.keys
     known = drawn.keys.times[drawn.known]
-    height = look.TRAIL_HEIGHT + _LIFT
-    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, height)
+    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.TRAIL_HEIGHT + _LIFT)
     if not len(known):
         return
     material = document.material("ellipses", translucent=True)

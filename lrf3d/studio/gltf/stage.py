@@ -108,8 +108,11 @@ def _add_ground(document: Document, stage: Stage) -> None:
         uv = (level - ground.corner) / ground.size
         return document.part(material, np.insert(level, 2, 0.0, axis=1), texture=uv)
 
-    never = squares[covered <= _LEAST_SURE]
-    document.node("ground", document.root, part(unlit, np.concatenate([around, never])))
+    document.node(
+        "ground",
+        document.root,
+        part(unlit, np.concatenate([around, squares[covered <= _LEAST_SURE]])),
+    )
     for number, those in _steps(first, covered):
         if number >= 0:
             both = (partial(part, each, squares[those]) for each in (unlit, lit))
@@ -119,8 +122,9 @@ def _add_ground(document: Document, stage: Stage) -> None:
 def _show(document: Document, group: int, begin: float, unlit: Any, lit: Any) -> None:
     """Show one part until a time [s], and another from then on; both are functions."""
     if begin > 0.0:
-        dark = document.node(f"dark until {begin:.1f} s", group, unlit())
-        document.show(dark, 0.0, begin, rests=False)
+        document.show(
+            document.node(f"dark until {begin:.1f} s", group, unlit()), 0.0, begin, rests=False
+        )
     document.show(document.node(f"lit from {begin:.1f} s", group, lit()), begin, rests=True)
 
 

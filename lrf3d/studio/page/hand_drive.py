@@ -183,8 +183,14 @@ class DriveTimeline(Timeline):
     def moment(self, time: float) -> Moment:
         """What is to be seen now; the latest scan has the number after the mapped ones."""
         now = self._robot.time
-        number = len(self.run.trajectory.times)
-        return Moment(now, np.array(self._robot.pose), number, self._robot.speed, True, now)
+        return Moment(
+            now,
+            np.array(self._robot.pose),
+            len(self.run.trajectory.times),
+            self._robot.speed,
+            True,
+            now,
+        )
 
 
 def _towards(value: float, share: float, fastest: float, seconds: float) -> float:

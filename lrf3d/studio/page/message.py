@@ -78,8 +78,7 @@ class Sender:
             return None
         rows = array.reshape(-1, array.shape[-1])
         # Colours and opacities are sent as four bytes.
-        whole = np.ascontiguousarray(rows).view(np.uint8)
-        rows = as_bytes(rows) if key == "colours" else whole
+        rows = as_bytes(rows) if key == "colours" else np.ascontiguousarray(rows).view(np.uint8)
         self._columns[name, key] = array, rows
         # A picture of times is a part of the whole one, another one each time.
         if known is None or name == "times":

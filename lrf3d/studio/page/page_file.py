@@ -114,8 +114,10 @@ class _Record(Sender):
         """Keep a message."""
         marks = dict[str, Any]()
         for name, (style, columns) in parts.items():
-            numbers = [self.number(each, name, key) for key, each in columns.items()]
-            marks[name] = {**style, "columns": numbers}
+            marks[name] = {
+                **style,
+                "columns": [self.number(each, name, key) for key, each in columns.items()],
+            }
         self._moments.append({**values, "marks": marks})
         return b""
 

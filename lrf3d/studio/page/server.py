@@ -218,10 +218,13 @@ def _file(files: dict[str, _File], connection: Any, request: Any) -> Any:
 
 def page_text(setup: dict[str, Any]) -> str:
     """The page's HTML, with what it is given once."""
-    page = (PAGE / "index.html").read_text(encoding="utf-8")
     words = {name: html.escape(str(value)) for name, value in setup.items()}
     words["setup"] = json.dumps(setup).replace("<", "\\u003c")
-    return re.sub(r"\{(\w+)\}", lambda found: words[found[1]], page)
+    return re.sub(
+        r"\{(\w+)\}",
+        lambda found: words[found[1]],
+        (PAGE / "index.html").read_text(encoding="utf-8"),
+    )
 
 
 async def _show(make: Make, page: Any) -> None:

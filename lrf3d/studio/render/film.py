@@ -224,8 +224,10 @@ class Film:
         if inset:
             _lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            said = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
-            _lay_label(self._picture, said)
+            _lay_label(
+                self._picture,
+                panel.panel(self.run, moment, view, self.timeline.playback, full=self._full),
+            )
         return self._picture
 
     def close(self) -> None:
@@ -334,7 +336,6 @@ def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: InsetVie
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _FRAME_COLOUR
     # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
     letters = max(round(_BAR_LETTER * size), _LEAST_BAR_LETTER)
-    words = f"{window.bar:g} m"
     foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
     foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
     middle = len(foot) // 2
@@ -342,6 +343,11 @@ def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: InsetVie
     begin = end - round(window.bar / window.width * wide)
     foot[middle - rim : middle + rim, begin:end] = _BAR_COLOUR
     text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
-    place = text.width - pad, middle
-    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR_COLOUR, anchor="rm")
+    ImageDraw.Draw(text).text(
+        (text.width - pad, middle),
+        f"{window.bar:g} m",
+        font=_font(letters),
+        fill=_BAR_COLOUR,
+        anchor="rm",
+    )
     foot[:, :begin] = np.asarray(text)

@@ -64,8 +64,11 @@ def ground_of(ground: GroundPicture, cells: int) -> Single:
     """
     low = ground.corner
     high = ground.corner + ground.size
-    inside = np.linspace(low, high, cells + 1)
-    return mesh(*np.concatenate([[low - LAND_REACH], inside, [high + LAND_REACH]]).T)
+    return mesh(
+        *np.concatenate(
+            [[low - LAND_REACH], np.linspace(low, high, cells + 1), [high + LAND_REACH]]
+        ).T
+    )
 
 
 def mesh(x: Float, y: Float) -> Single:

@@ -87,8 +87,9 @@ class PlainRenderer:
         )
         times = stage.exposure.texels
         self._mirrors = stage.mirrors
-        area = np.array(stage.exposure.area)
-        self._laser = fill.LaserLight(times, np.zeros_like(times), area, np.zeros(2))
+        self._laser = fill.LaserLight(
+            times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
+        )
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 

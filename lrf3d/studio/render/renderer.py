@@ -54,8 +54,9 @@ class Renderer:
         self._samples_taken: list[int] = []
         if samples:
             self._sampled, self._samples_taken = _framebuffer(size, samples)
-            corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
-            self._resolving = self._filled("resolve", corners)
+            self._resolving = self._filled(
+                "resolve", np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
+            )
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = look.scale(size, look.LEAST_SCALE)
@@ -77,9 +78,9 @@ class Renderer:
         # The colours of the map on the same cells are drawn.
         self._tinting = GL.glGenFramebuffers(1)
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._tinting)
-        place = GL.GL_COLOR_ATTACHMENT0
-        kind = GL.GL_TEXTURE_2D
-        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, kind, self._tints.id, 0)
+        GL.glFramebufferTexture2D(
+            GL.GL_FRAMEBUFFER, GL.GL_COLOR_ATTACHMENT0, GL.GL_TEXTURE_2D, self._tints.id, 0
+        )
         self._tinted: Tints | None = None
         # What shaders that know of the laser's light read it with.
         self._light: dict[str, Any] = {
@@ -209,8 +210,13 @@ class Renderer:
 
     def _draw_bodies(self, seen: Seen, defined: str = "", **uniforms: Any) -> None:
         for name, body in seen.bodies:
-            buffer = self._filled(name, *body.faces)
-            self._paint(f"faces{defined}", buffer, cull=True, pose=body.pose, **uniforms)
+            self._paint(
+                f"faces{defined}",
+                self._filled(name, *body.faces),
+                cull=True,
+                pose=body.pose,
+                **uniforms,
+            )
 
     def _draw_sky(self, lens: Lens) -> None:
         self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(lens.matrix))

@@ -93,8 +93,13 @@ def render_video(
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         with closing(draw(job, folder, workers)) as pictures:
-            first = list(islice(pictures, len(examples)))
-            encode(counted(pictures), unfinished, kind, fps=fps, examples=first)
+            encode(
+                counted(pictures),
+                unfinished,
+                kind,
+                fps=fps,
+                examples=list(islice(pictures, len(examples))),
+            )
 
 
 def _frame_times(

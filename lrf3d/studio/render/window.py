@@ -40,8 +40,9 @@ class Window:
         """Show a picture (h, w, 3) uint8 for some seconds; a window that was closed stays so."""
         if self._image is None:
             height, width = picture.shape[:2]
-            inches = width / _DOTS_PER_INCH, height / _DOTS_PER_INCH
-            figure = self._pyplot.figure(self._title, figsize=inches)
+            figure = self._pyplot.figure(
+                self._title, figsize=(width / _DOTS_PER_INCH, height / _DOTS_PER_INCH)
+            )
             axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
             axes.set_axis_off()
             self._image = axes.imshow(picture)

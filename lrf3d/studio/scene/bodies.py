@@ -186,8 +186,9 @@ class Obstacles:
             top, _ = triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))
             self._tops.append(top)
             prism = _prism(each.outline, top, each.height, colour)
-            other = robot_body(laser_height, each.reach, colour) if each.is_robot else prism
-            self._bodies.append(other)
+            self._bodies.append(
+                robot_body(laser_height, each.reach, colour) if each.is_robot else prism
+            )
 
     def _poses(self, time: float) -> list[Float]:
         now = np.array([time])
@@ -202,8 +203,10 @@ class Obstacles:
 
     def shadows(self, time: float) -> Soft | None:
         """The shadows of all bodies at a time [s]."""
-        placed = zip(self._obstacles, self._poses(time), strict=True)
-        shadows = [_shadow(each.outline, pose) for each, pose in placed]
+        shadows = [
+            _shadow(each.outline, pose)
+            for each, pose in zip(self._obstacles, self._poses(time), strict=True)
+        ]
         return together(shadows) if shadows else None
 
     def from_above(self, time: float, dart: float) -> list[Soft]:
@@ -242,8 +245,8 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         (dart, np.full(6, height + _DART_LIFT), up, dark),
     ):
         places = np.column_stack([corners, np.resize(levels, len(corners))])
-        looks = np.broadcast_to(normals, places.shape)
-        parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
+        lit = _lit(paint, np.broadcast_to(normals, places.shape))
+        parts.append(np.stack([places, lit]).reshape(2, -1, 3, 3))
     return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 

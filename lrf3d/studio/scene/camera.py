@@ -115,10 +115,13 @@ class Look:
         """
         tall = 1.0 / np.tan(0.5 * self.field)
         near = max(NEAR, _NEAR_SHARE * self.away)
-        wide = [tall / aspect, 0, 0, 0]
-        up = [0, -tall, self.shift, 0]
-        deep = [0, 0, (far + near) / (near - far), 2.0 * far * near / (near - far)]
-        return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
+        projection = np.array([
+            [tall / aspect, 0, 0, 0],
+            [0, -tall, self.shift, 0],
+            [0, 0, (far + near) / (near - far), 2.0 * far * near / (near - far)],
+            [0, 0, -1, 0],
+        ])  # fmt: skip
+        return np.asarray(projection @ np.linalg.inv(self.pose))
 
 
 class Camera(Protocol):

@@ -161,8 +161,9 @@ def chase(timeline: Timeline, structures: Structures) -> PathCamera:
     path = SmoothPath.of(timeline)
     mirrors = structures.indoor and bool(structures.mirrors.any())
     track = behind(path, _CHASE_MIRRORS if mirrors else structures.setting.chase)
-    standing = replace(structures, indoor=False) if mirrors else structures
-    track = track.past_walls(standing, path.places)
+    track = track.past_walls(
+        replace(structures, indoor=False) if mirrors else structures, path.places
+    )
     return PathCamera(lambda aspect: track, {"cuts": not mirrors, "shot": "chase"})
 
 
@@ -334,8 +335,9 @@ class Story:
         first = min(_FIRST, _FIRST_SHARE * self._length)
         count = max(1, round((self._length - first) / _SHOT))
         self._shots = ["opening", *(SHOTS[shot % len(SHOTS)] for shot in range(count)), "end"]
-        cuts = np.linspace(first, self._length, count + 1)
-        self._cuts = np.array([-OPENING, *cuts, self._length + CLOSING])
+        self._cuts = np.array(
+            [-OPENING, *np.linspace(first, self._length, count + 1), self._length + CLOSING]
+        )
         self._track = cache(self._made)
 
     def look(self, time: float, aspect: float) -> Look:
@@ -413,8 +415,9 @@ class Story:
         )
         steeps += np.sin(np.pi * down) * self._into_streets
         middles = near.middles + moved[:, None] * (far.middles - near.middles)
-        turns = near.turns + share * turned
-        return CameraPath(near.times, middles, turns, steeps, aways, fields, shifts)
+        return CameraPath(
+            near.times, middles, near.turns + share * turned, steeps, aways, fields, shifts
+        )
 
 
 def _eased(shares: Float | float) -> Float:

@@ -134,8 +134,9 @@ def draw_beams(
     drawn = np.minimum(length, reach - gone)
     stops = starts + drawn / np.maximum(length, look.TINY) * (stops - starts)
     opacities = _BEAM_STRENGTH * (1.0 - np.hstack([gone, gone + drawn]) / reach)
-    amber = np.full((len(gone), 3), look.EMBER)
-    lines = level_lines(height, starts, stops, amber, opacities, look.FINE)
+    lines = level_lines(
+        height, starts, stops, np.full((len(gone), 3), look.EMBER), opacities, look.FINE
+    )
     return lines, points, _lamp(legs[: len(ends)], scan.angles, _LAMP_SHARE * reach)
 
 
@@ -198,9 +199,10 @@ class DrawnMap:
 
     def lines(self, height: float, width: float) -> Lines:
         """Its segments as lines at a height [m], of a width [pixels]."""
-        opacities = np.ones((len(self.segments), 2))
         starts, ends = np.hsplit(self.segments, 2)
-        return level_lines(height, starts, ends, self.colours, opacities, width)
+        return level_lines(
+            height, starts, ends, self.colours, np.ones((len(self.segments), 2)), width
+        )
 
     def bands(self) -> Lines:
         """Its segments along the walls."""
@@ -270,9 +272,13 @@ def trail_lines(
     left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
     legs = np.flatnonzero(keys.driven[:begun])
     opacities = np.column_stack([left[legs], left[legs + 1]])
-    colours = np.tile(colour, (len(legs), 1))
     return level_lines(
-        look.TRAIL_HEIGHT, places[legs], places[legs + 1], colours, opacities, _TRAIL_WIDTH
+        look.TRAIL_HEIGHT,
+        places[legs],
+        places[legs + 1],
+        np.tile(colour, (len(legs), 1)),
+        opacities,
+        _TRAIL_WIDTH,
     )
 
 
@@ -295,8 +301,9 @@ class DrawnEstimate:
         estimate = timeline.run.estimate
         if estimate is None:
             return None
-        times = timeline.run.trajectory.times - timeline.start
-        keys = DriveKeys(times, estimate.poses - [*timeline.origin, 0.0])
+        keys = DriveKeys(
+            timeline.run.trajectory.times - timeline.start, estimate.poses - [*timeline.origin, 0.0]
+        )
         return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
 
     def trail(self, time: float, fade: float) -> Lines:

@@ -149,7 +149,6 @@ class Scene:
         """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
         pose = moment.pose - self._frame
         lens = self._lens(view, size)
-        robot = self.robot._replace(pose=bodies.world_from_robot(pose))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
@@ -158,7 +157,10 @@ class Scene:
         x, y, _ = pose.tolist()
         seen = Seen(
             lens,
-            (("robot", robot), *self.obstacles.bodies(moment.time)),
+            (
+                ("robot", self.robot._replace(pose=bodies.world_from_robot(pose))),
+                *self.obstacles.bodies(moment.time),
+            ),
             marks,
             self.exposure.clock(moment.now, self.timeline.playback),
             tints=self._snapshot(moment).tints if "map" in layers else None,
@@ -173,12 +175,11 @@ class Scene:
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         wide, tall = size
         *_, eye_height = view.eye.tolist()
-        haze = max(self.structures.setting.haze, _CLEAR * view.away)
         lens = Lens(
             matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, _PAST_GROUND * eye_height)),
             eye=view.eye,
             focus=float(0.5 * tall / np.tan(0.5 * view.field)),
-            thick=1.0 / haze,
+            thick=1.0 / max(self.structures.setting.haze, _CLEAR * view.away),
             slack=_SLACK,
             nearer=_WALL_NEARER,
         )
@@ -309,8 +310,9 @@ class Scene:
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
         dart = _MARKER * pixel
-        own = bodies.flat_dart(pose, dart, self._height)
-        marks: Soft = together([own, *self.obstacles.from_above(time, dart)])
+        marks: Soft = together(
+            [bodies.flat_dart(pose, dart, self._height), *self.obstacles.from_above(time, dart)]
+        )
         return marks._replace(on_top=True)
 
     def inset(self, moment: Moment, box: tuple[int, int, int, int], view: InsetView) -> Inset:
@@ -328,13 +330,15 @@ class Scene:
             *((name, line) for _, name, line in self._trails_at(moment.time)),
             ("robot", together([*self.obstacles.from_above(moment.time, dart), robot])),
         ]
-        lens = view.lens(pose[:2])
-        return Inset(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
+        return Inset(
+            box, view.lens(pose[:2]), tuple((f"plan {name}", mark) for name, mark in marks if mark)
+        )
 
     def inset_view(self) -> InsetView:
         """What the inset shows: the whole world or, in a large one, what is around the robot."""
-        path = self.run.trajectory.poses[:, :2] - self.origin
-        return InsetView.of(np.concatenate([self.structures.places, path]))
+        return InsetView.of(
+            np.concatenate([self.structures.places, self.run.trajectory.poses[:, :2] - self.origin])
+        )
 
 
 class _Snapshot(NamedTuple):

@@ -121,8 +121,10 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
         said = [_passed(run, moment, playback, head)]
         counts = []
     others = [*((words, _PALE) for words in said), *_trails(run, moment.scan)]
-    lines = [(head, _INK), *others, *((words, _PALE) for words in counts)]
-    return _label(lines, _FULL_SIZE if full else _SIZE)
+    return _label(
+        [(head, _INK), *others, *((words, _PALE) for words in counts)],
+        _FULL_SIZE if full else _SIZE,
+    )
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str) -> str:

@@ -129,10 +129,10 @@ class Timeline:
         time = min(max(time, self.start), self.end)
         scan = max(int(np.searchsorted(times, time + _ROUNDING, side="right")) - 1, 0)
         before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
-        step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
         until = times[scan + 1 : scan + 2] - times[scan]
         scanning = not (self.dwells and bool((time - times[scan] > _STANDING * until).any()))
         scanning &= now >= self.start - _ROUNDING
+        step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
 

@@ -113,7 +113,7 @@ def test_what_stands_is_sent_with_the_shaders_of_the_film():
     assert np.median(np.ptp(ground, axis=1)) < 0.2 * stage.ground.size.max()
 
 
-def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
+def test_every_view_is_sent_and_an_unchanged_one_is_not():
     run = city_run()
     played, eyes = PageSession.played(run, 1.0), []
     views = ("story", "follow", "orbit", "top", "first")
@@ -125,7 +125,7 @@ def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
     assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["glass"] == 1.0
 
 
-def test_a_page_gets_what_moved_and_what_the_robot_believed():
+def test_a_page_gets_obstacles_and_the_estimate():
     way = Trajectory([0.5, 2.0], [(-22, 1, 3.0), (-14, -1, -3.0)])
     run = replace(estimated(city_run()), obstacles=(DynamicObstacle(round_outline(0.4), way),))
     header = read(PageSession.played(run, 1.0).answer(Wanted(time=1.0), 0.0))
@@ -176,6 +176,16 @@ def test_a_drive_shows_what_moves(tmp_path):
     assert before["pose"] != after["pose"] and not after["columns"]
 
 
+def test_a_robot_at_rest_shows_beams_that_end_at_what_moves(tmp_path):
+    drive = hand(YARD + OBSTACLE, tmp_path)
+    page = PageSession.driven(drive)
+    for _ in range(5):
+        marks = read(page.answer(Wanted(), 0.1))["marks"]
+        (scan,) = drive.latest
+        places = marks["points"]["columns"][0][:, :2] + page.scene.origin
+        assert places == pytest.approx(scan.points(), abs=1e-4)
+
+
 @pytest.mark.parametrize(
     "sent",
     [
@@ -184,10 +194,10 @@ def test_a_drive_shows_what_moves(tmp_path):
         *('{"time": "now"}', '{"width": -1}'),
     ],
 )
-def test_what_is_malformed_is_ignored(sent):
+def test_malformed_messages_are_ignored(sent):
     assert Wanted().changed(sent) == Wanted()
 
 
-def test_what_is_sent_is_wanted():
+def test_a_message_changes_what_is_wanted():
     sent = '{"view": "top", "forward": 1, "turn": -0.5}'
     assert Wanted(time=3.0).changed(sent) == Wanted("top", 3.0, forward=1.0, turn=-0.5)

@@ -84,7 +84,7 @@ def ground_of(structures):
 
 
 @pytest.mark.parametrize("heights", [2.5, 8.0])
-def test_a_large_hall_is_indoors_whatever_its_height_and_a_house_passed_by_is_none(heights):
+def test_a_large_hall_is_indoors_whatever_its_height_and_a_house_passed_by_is_not(heights):
     # A rack in it is no house.
     world = tall([*box(0, 0, 60, 25), *box(10, 10, 30, 1)], TWO, heights)
     assert Structures.from_world(world, np.array([[5.0, 5.0], [55.0, 5.0]])).indoor
@@ -92,7 +92,7 @@ def test_a_large_hall_is_indoors_whatever_its_height_and_a_house_passed_by_is_no
 
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if "all" in name or "end" in name])
-def test_what_is_drawn_ends_where_nothing_is_seen_any_more(name):
+def test_walls_beyond_the_distance_of_sight_are_not_drawn(name):
     run = driven(WORLDS[name])
     structures = Structures.from_run(run)
     places = structures.segments.reshape(-1, 2) + structures.origin

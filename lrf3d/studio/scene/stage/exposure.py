@@ -175,8 +175,9 @@ def unexposed(structures: Structures, low: Float, high: Float) -> Exposure:
     """The times of a world in a box from low to high (2,) [m] before anything has been seen."""
     cell = max(structures.setting.cell, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     columns, rows = np.maximum(np.ceil((high - low) / cell), 2).astype(int).tolist()
-    times = np.full((rows, columns), np.array((_NEVER, 0.0, _NEVER, 0.0), TIME))
-    return Exposure(times, low, cell, 0.0, 1.0)
+    return Exposure(
+        np.full((rows, columns), np.array((_NEVER, 0.0, _NEVER, 0.0), TIME)), low, cell, 0.0, 1.0
+    )
 
 
 def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposure:
@@ -228,8 +229,9 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     mapped = np.where(within, sums / np.maximum(weights, _LEAST_WEIGHT), _NEVER)
     # What the map has between two lit places is coloured with them.
     cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
-    delay = wave(exposure, poses[scans, :2], structures.setting.light)
-    cells["delay"] = gaussian_filter(delay, _SOFT)
+    cells["delay"] = gaussian_filter(
+        wave(exposure, poses[scans, :2], structures.setting.light), _SOFT
+    )
     return exposure
 
 
@@ -254,7 +256,6 @@ class LiveExposure:
     def _light(self, scan: LaserScan, time: float) -> None:
         place = np.array(scan.pose[:2])
         whole = self.exposure
-        mirrors = self._structures.segments[self._structures.mirrors]
         far = (
             np.max(scan.ranges, initial=min(scan.range_max, FARTHEST), where=scan.hits) + whole.cell
         )
@@ -268,7 +269,7 @@ class LiveExposure:
         times = whole.times[_box(low, high)]
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
-        part.fan(scan, mirrors, picture, 255)
+        part.fan(scan, self._structures.segments[self._structures.mirrors], picture, 255)
         cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
         first = (cover > 0.0) & (times["sure"] == 0.0)
         times["seen"][first] = time

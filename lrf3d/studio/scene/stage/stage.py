@@ -110,13 +110,12 @@ def paint_stage(structures: Structures, run: Shown | None = None) -> Stage:
     if isinstance(run, Run):
         exposure = expose(run, structures, *box)
     walls, tops = (each[structures.mirrors] for each in (structures.segments, structures.heights))
-    longest = np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]
     return Stage(
         structures,
         lay_faces(structures, exposure),
         paint_ground(structures, grid),
         exposure,
-        np.column_stack([walls, tops])[longest],
+        np.column_stack([walls, tops])[np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]],
     )
 
 
@@ -260,8 +259,9 @@ def paint_ground(structures: Structures, grid: GroundGrid) -> GroundPicture:
         joints = grid.mask([*shapely.box(x - half, low, x + half, high), *across])
         cover.paste(_JOINT, mask=ImageChops.multiply(tiles, joints))
     else:
-        around = shapely.buffer(structures.solids, PAVEMENT, join_style="mitre")
-        cover.paste(_PAVED, mask=grid.mask(around))
+        cover.paste(
+            _PAVED, mask=grid.mask(shapely.buffer(structures.solids, PAVEMENT, join_style="mitre"))
+        )
         walls = np.concatenate([walls, structures.solids])
     # Little light gets next to walls; what changes slowly is painted coarsely.
     blur = ImageFilter.GaussianBlur(_SHADE_SLOPE * structures.setting.shade / grid.pixel)

@@ -312,9 +312,14 @@ def outlines_of(structures: Structures) -> Lines:
     counts = [len(walls), len(walls), len(storeys)]
     strong = look.OUTLINE_STRENGTH
     strengths = [strong, strong], [_FOOT_STRENGTH * strong, strong], [_STOREY_STRENGTH] * 2
-    opacities = single(np.repeat(strengths, counts, axis=0))
     colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
-    return Lines(single(starts), single(ends), colours, opacities, look.FINE)
+    return Lines(
+        single(starts),
+        single(ends),
+        colours,
+        single(np.repeat(strengths, counts, axis=0)),
+        look.FINE,
+    )
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
