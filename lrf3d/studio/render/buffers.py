@@ -148,8 +148,9 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
             GL.glDrawArrays(self.mode, 0, self.count)
 
     def _write(self, place: int, values: NDArray[Any]) -> None:
+        new = place not in self._rooms
         self._store(GL.GL_ARRAY_BUFFER, place, values.astype(np.float32, copy=False))
-        if place not in self._rooms:
+        if new:
             GL.glBindVertexArray(self._vaid)
             GL.glVertexAttribPointer(
                 place, values.shape[1], GL.GL_FLOAT, GL.GL_FALSE, 0, ctypes.c_void_p(0)

@@ -129,8 +129,6 @@ def across(outline: Float, count: int, y: float, ends: Float) -> None:
     """Fill in where a row at y crosses an outline: left, right, and one over the depth at both."""
     ends[0] = math.inf
     ends[1] = -math.inf
-    ends[2] = 0.0
-    ends[3] = 0.0
     for i in range(count):
         p = outline[i]
         q = outline[(i + 1) % count]
@@ -300,9 +298,8 @@ def shade(
             for k in range(9):
                 first = corner[0, k]
                 value[k] = first + u * (corner[1, k] - first) + v * (corner[2, k] - first)
-            seen[0] = value[3]
-            seen[1] = value[4]
-            seen[2] = value[5]
+            for k in range(3):
+                seen[k] = value[3 + k]
             wall = value[8]
             sample(laser.times, value[6], value[7], laser.area, when)
             bright = grey(seen)

@@ -261,8 +261,9 @@ _OPEN = ExitStack()
 
 def _film(run: Run, options: FilmOptions) -> Film:
     def opened() -> Film:
+        film = Film(run, **asdict(options))
         _OPEN.close()
-        return _OPEN.enter_context(closing(Film(run, **asdict(options))))
+        return _OPEN.enter_context(closing(film))
 
     return _FILMS.of((run, options), opened)
 

@@ -74,10 +74,5 @@ def ground_of(ground: GroundPicture, cells: int) -> Single:
 def mesh(x: Float, y: Float) -> Single:
     """Corners (6 c r, 2) of the triangles of a mesh between places x (c + 1,) and y (r + 1,)."""
     places = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
-    near = places[:-1]
-    far = places[1:]
-    a = near[:, :-1]
-    b = near[:, 1:]
-    c = far[:, 1:]
-    d = far[:, :-1]
-    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 2)
+    corners = places[:-1, :-1], places[:-1, 1:], places[1:, 1:], places[1:, :-1]
+    return np.stack([corners[k] for k in (0, 1, 2, 0, 2, 3)], axis=2).reshape(-1, 2)
