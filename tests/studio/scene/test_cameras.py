@@ -196,7 +196,7 @@ def test_a_world_much_longer_than_wide_is_turned_to_fit_the_picture(tall, turned
     assert camera.look(0.0, 16 / 9).up == pytest.approx(up, abs=1e-9)
 
 
-def test_the_plan_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
+def test_the_inset_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
     scene = Scene(Timeline(room_run()))
     window = scene.inset_view()
     assert window.middle + scene.origin == pytest.approx([4.0, 3.0])

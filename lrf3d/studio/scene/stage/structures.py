@@ -168,9 +168,7 @@ class Structures:
 
         What cannot be seen from the path is left out; all is there where no path is given.
         """
-        sight = Sight.of(world, path)
-        world = sight.world
-        origin = sight.origin
+        world, origin = Sight.of(world, path)
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
         areas = np.full(world.object_count, None, dtype=object)
