@@ -11,6 +11,15 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, is_finite, number
 # Names of the cameras that every world has; they follow the robot or show everything.
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 
+# Largest angle of view of a fixed camera [degrees].
+_WIDEST = 170.0
+
+# Least number of simulated seconds in a second of a film without a playback of its own.
+_PLAYBACK = 4.0
+
+# Longest time that a run takes in such a film [s]: a story takes 40 s, also of a log of an hour.
+_LONGEST = 31.0
+
 
 @dataclass(frozen=True, slots=True)
 class FixedCamera:
@@ -44,7 +53,7 @@ class FixedCamera:
             self._check(near, key, "x, y, z [m]")
             object.__setattr__(self, key, (x, y, z))
         self._check(self.position != self.target, "target", "another point than the position")
-        fits = is_finite(self.field_deg) and 0.0 < self.field_deg < 170.0
+        fits = is_finite(self.field_deg) and 0.0 < self.field_deg < _WIDEST
         self._check(fits, "field_deg", "more than 0 and less than 170")
         self._check(self.track in (False, True), "track", "a bool")
 
@@ -82,8 +91,7 @@ class FilmPlan:
 
     def playback_of(self, duration: float) -> float:
         """The playback of a run that takes some time [s]."""
-        # A run takes 31 s of the film at most: a story takes 40 s, also of a log of an hour.
-        return max(4.0, duration / 31.0) if self.playback is None else self.playback
+        return max(_PLAYBACK, duration / _LONGEST) if self.playback is None else self.playback
 
 
 # The default settings of films without others.

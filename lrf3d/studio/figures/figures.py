@@ -39,13 +39,50 @@ from lrf3d.world import World
 # Room around all panels, for labels, headline and legend [inches].
 AROUND = np.array([0.9, 1.6])
 
-# Colours of what the worst stretch of a drive saw, of what other passes saw, and of refused
-# closures and of Embree's answer where it is not the exact one; key scans of other passes up to
-# this far from the stretch [m] are drawn.
+# Area of all panels together, whatever the shape of the world [square inches].
+AREA = 54.0
+
+# Least side of a panel [inches].
+LEAST_SIDE = 2.0
+
+# Largest side of a panel [inches].
+MOST_SIDE = 12.0
+
+# Ratio of width and height that rows and columns of panels have together.
+SHEET_ASPECT = 1.5
+
+# Least width of a figure, in which a headline is legible [inches].
+NARROWEST = 6.0
+
+# Share of returns on each side of the picture that do not widen it [%].
+OUTERMOST = 0.5
+
+# Largest number of rooms that are named with their areas.
+MOST_ROOMS = 200
+
+# Distance of the scale bar from the corner of a plan, as a share of the plan.
+BAR_MARGIN = 0.02
+
+# Width of the plan in lengths of the longest scale bar.
+BARS = 4.0
+
+# Width of walls where they are all that is drawn [points].
+WALL_WIDTH = 1.6
+
+# Colour of what the worst stretch of a drive saw.
 NEW = "#d6361f"
+
+# Colour of what other passes saw.
 OLD = "#2f6fb3"
+
+# Colour of refused closures, and of Embree's answer where it is not the exact one.
 WRONG = "#7a3fb0"
+
+# Distance from the stretch up to which key scans of other passes are drawn [m].
 NEAR = 6.0
+
+# Height of a line of words in a panel, as a share of the panel.
+WORDS_STEP = 0.05
 
 
 # Colours of what the rules of a plan left out, in their order; after the last the first.
@@ -103,13 +140,12 @@ def draw_world(
     words = f"{counted(len(world.segments), 'wall')} of {counted(world.object_count, 'object')}"
     if scan is not None:
         words += f"  ·  scan of {len(scan.ranges)} beams, {int(scan.hits.sum())} returns"
-    title = world.name or "world"
     world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
     places = [world.segments.reshape(-1, 2), legs, robots[:, :2]]
     places += [each.reshape(-1, 2) for each in plan.left.values()] if plan is not None else []
-    figure, (ax,) = metre_sheet(places, 1, title, words)
-    plot.world(world, ax, poses=robots, linewidth=1.6)
+    figure, (ax,) = metre_sheet(places, 1, world.name or "world", words)
+    plot.world(world, ax, poses=robots, linewidth=WALL_WIDTH)
     if plan is not None:
         _draw_plan(plan, ax)
     if len(legs):
@@ -132,15 +168,15 @@ def _draw_plan(plan: PlanShown, ax: Axes) -> None:
         ax.add_collection(rest, autolim=False)
     for number, door in enumerate(plan.doors):
         label = "doors that stand open" if number == 0 else "_"
-        ax.plot(*door.opening.T, color=plot.PATH, linewidth=1.6, label=label, zorder=3)
+        ax.plot(*door.opening.T, color=plot.PATH, linewidth=WALL_WIDTH, label=label, zorder=3)
         ax.annotate(f"{door.width:.2f}", door.opening.mean(axis=0), color=plot.PATH, fontsize=6)
-    for area, place in plan.rooms[:200]:
+    for area, place in plan.rooms[:MOST_ROOMS]:
         ax.annotate(f"{area:.1f} m²", (place[0], place[1]), ha="center", color=INK, fontsize=8)
     left, right = ax.get_xlim()
     low, high = ax.get_ylim()
-    bar = 10.0 ** np.floor(np.log10((right - left) / 4.0))
-    x = left + 0.02 * (right - left)
-    y = low + 0.02 * (high - low)
+    bar = 10.0 ** np.floor(np.log10((right - left) / BARS))
+    x = left + BAR_MARGIN * (right - left)
+    y = low + BAR_MARGIN * (high - low)
     ax.plot([x, x + bar], [y, y], color=INK, linewidth=4, solid_capstyle="butt", zorder=5)
     ax.annotate(f" {bar:g} m", (x + bar, y), va="center", color=INK, fontsize=8)
 
@@ -172,23 +208,12 @@ def draw_map(
         line_map = source
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
-    walls = np.empty((0, 4)) if world is None else world.segments
     estimated = poses if estimate is None else estimate.poses
     stops = poses[np.isfinite(poses[:, 0])]
-    # The truth frames the picture where it is known: images behind mirrors lie far outside.
-    known = [walls.reshape(-1, 2)]
-    if not len(walls):
-        # All returns but the outermost half percent a side.
-        bulk = np.percentile(points, [0.5, 99.5], axis=0) if len(points) else points
-        known = [line_map.segments.reshape(-1, 2), bulk]
-    words = [line_map.counts]
-    words += [counted(len(stops), "scan")] if len(stops) else []
-    words += [counted(len(points), "return")] if len(points) else []
+    driven = [stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]]
     name = title or (world.name if world is not None else "") or "map"
-    figure, (ax,) = metre_sheet(
-        [*known, stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]], 1, name,
-        "  ·  ".join(words),
-    )  # fmt: skip
+    words = _counts(line_map, len(stops), len(points))
+    figure, (ax,) = metre_sheet([*_framing(world, line_map, points), *driven], 1, name, words)
     if world is not None:
         plot.world(world, ax, poses=stops, **plot.BELOW)
     plot.points(points, ax)
@@ -197,15 +222,32 @@ def draw_map(
     return finished(figure, [ax], path)
 
 
+def _framing(world: World | None, line_map: LineMap, points: Float) -> list[Float]:
+    """Places that frame the picture: the truth where it is known, else nearly all that was seen.
+
+    Images behind mirrors lie far outside.
+    """
+    if world is not None and len(world.segments):
+        return [world.segments.reshape(-1, 2)]
+    bulk = [OUTERMOST, 100.0 - OUTERMOST]
+    seen = np.percentile(points, bulk, axis=0) if len(points) else points
+    return [line_map.segments.reshape(-1, 2), seen]
+
+
+def _counts(line_map: LineMap, scans: int, points: int) -> str:
+    named = ((scans, "scan"), (points, "return"))
+    words = [line_map.counts, *(counted(number, name) for number, name in named if number)]
+    return "  ·  ".join(words)
+
+
 def draw_noise_levels(
     runs: Sequence[Run], sigmas: Sequence[float], path: str | Path | None = None
 ) -> Figure:
     """Draw the world with the first scan, and next to it the map at each σ [m] (Fig. 5a–d)."""
     poses = runs[0].trajectory.poses
     world = Sight.of(runs[0].world, poses[:, :2]).world
-    places = [world.segments.reshape(-1, 2), poses[:, :2]]
-    figure, axes = metre_sheet(places, len(runs) + 1)
-    plot.world(world, axes[0], poses=poses, linewidth=1.6)
+    figure, axes = metre_sheet([world.segments.reshape(-1, 2), poses[:, :2]], len(runs) + 1)
+    plot.world(world, axes[0], poses=poses, linewidth=WALL_WIDTH)
     plot.scan(runs[0].true_scan(0), axes[0])
     plot.trajectory(poses, axes[0])
     _head(axes[0], f"(a)  the world and the first scan, $d_{{max}}$ = {runs[0].lrf.range_max:g} m")
@@ -254,8 +296,7 @@ def draw_crosscheck(
     ):
         if not len(answers):
             continue
-        reach = np.clip(answers, 0.0, lrf.range_max)
-        ends = starts + reach[:, None] * np.array(beams)
+        ends = starts + np.clip(answers, 0.0, lrf.range_max)[:, None] * np.array(beams)
         lines = list(np.stack([starts, ends], axis=1))
         ax.add_collection(
             LineCollection(lines, colors=colour, linewidths=fine * width, label=label, zorder=4)
@@ -305,8 +346,8 @@ def draw_check(
         pairs = [f"{scans[old]}:{scans[new]}" for old, new, each in refused if each == why]
         words = f"{len(pairs)} refused, such as {pairs[0]}: {why}"
         axes[2].text(
-            0.02, 0.97 - 0.05 * row, words, transform=axes[2].transAxes, va="top", color=WRONG,
-            fontsize=7,
+            BAR_MARGIN, 0.97 - WORDS_STEP * row, words, transform=axes[2].transAxes, va="top",
+            color=WRONG, fontsize=7,
         )  # fmt: skip
     return finished(figure, axes, path)
 
@@ -319,19 +360,13 @@ def metre_sheet(
     low = np.min([place.min(axis=0) for place in known], axis=0)
     high = np.max([place.max(axis=0) for place in known], axis=0)
     size = np.maximum(high - low, 1.0) * (1.0 + 2.0 * MARGIN)
-    # Area of all panels together [square inches], whatever the shape of the world; sides of a
-    # panel, and the least width of a figure, in which a headline is legible [inches].
-    area = 54.0
-    least = 2.0
-    most = 12.0
-    narrowest = 6.0
     # What has no width, such as a single wall, is shown with something around it.
-    size = np.maximum(size, size.max() / (most / least))
-    panel = np.clip(size * np.sqrt(area / panels / size.prod()), least, most)
-    columns = max(1, min(panels, round(np.sqrt(1.5 * panels * panel[1] / panel[0]))))
+    size = np.maximum(size, size.max() / (MOST_SIDE / LEAST_SIDE))
+    panel = np.clip(size * np.sqrt(AREA / panels / size.prod()), LEAST_SIDE, MOST_SIDE)
+    columns = max(1, min(panels, round(np.sqrt(SHEET_ASPECT * panels * panel[1] / panel[0]))))
     rows = -(-panels // columns)
     width, height = panel * [columns, rows] + AROUND * [columns, 1.0]
-    figure = sheet(max(width, narrowest), height, title, words)
+    figure = sheet(max(width, NARROWEST), height, title, words)
     axes = [dressed(figure.add_subplot(rows, columns, 1 + number)) for number in range(panels)]
     middle = 0.5 * (low + high)
     x, y = np.transpose([middle - 0.5 * size, middle + 0.5 * size])

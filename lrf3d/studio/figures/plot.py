@@ -23,43 +23,66 @@ from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.studio.figures.sheet import FAINT, INK, dressed, plain, sheet
-from lrf3d.studio.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED
+from lrf3d.studio.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, TINY
 from lrf3d.studio.scene.marks import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.studio.scene.stage.structures import Sight, enclosed_areas
 from lrf3d.world import World
 
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
 
-# Colours of what walls enclose, and of returns.
+# Colour of what walls enclose.
 INSIDE = "#eef0f3"
+
+# Colour of returns.
 POINT = "#6f7986"
 
 # How true walls are drawn under a map.
 BELOW: dict[str, Any] = {"color": "#c3c8d0", "linewidth": 1.0}
 
-# Colours of beams, of their returns, of the robot's path and of the robot.
+# Colour of beams.
 BEAM = "#f2a03d"
+
+# Colour of the returns of a scan.
 HIT = "#d6361f"
+
+# Colour of the robot's path.
 PATH = "#2f6fb3"
+
+# Colour of the robot.
 ROBOT = "#16324f"
 
-# Colours of loop closures, and of those that were dropped.
+# Colour of loop closures.
 CLOSED = "#0b8a5f"
+
+# Colour of loop closures that were dropped.
 DROPPED = "#d6361f"
 
-# Glass is dashed and mirrors are dash-dotted, in worlds and in maps.
-DASHES = {"glass": (0.0, (2.2, 1.6)), "mirror": (0.0, (5.0, 1.6, 1.0, 1.6))}
+# Gap between dashes [widths of a line].
+GAP = 1.6
+
+# Glass is dashed and mirrors are dash-dotted, in worlds and in maps [widths of a line].
+DASHES = {"glass": (0.0, (2.2, GAP)), "mirror": (0.0, (5.0, GAP, 1.0, GAP))}
 
 # Reflection points drawn at most: more would only make the picture slower.
 MOST_POINTS = 200_000
 
-# Up to this number of poses and objects, each is drawn with its name, as in Fig. 5 of Teslić.
+# Up to this number of poses each is drawn with its name, as in Fig. 5 of Teslić.
 FEW_POSES = 6
+
+# Up to this number of objects each is drawn with its name.
 FEW_OBJECTS = 9
 
-# Width of a new figure, and the longer side of a value's picture in a notebook [inches].
+# Width of a new figure [inches].
 FIGURE = 6.4
+
+# Height of a new figure, and the longer side of a value's picture in a notebook [inches].
 PICTURE = 4.8
+
+# Median distance of poses from which on they are places and no drive, as a part of the axes.
+JUMP = 0.15
+
+# Distance of a robot's name from its middle [points].
+NAME_AWAY = 16.0
 
 
 def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: Any) -> Axes:
@@ -151,8 +174,9 @@ def scan(
         ax.add_collection(_fan(here, hits, **_styled(usual, style)), autolim=False)
         ax.plot(*hits.T, ".", color=HIT, markersize=4.5, mew=0, label="returns", zorder=5)
     if lrf is not None and missed.any():
-        reach = np.full(missed.sum(), lrf.range_max)
-        far = reflection_points(scan.pose, scan.angles[missed], reach)
+        far = reflection_points(
+            scan.pose, scan.angles[missed], np.full(missed.sum(), lrf.range_max)
+        )
         faint = {"alpha": 0.15, **({} if not len(hits) else {"label": "_missed"})}
         ax.add_collection(_fan(here, far, **_styled(usual, {**style, **faint})), autolim=False)
     _draw_robots(ax, np.array([scan.pose]), named=False)
@@ -173,9 +197,7 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
     ax.update_datalim(poses[:, :2])
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     usual = {"color": PATH, "linewidth": 1.1, "alpha": 0.9, "label": "path", "zorder": 3}
-    # Poses that mostly lie farther apart than this part of the axes are places and no drive.
-    jump = 0.15
-    if np.nanmedian(steps) > jump * max(ax.dataLim.size):
+    if np.nanmedian(steps) > JUMP * max(ax.dataLim.size):
         usual |= {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": "poses"}
         style = {key: value for key, value in style.items() if key != "label"}
     line = ax.plot(*poses[:, :2].T, **_styled(usual, style))[0]
@@ -205,8 +227,9 @@ def estimate(
     ):
         if len(pairs):
             ends = list(estimate.lines(pairs).reshape(-1, 2, 2))
-            drawn = LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
-            ax.add_collection(drawn)
+            ax.add_collection(
+                LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
+            )
     return _shown(ax)
 
 
@@ -235,7 +258,7 @@ def png(value: World | LineMap | LaserScan | Run) -> bytes:
     figure = sheet(PICTURE, PICTURE)
     ax = draw(value, dressed(figure.add_subplot()))
     ax.set_aspect("equal", adjustable="box")
-    size = np.maximum(ax.dataLim.size, 1e-9) if ax.has_data() else np.ones(2)
+    size = np.maximum(ax.dataLim.size, TINY) if ax.has_data() else np.ones(2)
     figure.set_size_inches(*(PICTURE * np.clip(size / size[::-1], 0.3, 1.0)))
     ax.set_title(fill(plain(repr(value)), 60), loc="left", color=FAINT, fontsize=7)
     file = BytesIO()
@@ -254,7 +277,7 @@ def _axes(ax: Axes | None) -> Axes:
         return ax
     from matplotlib import pyplot
 
-    return dressed(pyplot.figure(figsize=(FIGURE, 0.75 * FIGURE)).add_subplot())
+    return dressed(pyplot.figure(figsize=(FIGURE, PICTURE)).add_subplot())
 
 
 def _shown(ax: Axes) -> Axes:
@@ -300,14 +323,13 @@ def _draw_robots(ax: Axes, poses: Float, *, named: bool) -> None:
     """Draw robots as darts of an even size: at its true size a city would swallow one."""
     for number, (x, y, theta) in enumerate(poses.tolist()):
         dart = MarkerStyle(Path(DART), transform=Affine2D().rotate(theta))
-        label = "robot" if number == 0 else "_robot"
         ax.plot(
             x, y, marker=dart, markersize=13, color=ROBOT, mec="white", mew=0.6, zorder=7,
-            linestyle="none", label=label,
+            linestyle="none", label="robot" if number == 0 else "_robot",
         )  # fmt: skip
         if named:
             # The name stands behind the robot, where it has no beams.
-            behind = (-16.0 * np.cos(theta), -16.0 * np.sin(theta))
+            behind = (-NAME_AWAY * np.cos(theta), -NAME_AWAY * np.sin(theta))
             name = ax.annotate(
                 f"p{number + 1}", (x, y), behind, textcoords="offset points", ha="center",
                 va="center", zorder=7, color=ROBOT, fontsize=10, weight="bold",

@@ -13,10 +13,16 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from lrf3d.base.errors import OutputError
 from lrf3d.base.files import as_path, replacing
 
-# Colours of titles and walls, of small text, of the grid, and of the frame around axes.
+# Colour of titles and walls.
 INK = "#20262e"
+
+# Colour of small text.
 FAINT = "#68727f"
+
+# Colour of the grid.
 GRID = "#e8ebef"
+
+# Colour of the frame around axes.
 SPINE = "#c9ced6"
 
 # Colours of the modes of the mapper: the default is warm.
@@ -28,15 +34,22 @@ DOTS_PER_INCH = 150
 # Free border inside axes, as a part of their size.
 MARGIN = 0.04
 
+# Room around panels, headline and legend [inches].
+PAD = 0.1
+
+# Width of a letter of the headline [inches].
+LETTER = 0.115
+
+# Width of an entry of the legend [inches].
+ENTRY = 2.75
+
 
 def sheet(width: float, height: float, title: str = "", words: str = "") -> Figure:
     """A white figure [inches] with a headline and a line below it; its layout is constrained."""
-    pad = 0.1  # Room around panels, headline and legend [inches].
-    layout = ConstrainedLayoutEngine(h_pad=pad, w_pad=pad)
+    layout = ConstrainedLayoutEngine(h_pad=PAD, w_pad=PAD)
     figure = Figure((width, height), dpi=DOTS_PER_INCH, facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
-    letter = 0.115  # Width of a letter of the headline [inches].
-    lines = [fill(plain(line), int(width / letter)) for line in (title, words) if line]
+    lines = [fill(plain(line), int(width / LETTER)) for line in (title, words) if line]
     if lines:
         figure.suptitle("\n".join(lines), color=INK, fontsize=11)
     return figure
@@ -48,8 +61,7 @@ def add_legend(figure: Figure, axes: Sequence[Axes]) -> None:
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
-    entry = 2.75  # Width of an entry of the legend [inches].
-    columns = max(1, min(len(named), int(figure.get_figwidth() / entry)))
+    columns = max(1, min(len(named), int(figure.get_figwidth() / ENTRY)))
     figure.legend(
         list(named.values()), list(named), loc="outside lower center", ncols=columns,
         frameon=False, fontsize=9, labelcolor=INK,
@@ -87,8 +99,7 @@ def plain(words: str) -> str:
 def save_figure(figure: Figure, path: str | Path | None) -> Figure:
     """Write a figure, if there is a path, and return it."""
     if path is not None:
-        known = figure.canvas.get_supported_filetypes()
-        if as_path(path).suffix[1:].lower() not in known:
+        if as_path(path).suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
             raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
         with replacing(path) as unfinished:
             figure.savefig(unfinished, dpi=DOTS_PER_INCH)

@@ -18,6 +18,7 @@ from lrf3d.studio.figures.sheet import (
     save_figure,
     sheet,
 )
+from lrf3d.studio.scene.look import TINY
 
 # What the panels show: a measure, its name, and what its values are multiplied by.
 PANELS = (
@@ -29,10 +30,23 @@ PANELS = (
     ("object_ratio", "map objects by visible objects", 1.0),
 )
 
-# Line styles for the values of the other varied setting, as colours stand for mappers; and the
-# ratio of values from which on their axis is logarithmic.
+# Line styles for the values of the other varied setting, as colours stand for mappers.
 STYLES = ("-", "--", ":", "-.")
+
+# Ratio of values from which on their axis is logarithmic.
 WIDE_RATIO = 8.0
+
+# Panels of a row.
+COLUMNS = 3
+
+# Width of a panel [inches].
+WIDE = 3.6
+
+# Height of a panel [inches].
+TALL = 3.0
+
+# Height of an axis, in its largest value.
+HEADROOM = 1.08
 
 
 def draw_sweep(
@@ -53,33 +67,39 @@ def draw_sweep(
     for mean in sorted(means, key=lambda each: float(each[column])):
         choice = ", ".join(f"{name.removesuffix('_m')} {mean[name]}" for name in choices)
         curves.setdefault((str(mean["mapper"]), choice), []).append(mean)
-    # Panels of a row, and the room of each [inches].
-    columns = 3
-    wide = 3.6
-    tall = 3.0
-    rows = -(-len(PANELS) // columns)
-    figure = sheet(columns * wide, rows * tall + 1.0, *titles)
-    panels = [quiet(figure.add_subplot(rows, columns, 1 + k)) for k in range(len(PANELS))]
-    mappers, chosen = (list(dict.fromkeys(names)) for names in zip(*curves, strict=True))
-    values = sorted({float(mean[column]) for mean in means})
-    for number, (axes, (measure, name, factor)) in enumerate(zip(panels, PANELS, strict=True)):
+    rows = -(-len(PANELS) // COLUMNS)
+    figure = sheet(COLUMNS * WIDE, rows * TALL + 1.0, *titles)
+    panels = [quiet(figure.add_subplot(rows, COLUMNS, 1 + k)) for k in range(len(PANELS))]
+    for axes, (measure, name, factor) in zip(panels, PANELS, strict=True):
         axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
-        for (mapper, choice), points in curves.items():
-            x = [float(point[column]) for point in points]
-            ends = [[point[measure][end] for end in ("mean", "low", "high")] for point in points]
-            # A figure that no run has is None, and NaN here.
-            mean, low, high = factor * np.array(ends, dtype=np.float64).T
-            colour = MODE_COLOURS.get(mapper, f"C{mappers.index(mapper)}")
-            low, high = (np.where(np.isnan(end), mean, end) for end in (low, high))
-            axes.fill_between(x, low, high, color=colour, alpha=0.16, lw=0)
-            style = STYLES[chosen.index(choice) % len(STYLES)]
-            label = ", ".join(filter(None, (mapper, choice)))
-            axes.plot(x, mean, style, color=colour, marker="o", ms=4.0, label=label)
-        _scales(axes, values, measure)
-        if number >= len(PANELS) - columns:
-            axes.set_xlabel(axis, color=FAINT, fontsize=9)
+        _draw_curves(axes, curves, column, measure, factor)
+        _scales(axes, sorted({float(mean[column]) for mean in means}), measure)
+    for axes in panels[-COLUMNS:]:
+        axes.set_xlabel(axis, color=FAINT, fontsize=9)
     add_legend(figure, panels)
     return save_figure(figure, path)
+
+
+def _draw_curves(
+    axes: Axes,
+    curves: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]],
+    column: str,
+    measure: str,
+    factor: float,
+) -> None:
+    """Draw a measure over a column, a curve with its interval for each mapper and choice."""
+    mappers, chosen = (list(dict.fromkeys(names)) for names in zip(*curves, strict=True))
+    for (mapper, choice), points in curves.items():
+        x = [float(point[column]) for point in points]
+        ends = [[point[measure][end] for end in ("mean", "low", "high")] for point in points]
+        # A figure that no run has is None, and NaN here.
+        mean, low, high = factor * np.array(ends, dtype=np.float64).T
+        colour = MODE_COLOURS.get(mapper, f"C{mappers.index(mapper)}")
+        low, high = (np.where(np.isnan(end), mean, end) for end in (low, high))
+        axes.fill_between(x, low, high, color=colour, alpha=0.16, lw=0)
+        style = STYLES[chosen.index(choice) % len(STYLES)]
+        label = ", ".join(filter(None, (mapper, choice)))
+        axes.plot(x, mean, style, color=colour, marker="o", ms=4, label=label)
 
 
 def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
@@ -97,4 +117,4 @@ def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
         return
     if measure.endswith("_ratio"):
         axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
-    axes.set_ylim(0.0, max(1.08 * axes.get_ylim()[1], 1e-9))
+    axes.set_ylim(0.0, max(HEADROOM * axes.get_ylim()[1], TINY))

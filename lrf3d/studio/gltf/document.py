@@ -12,24 +12,43 @@ from PIL import Image
 
 from lrf3d.geometry.lines import Float
 
-# What an array is for, as the format numbers it; keys of animations have no number.
+# What an array is for, as the format numbers it: attributes of vertices.
 VERTICES = 34962
+
+# What numbers of vertices are for.
 INDICES = 34963
+
+# What keys of animations are for: the format has no number for them.
 KEYS = None
 
-# What the corners of a part make up.
+# Mode of a part whose corners make up triangles.
 TRIANGLES = 4
+
+# Mode of a part whose corners make up lines.
 LINES = 1
 
+# Names of rows by their length.
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+# OpenGL's numbers for types.
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
+# OpenGL's number for textures that end at their edges.
 _CLAMP = 33071
+
+# OpenGL's number for textures that are interpolated between texels.
 _LINEAR = 9729
+
+# OpenGL's number for textures that have smaller copies for what is far away.
 _MIPMAPS = 9987
 
-# The extension of all materials, and the bytes that the start of every array is a multiple of.
+# The extension of all materials.
 _UNLIT = "KHR_materials_unlit"
+
+# The start of every array is a multiple of this [bytes].
 _ALIGNMENT = 4
+
+# Number of vertices that two bytes can number; their largest number is not used.
+_SMALL = 65535
 
 
 class Document:
@@ -101,8 +120,7 @@ class Document:
         filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
         sampler = self.add("samplers", **filters, wrapS=_CLAMP, wrapT=_CLAMP)
         view = self._view(file.getvalue())
-        mime = f"image/{kind.lower()}"
-        source = self.add("images", name=name, mimeType=mime, bufferView=view)
+        source = self.add("images", name=name, mimeType=f"image/{kind.lower()}", bufferView=view)
         return self.add("textures", source=source, sampler=sampler)
 
     def part(
@@ -123,9 +141,7 @@ class Document:
         if colours is not None:
             rows = np.ones((len(columns["POSITION"]), 4))
             rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
-            # Screen colours are kept as the linear ones that glTF counts with.
-            low = np.clip(rows[:, :3], 0.0, 1.0)
-            rows[:, :3] = np.where(low <= 0.04045, low / 12.92, ((low + 0.055) / 1.055) ** 2.4)
+            rows[:, :3] = _linear(np.clip(rows[:, :3], 0.0, 1.0))
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
             columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
@@ -134,12 +150,13 @@ class Document:
         _, first, numbers = np.unique(
             rows.view(f"V{rows.shape[1]}")[:, 0], return_index=True, return_inverse=True
         )
-        small = np.uint16 if len(first) < 65535 else np.uint32
         attributes = {
             name: self.array(column[first], VERTICES, bounded=name == "POSITION")
             for name, column in columns.items()
         }
-        indices = self.array(numbers.astype(small), INDICES)
+        indices = self.array(
+            numbers.astype(np.uint16 if len(first) < _SMALL else np.uint32), INDICES
+        )
         return {"attributes": attributes, "indices": indices, "material": material, "mode": mode}
 
     def node(
@@ -158,24 +175,26 @@ class Document:
     ) -> None:
         """Move a node: key times (k,) [s] and values (k, n), straight or stepping between.
 
-        What does not play an animation shows the first.
+        A viewer without animations shows the first.
         """
         self._parts["nodes"][node][path] = values[0].tolist()
         if len(times) < 2:
             return
         keys = self.array(times.astype(np.float32), KEYS, bounded=True)
         output = self.array(values.astype(np.float32), KEYS)
-        kind = "STEP" if step else "LINEAR"
-        self._samplers.append({"input": keys, "output": output, "interpolation": kind})
-        target = {"node": node, "path": path}
-        self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
+        self._samplers.append(
+            {"input": keys, "output": output, "interpolation": ("STEP" if step else "LINEAR")}
+        )
+        self._channels.append(
+            {"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}}
+        )
 
     def show(
         self, node: int, begin: float, end: float | None = None, *, rests: bool | None = None
     ) -> None:
         """Give a node its size only from one time to another [s], or to the end.
 
-        What does not play an animation shows it as it is at the start, or as told.
+        A viewer without animations shows it as at the start, or as `rests` says.
         """
         times, sizes = ([0.0, begin], [0.0, 1.0]) if begin > 0.0 else ([0.0], [1.0])
         if end is not None and end < self._length:
@@ -204,6 +223,16 @@ class Document:
             data += fill * (-len(data) % _ALIGNMENT)
             chunks += struct.pack("<I4s", len(data), kind) + data
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _linear(screen: Float) -> Float:
+    """Colours in linear light, with which glTF counts, of those of a screen (IEC 61966-2-1)."""
+    # The standard's slope of dark colours, up to the limit, and offset and power of the others.
+    slope = 12.92
+    limit = 0.04045
+    offset = 0.055
+    power = 2.4
+    return np.where(screen <= limit, screen / slope, ((screen + offset) / (1.0 + offset)) ** power)
 
 
 def turned(angles: Float) -> Float:

@@ -28,18 +28,33 @@ from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacl
 # A look that nothing is made larger for, to be seen from far away.
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 
-# How far hits lie before their walls, so that both never share a pixel, and how far ahead of the
-# robot its camera looks [m].
+# Distance of hits from their walls [m], so that both never share a pixel.
 _OFF_WALL = 0.02
+
+# Where the robot's camera looks, ahead of it [m].
 _AHEAD = np.array([2.0, 0.0, 0.0])
 
-# Width of trails; how far the estimated one lies over the true one, and its ellipses over that;
-# largest error of a straight piece, and its least length, as of a robot that turns on the spot,
-# which is the least half axis of an ellipse, too [m].
+# Depth of the near plane of that camera [m].
+_NEAR = 0.1
+
+# Depth of its far plane [m].
+_FAR = 2000.0
+
+# Width of trails [m].
 _TRAIL_WIDTH = 0.045
+
+# How far the estimated trail lies over the true one, and its ellipses over that [m].
 _LIFT = 0.005
+
+# Largest error of a straight piece of a trail [m].
 _PIECE_ERROR = 0.03
+
+# Least length of such a piece, as of a robot that turns on the spot, and least half axis of an
+# ellipse [m].
 _LEAST = 1e-3
+
+# Directions of the corners of the upright triangles of hits [rad].
+_CORNERS = np.radians(90.0 + 120.0 * np.arange(3))
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -55,8 +70,9 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     timeline = scene.timeline
     about = {"origin": scene.origin.tolist(), "world": run.world.name}
     document = Document(run.world.name or "world", about, timeline.end - timeline.start)
-    last = DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
-    add_stage(document, scene.stage, last)
+    add_stage(
+        document, scene.stage, DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
+    )
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
     nodes = []
@@ -72,7 +88,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
         parts = document.part(material, *panes[:2]), _lines(document, edges, material)
         document.node("glass", document.root, *parts)
     _add_scans(document, scene, every)
-    _add_maps(document, scene)
+    _add_maps(document, scene, run)
     if run.knows_truth:
         _add_trail(document, keys, "trail", look.TRAIL_COLOUR, look.TRAIL_HEIGHT)
     _add_estimate(document, timeline)
@@ -92,7 +108,7 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
     eye = view.eye + np.array([0.0, 0.0, over])
     # The film's picture is moved up instead, which glTF cannot.
     view = replace(view, eye=eye, target=view.target + _AHEAD, up=(0.0, 0.0, 1.0))
-    lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
+    lens = {"yfov": view.field, "znear": _NEAR, "zfar": _FAR, "aspectRatio": 16 / 9}
     camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
     document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())
 
@@ -110,11 +126,9 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         parts = [_lines(document, beams, material)]
         if len(hits.places):
             robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
-            corners = _triangles(hits, robot)
             colours = np.repeat(hits.colours[:, None], 3, axis=1)
-            parts.append(document.part(material, corners, colours))
-        node = document.node(f"scan {number * every}", group, *parts)
-        document.show(node, begin, end)
+            parts.append(document.part(material, _triangles(hits, robot), colours))
+        document.show(document.node(f"scan {number * every}", group, *parts), begin, end)
 
 
 def _lines(document: Document, lines: Lines, material: int) -> dict[str, Any]:
@@ -127,17 +141,15 @@ def _triangles(hits: Points, robot: Float) -> Float:
     """Upright triangles (n, 3, 3) at hits, which look where their walls do, or at a robot (2,)."""
     loose = (hits.sides == 0.0).all(axis=1, keepdims=True)
     side = np.where(loose, robot - hits.places[:, :2], hits.sides)
-    side = side / np.maximum(np.hypot(*side.T), 1e-9)[:, None]
-    turns = np.radians([90.0, 210.0, 330.0])
-    across = np.insert(side @ LEFT, 2, 0.0, axis=1)[:, None] * np.cos(turns)[:, None]
-    up = np.array([0.0, 0.0, 1.0]) * np.sin(turns)[:, None]
+    side = side / np.maximum(np.hypot(*side.T), look.TINY)[:, None]
+    across = np.insert(side @ LEFT, 2, 0.0, axis=1)[:, None] * np.cos(_CORNERS)[:, None]
+    up = np.array([0.0, 0.0, 1.0]) * np.sin(_CORNERS)[:, None]
     places = hits.places + _OFF_WALL * np.insert(side, 2, 0.0, axis=1)
     return np.asarray(places[:, None] + hits.size * (across + up))
 
 
-def _add_maps(document: Document, scene: Scene) -> None:
+def _add_maps(document: Document, scene: Scene, run: Run) -> None:
     timeline = scene.timeline
-    run = scene.run
     material = document.material("map")
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
@@ -183,8 +195,7 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
         return
     keys = drawn.keys
     known = drawn.keys.times[drawn.known]
-    height = look.TRAIL_HEIGHT + _LIFT
-    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, height)
+    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.TRAIL_HEIGHT + _LIFT)
     if not len(known):
         return
     material = document.material("ellipses", translucent=True)

@@ -15,21 +15,34 @@ from PIL import Image
 
 from lrf3d.geometry.lines import Bool, Float, Single, quad_indices
 from lrf3d.studio.gltf.document import Document
-from lrf3d.studio.render.glsl import GREY, exposed, mesh
+from lrf3d.studio.render.glsl import exposed, mesh
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.marks import DrawnMap
 from lrf3d.studio.scene.stage.stage import Stage
 
-# Steps in which a run's world is lit, the side of the squares in which the ground is [cells], and
-# from which surety on.
+# Number of steps in which a run's world is lit.
 _STEPS = 12
+
+# Side of the squares in which the ground is lit [cells].
 _COARSE = 4
+
+# Least surety with which something was seen that is lit.
 _LEAST_SURE = 0.05
 
-# Sides of the pieces that walls are lit in [m], which are longer where there would be more.
+# Side of the pieces in which the walls of a town are lit [m].
 _STEP = 3.2
+
+# Side of the pieces in which the walls of rooms are lit [m].
 _STEP_INDOOR = 0.8
+
+# Largest number of pieces, which are larger where there would be more.
 _MOST_PIECES = 60_000
+
+# How far the ground goes past its picture [m].
+_HORIZON = 800.0
+
+# Largest side of the picture of the ground [pixels]: old graphics cards take no larger ones.
+_LARGEST = 2048
 
 
 def add_stage(document: Document, stage: Stage, drawn: DrawnMap) -> None:
@@ -58,12 +71,8 @@ def _add_ground(document: Document, stage: Stage) -> None:
     exposure = stage.exposure
     setting = stage.structures.setting
     picture = Image.fromarray(ground.picture)
-    # How far the ground goes past its picture [m], and the largest side of that [pixels]: old
-    # graphics cards take no larger ones.
-    horizon = 800.0
-    largest = 2048
-    picture.thumbnail((largest, largest), Image.Resampling.LANCZOS)
-    day = np.asarray(picture) / 255.0
+    picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
+    day = np.asarray(picture) / look.WHITE
     x, y = (
         low + (np.arange(count) + 0.5) / count * size
         for low, count, size in zip(ground.corner, day.shape[1::-1], ground.size, strict=True)
@@ -71,7 +80,7 @@ def _add_ground(document: Document, stage: Stage) -> None:
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     on = exposure.sampled(places)["sure"].reshape(day.shape[:2])
     dark, seen = (
-        Image.fromarray(np.round(255.0 * np.clip(each, 0.0, 1.0)).astype(np.uint8))
+        Image.fromarray(np.round(look.WHITE * np.clip(each, 0.0, 1.0)).astype(np.uint8))
         for each in (exposed(day, share, 0.0, setting) for share in (np.zeros_like(on), on))
     )
     rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape)
@@ -89,7 +98,7 @@ def _add_ground(document: Document, stage: Stage) -> None:
     # Round the squares eight more reach to the horizon. None lies on another: far away viewers
     # cannot tell which is nearer.
     low, high = squares[[0, -1], [0, 2]]
-    nine = mesh(*np.array([low - horizon, low, high, high + horizon]).T).reshape(9, 6, 2)
+    nine = mesh(*np.array([low - _HORIZON, low, high, high + _HORIZON]).T).reshape(9, 6, 2)
     around = np.delete(nine[:, [0, 1, 2, 5]], 4, axis=0)
     group = document.node("lit ground", document.root)
 
@@ -99,8 +108,11 @@ def _add_ground(document: Document, stage: Stage) -> None:
         uv = (level - ground.corner) / ground.size
         return document.part(material, np.insert(level, 2, 0.0, axis=1), texture=uv)
 
-    never = squares[covered <= _LEAST_SURE]
-    document.node("ground", document.root, part(unlit, np.concatenate([around, never])))
+    document.node(
+        "ground",
+        document.root,
+        part(unlit, np.concatenate([around, squares[covered <= _LEAST_SURE]])),
+    )
     for number, those in _steps(first, covered):
         if number >= 0:
             both = (partial(part, each, squares[those]) for each in (unlit, lit))
@@ -110,8 +122,9 @@ def _add_ground(document: Document, stage: Stage) -> None:
 def _show(document: Document, group: int, begin: float, unlit: Any, lit: Any) -> None:
     """Show one part until a time [s], and another from then on; both are functions."""
     if begin > 0.0:
-        dark = document.node(f"dark until {begin:.1f} s", group, unlit())
-        document.show(dark, 0.0, begin, rests=False)
+        document.show(
+            document.node(f"dark until {begin:.1f} s", group, unlit()), 0.0, begin, rests=False
+        )
     document.show(document.node(f"lit from {begin:.1f} s", group, lit()), begin, rests=True)
 
 
@@ -132,7 +145,9 @@ def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) 
     )
     share *= found[:, None]
     low, more = look.MAP_LIGHT
-    shown += share[..., None] * (tints[:, None] * (low + more * (day @ GREY))[..., None] - shown)
+    shown += share[..., None] * (
+        tints[:, None] * (low + more * (day @ look.GREY))[..., None] - shown
+    )
     material = document.material("walls")
     group = document.node("lit walls", document.root)
     for number, chosen in _steps(when["seen"].min(axis=1), np.maximum(on, share).max(axis=1)):

@@ -1,8 +1,9 @@
-"""A drive by hand: the robot obeys, scans and maps while it goes, among all that moves."""
+"""A drive by hand: the robot obeys, scans and maps while it goes, among all that moves.
+
+Speeds enter step by step; a scene shows the path, the scans and the map of now.
+"""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
@@ -12,31 +13,91 @@ from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.loop import line_mapper, update_mapper
-from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
 
-# Fastest turn [rad/s]; time from standing to full speed, and back; and the longest step of the
-# drive [s], so that the robot does not jump after a delay.
+# Fastest turn [rad/s]: a quarter turn takes a second.
 TURN_RATE = 1.5
+
+# Time from standing to full speed, and back [s].
 _RAMP = 0.25
+
+# Longest step of the drive [s], so that the robot does not jump after a delay.
 _LONGEST_STEP = 0.1
 
+# Rate at which the camera follows the robot's turns [1/s]: in a third of a second by two thirds.
+_CALM = 3.0
 
-class HandDrive(Timeline):
+# Difference [rad] at which the camera has caught up with the robot.
+_STILL_ANGLE = 1e-3
+
+# Distance [m] after which another scan is mapped: a robot at rest sees nothing new, and each
+# update of the map takes time.
+_MAP_STEP = 0.12
+
+# Turn [rad] after which another scan is mapped.
+_MAP_TURN = np.radians(5.0)
+
+# Least time between two maps [s], as working a map out takes longer than adding a scan to it.
+_MAP_PAUSE = 0.25
+
+# Number of scans that are kept: those of the last seconds still fade.
+_KEPT_SCANS = 500
+
+
+class DrivenPath:
+    """Where a robot that goes on has scanned; adding a scan to a long path copies nothing."""
+
+    def __init__(self, robot: LiveRobot) -> None:
+        self._robot = robot
+        # Times and poses, of which the first rows are taken: full arrays double.
+        self._rows = np.zeros((64, 4))
+        self._count = 0
+
+    @property
+    def times(self) -> Float:
+        """Times (k,) of the scans [s]."""
+        return self._rows[: self._count, 0]
+
+    @property
+    def poses(self) -> Float:
+        """Poses (k, 3) of the robot at the scans."""
+        return self._rows[: self._count, 1:]
+
+    def append(self) -> None:
+        """Add the time and the pose of the robot as it is now."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        self._rows[self._count] = (self._robot.time, *self._robot.pose)
+        self._count += 1
+
+    def at(self, times: Float) -> Float:
+        """Poses (m, 3) at times (m,) [s] near now: the robot's, turned as it turns now."""
+        turns = np.zeros((len(times), 3))
+        turns[:, 2] = self._robot.turning * (times - self._robot.time)
+        return np.array(self._robot.pose) + turns
+
+    def keys(self, origin: Float) -> DriveKeys:
+        """The path up to now, in a frame with an origin (2,): it only grows."""
+        poses = np.vstack([self.poses, self._robot.pose]) - [*origin, 0.0]
+        return DriveKeys(np.append(self.times, self._robot.time), poses)
+
+
+class HandDrive:
     """The robot of a page, from where a scenario with a route or poses starts.
 
-    A scene asks of it what it asks of a run and its timeline: the scans, the path and the map are
-    those of now.
+    It is :class:`~lrf3d.studio.scene.shown.Shown`: its scans, its path and its map are those of
+    now.
     """
 
     knows_truth = True
     estimate = None
+    # It is shown as fast as it drives.
+    playback = 1.0
 
     def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world = scenario.world
-        self.lrf = scenario.lrf
         self.obstacles = scenario.obstacles
         self.lasers = scenario.lasers
         self.name = scenario.name
@@ -44,87 +105,53 @@ class HandDrive(Timeline):
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest = scenario.speed
         self.robot = LiveRobot(scenario, rng=rng)
+        # Where a camera behind the robot looks [rad].
+        self.facing = self.robot.pose.theta
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
         self._tracker = ObjectTracker()
-        self.facing = self.robot.pose.theta
-        """Where a camera behind the robot looks [rad]."""
+        # The newest map and the lasting objects of its segments, by its number.
         self.maps: dict[int, LineMap] = {}
         self.lasting_objects: dict[int, Int] = {}
         self._map_due = 0.0
-        self._stale = True
-        self.trajectory = SimpleNamespace(times=np.zeros(0), poses=np.zeros((0, 3)))
-        """When and where the mapped scans were taken."""
+        # Whether scans were mapped after the newest map.
+        self._stale = False
+        self.trajectory = DrivenPath(self.robot)
         self._scans: dict[int, tuple[LaserScan, ...]] = {}
         self.latest = self.robot.scans()
         self._map_scan()
-        super().__init__(cast(Run, self), playback=1.0)
-        # A single scan is not a stop here: the robot drives on.
-        self.dwells = False
 
     def step(self, seconds: float, forward: float = 0.0, turn: float = 0.0) -> bool:
         """Drive on for a time [s], scan and map; false where the robot rests and nothing moves.
 
         Forward and turn, to the left, are shares of the fastest, from −1 to 1.
         """
-        moves = forward or turn or self.robot.speed or self.robot.turning or self.obstacles
-        aligned = self.facing == self.robot.pose.theta
-        if not moves and aligned and not self._stale and not self.robot.bumped:
+        robot = self.robot
+        unsettled = self._stale or robot.bumped or self.facing != robot.pose.theta
+        moves = any((forward, turn, robot.speed, robot.turning, self.obstacles))
+        if not (moves or unsettled):
             return False
         seconds = min(seconds, _LONGEST_STEP)
-        robot = self.robot
         robot.drive(
             seconds,
             _towards(robot.speed, forward, self._fastest, seconds),
             _towards(robot.turning, turn, TURN_RATE, seconds),
         )
-        # How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves.
-        calm = 3.0
-        still_angle = 1e-3
-        left = (robot.pose.theta - self.facing) * np.exp(-calm * seconds)
-        self.facing = robot.pose.theta - float(left) * (abs(left) > still_angle)
-        self.latest = self.robot.scans()
-        x, y, theta = np.abs(np.array(self.robot.pose) - self.trajectory.poses[-1])
-        # Distance [m] and turn [rad] after which another scan is mapped, as a robot at rest sees
-        # nothing new and each update takes time; and how often the map is worked out at most [s].
-        map_step = 0.12
-        map_turn = np.radians(5.0)
-        map_pause = 0.25
-        if np.hypot(x, y) > map_step or theta > map_turn:
+        left = (robot.pose.theta - self.facing) * float(np.exp(-_CALM * seconds))
+        self.facing = robot.pose.theta - left * (abs(left) > _STILL_ANGLE)
+        self.latest = robot.scans()
+        x, y, theta = np.abs(np.array(robot.pose) - self.trajectory.poses[-1])
+        if np.hypot(x, y) > _MAP_STEP or theta > _MAP_TURN:
             self._map_scan()
-        if self._stale and self.robot.time >= self._map_due:
+        if self._stale and robot.time >= self._map_due:
             number = self.snapshot_after(0) + 1
             self.maps = {number: self._mapper.map}
             self.lasting_objects = {number: self._tracker.follow(self.maps[number])}
-            self._map_due = self.robot.time + map_pause
+            self._map_due = robot.time + _MAP_PAUSE
             self._stale = False
         return True
 
-    def driven(self) -> DriveKeys:
-        """The path so far: it only grows, so that a page has most of it already."""
-        path = self.trajectory
-        poses = np.vstack([path.poses, self.robot.pose]) - [*self.origin, 0.0]
-        return DriveKeys(np.append(path.times, self.robot.time), poses)
-
-    def poses(self, times: Float) -> Float:
-        """Where the robot is now, for each of the times [s], turned as it turns now."""
-        turns = np.zeros((len(times), 3))
-        turns[:, 2] = self.robot.turning * (times - self.robot.time)
-        return np.array(self.robot.pose) + turns
-
-    def moment(self, time: float) -> Moment:
-        """What is to be seen now; the latest scan has no number of its own."""
-        number = len(self.trajectory.times)
-        robot = self.robot
-        pose = np.array(robot.pose)
-        time = robot.time
-        return Moment(time, pose, number, robot.speed, True, time)
-
-    def scan(self, number: int) -> LaserScan:
-        """A mapped scan of the first laser by its number; the last one is that of now."""
-        return self.scans_at(number)[0]
-
     def scans_at(self, number: int) -> tuple[LaserScan, ...]:
-        """The scans of all lasers by their number."""
+        """The scans of all lasers by their number; that of the latest follows the mapped ones."""
         return self._scans.get(number, self.latest)
 
     def snapshot_after(self, scan: int) -> int:
@@ -133,14 +160,37 @@ class HandDrive(Timeline):
 
     def _map_scan(self) -> None:
         update_mapper(self._mapper, self.latest)
-        path = self.trajectory
         number = len(self.trajectory.times)
         self._scans[number] = self.latest
-        kept = 500  # Scans that are kept: those of the last seconds are still seen.
-        self._scans.pop(number - kept, None)
-        path.times = np.append(path.times, self.robot.time)
-        path.poses = np.vstack([path.poses, self.robot.pose])
+        self._scans.pop(number - _KEPT_SCANS, None)
+        self.trajectory.append()
         self._stale = True
+
+
+class DriveTimeline(Timeline):
+    """The timeline of a drive by hand, of which nothing but the present is seen."""
+
+    def __init__(self, drive: HandDrive) -> None:
+        super().__init__(drive)
+        self._robot = drive.robot
+        # A single scan is not a stop here: the robot drives on.
+        self.dwells = False
+
+    def poses(self, times: Float) -> Float:
+        """Where the robot is now, for each of the times [s], turned as it turns now."""
+        return self.run.trajectory.at(times)
+
+    def moment(self, time: float) -> Moment:
+        """What is to be seen now; the latest scan has the number after the mapped ones."""
+        now = self._robot.time
+        return Moment(
+            now,
+            np.array(self._robot.pose),
+            len(self.run.trajectory.times),
+            self._robot.speed,
+            True,
+            now,
+        )
 
 
 def _towards(value: float, share: float, fastest: float, seconds: float) -> float:

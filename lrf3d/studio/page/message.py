@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.studio.render.glsl import columns_of, ground_of, mesh, shader_source
-from lrf3d.studio.scene.look import LEAST_SCALE, PLAN_BACK
+from lrf3d.studio.scene.look import LEAST_SCALE, PLAN_BACK, WHITE
 from lrf3d.studio.scene.shapes import Faces, Mark
 from lrf3d.studio.scene.stage.stage import Stage
 
@@ -49,27 +49,13 @@ class Sender:
         block = bytearray()
         starts = dict[tuple[int, int], int]()
         for name, (style, columns) in parts.items():
-            marks[name] = {**style, "columns": []}
+            sent = []
             for place, (key, array) in enumerate(columns.items()):
-                before, known = self._columns.get((name, key), (None, None))
-                # An array that is the same object as before has not changed.
-                if array is before:
+                new = self._new_rows(name, key, array)
+                if new is None:
                     continue
-                rows = array.reshape(-1, array.shape[-1])
-                # Colours and opacities are sent as four bytes.
-                whole = np.ascontiguousarray(rows).view(np.uint8)
-                rows = as_bytes(rows) if key == "colours" else whole
-                # A picture of times is a part of the whole one, another one each time.
-                known = None if name == "times" else known
-                self._columns[name, key] = array, rows
-                # The rows at the beginning that the page has already.
-                same = rows[:0] if known is None else known
-                count = min(len(rows), len(same))
-                differ = (rows[:count] != same[:count]).any(axis=1)
-                first = int(np.append(differ, True).argmax())
-                if known is not None and first == len(rows) == len(known):
-                    continue
-                # What two marks share, such as the trail and that of the plan, is sent once.
+                rows, first = new
+                # What two marks share, such as the trail and that of the inset, is sent once.
                 shared = id(array), first
                 if shared not in starts:
                     starts[shared] = len(block)
@@ -77,10 +63,30 @@ class Sender:
                 # The shader's location, where the array starts in the block, numbers a row (0 for
                 # colours, which are bytes), the first row that is new, and the number of rows.
                 size = 0 if key == "colours" else array.shape[-1]
-                column = [place, starts[shared], size, first, len(rows)]
-                marks[name]["columns"].append(column)
+                sent.append([place, starts[shared], size, first, len(rows)])
+            marks[name] = {**style, "columns": sent}
         text = json.dumps({**values, "marks": marks}, separators=(",", ":")).encode()
         return len(text).to_bytes(4, "little") + text + bytes(block)
+
+    def _new_rows(
+        self, name: str, key: str, array: NDArray[Any]
+    ) -> tuple[NDArray[np.uint8], int] | None:
+        """The rows of an array as bytes, and the first that is new; None if the page has all."""
+        before, known = self._columns.get((name, key), (None, None))
+        # An array that is the same object as before has not changed.
+        if array is before:
+            return None
+        rows = array.reshape(-1, array.shape[-1])
+        # Colours and opacities are sent as four bytes.
+        rows = as_bytes(rows) if key == "colours" else np.ascontiguousarray(rows).view(np.uint8)
+        self._columns[name, key] = array, rows
+        # A picture of times is a part of the whole one, another one each time.
+        if known is None or name == "times":
+            return rows, 0
+        # The rows at the beginning that the page has already.
+        count = min(len(rows), len(known))
+        first = int(np.append((rows[:count] != known[:count]).any(axis=1), True).argmax())
+        return None if first == len(rows) == len(known) else (rows, first)
 
 
 def stage_message(stage: Stage, *, times: bool = True) -> bytes:
@@ -92,9 +98,8 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     seen = stage.exposure.texels
     setting = stage.structures.setting
     # The corners of two triangles for each quad.
-    walls = (each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])
     parts = {
-        "walls": _part("walls", *walls),
+        "walls": _part("walls", *(each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])),
         "ground": _part("ground", ground_of(ground, 6)),
         "sky": _part("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2)),
     }
@@ -109,7 +114,7 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
         "area": [*ground.corner.tolist(), *(1.0 / ground.size).tolist()],
         "grid": stage.exposure.area,
         "cells": seen.shape[1::-1],
-        "back": [share / 255 for share in PLAN_BACK],
+        "back": [share / WHITE for share in PLAN_BACK],
         "mirrors": stage.mirrors.tolist(),
         "leastScale": LEAST_SCALE,
     }
@@ -130,5 +135,5 @@ def _part(kind: str, *columns: NDArray[Any]) -> Part:
 def as_bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
     """Colours (n, 3) or colours and opacities (n, 4) in four bytes each."""
     tints = np.full((len(rows), 4), 255, np.uint8)
-    tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
+    tints[:, : rows.shape[1]] = np.round(WHITE * np.clip(rows, 0.0, 1.0))
     return tints

@@ -17,28 +17,36 @@ from lrf3d.base.interrupts import check
 from lrf3d.simulation.run import Run
 from lrf3d.studio.page.message import Part, Sender, as_bytes, stage_message, times_part
 from lrf3d.studio.page.server import PAGE, page_text
-from lrf3d.studio.page.shown import Shown, Wanted
+from lrf3d.studio.page.session import PageSession, Wanted
+from lrf3d.studio.scene.look import SIZE
 
 # The pictures that cameras are recorded for: the page fits the nearer one into its own.
-_SIZES = {"wide": (1280.0, 720.0), "tall": (720.0, 1280.0)}
+_SIZES = {"wide": SIZE, "tall": SIZE[::-1]}
 
-# Steps in one of the first-seen times: a thousandth of the run is less than a moment; and the size
-# [m] from which on numbers take four bytes: two are within a centimetre up to there.
-_SHARES = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32)
+# Steps in one of the first-seen times: a thousandth of the run is less than a moment.
+_SHARES = 2.0 ** np.array([10, 8, 11, 8], np.float32)
+
+# Size from which on numbers take four bytes [m]: two are within a centimetre up to there.
 _FAR = 500.0
+
+# Moments that are recorded in a second of the film [1/s].
+_RATE = 10.0
+
+# Largest number of moments of a run: longer ones are recorded in larger steps.
+_MOST_MOMENTS = 400
+
+# Least size of the largest number of an array.
+_LEAST_SIZE = 1e-6
 
 
 def page_file(run: Run, *, every: int = 1) -> bytes:
     """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept."""
     record = _Record()
-    shown = Shown.played(run, run.playback, record)
+    shown = PageSession.played(run, run.playback, record)
     setup = shown.setup()
     stage = shown.scene.stage
     begin, end = setup["story"]
-    # Moments a second of the film, and the most of a run: longer ones are recorded in larger steps.
-    rate = 10.0
-    most = 400
-    step = max(setup["speed"] / rate, (end - begin) / most) * every
+    step = max(setup["speed"] / _RATE, (end - begin) / _MOST_MOMENTS) * every
     # The end of the run is one of the times.
     step = setup["end"] / np.ceil(setup["end"] / step) if setup["end"] else step
     for view in shown.cameras:
@@ -93,8 +101,8 @@ class _Record(Sender):
     def __init__(self) -> None:
         super().__init__()
         self.views: dict[str, list[Any]] = {}
+        # The arrays of each column of a mark: what is alike lies together, and packs well.
         self.blocks: dict[str, bytearray] = {}
-        """The arrays of each column of a mark: what is alike lies together, and packs well."""
         self._arrays: list[tuple[str, tuple[int, ...]]] = []
         self._known: dict[bytes, int] = {}
 
@@ -106,8 +114,10 @@ class _Record(Sender):
         """Keep a message."""
         marks = dict[str, Any]()
         for name, (style, columns) in parts.items():
-            numbers = [self.number(each, name, key) for key, each in columns.items()]
-            marks[name] = {**style, "columns": numbers}
+            marks[name] = {
+                **style,
+                "columns": [self.number(each, name, key) for key, each in columns.items()],
+            }
         self._moments.append({**values, "marks": marks})
         return b""
 
@@ -142,7 +152,7 @@ class _Record(Sender):
             size = 0
         else:
             # In the unit, a power of two, in which the largest number has 15 bits, or 24.
-            most = float(np.abs(rows).max(initial=1e-6))
+            most = float(np.abs(rows).max(initial=_LEAST_SIZE))
             size, bits = (2, 15) if most < _FAR else (4, 24)
             exponent = int(np.floor(np.log2(most))) + 1 - bits
             whole = np.round(np.ldexp(rows, -exponent)).clip(max=2**bits - 1)
@@ -150,5 +160,4 @@ class _Record(Sender):
         block = self.blocks.setdefault(name, bytearray())
         self._arrays.append((name, (len(block), *whole.shape, size, exponent)))
         steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
-        planes = steps.T[..., None].copy().view(np.uint8).transpose(0, 2, 1)
-        block += planes.tobytes()
+        block += steps.T[..., None].copy().view(np.uint8).transpose(0, 2, 1).tobytes()

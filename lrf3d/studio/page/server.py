@@ -1,4 +1,4 @@
-"""The page and its server, and what a page is opened for.
+"""The server of the page, for a run that is played or a world to drive in.
 
 Everything is served from this machine, by the library of the page's socket; the page loads nothing
 from elsewhere.
@@ -18,6 +18,7 @@ import re
 import socket
 import webbrowser
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from weakref import WeakSet
@@ -30,17 +31,28 @@ from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.studio.page.hand_drive import HandDrive
 from lrf3d.studio.page.message import stage_message
-from lrf3d.studio.page.shown import Shown, Wanted
+from lrf3d.studio.page.session import PageSession, Wanted
 
-# The port that is tried if none is given, and the longest message [bytes] from a page, whose own
-# have some hundred.
+# The port that is tried if none is given.
 PORT = 8080
+
+# Length of the longest message from a page [bytes], whose own have some hundred.
 MESSAGE_SIZE = 10_000
 
-# Least time between two answers to a page that drives, and how long a page may take to load a file
-# [s].
+# Least time between two answers to a page that drives [s].
 _STEP = 1.0 / 30.0
+
+# Time that a page may take to load a file [s].
 _PATIENCE = 60.0
+
+# Time between two checks whether the program is to end [s].
+_WAIT = 0.05
+
+# Time that pages have to close their sockets in the end [s].
+_LAST_WORDS = 0.5
+
+# Path of what stands in the world, which is packed.
+_WORLD = "/lrf3d/world"
 
 # Headers of all answers: no other site may frame the page or load its files.
 GUARDS = {
@@ -56,12 +68,12 @@ GUARDS = {
 PAGE = Path(__file__).parent / "static"
 
 # Makes what one page shows: each has its own.
-Make = Callable[[], Shown]
+Make = Callable[[], PageSession]
 
 
 def run_view(run: Run, playback: float | None) -> Make:
     """What pages show of a run that is played."""
-    return lambda: Shown.played(run, run.playback if playback is None else playback)
+    return lambda: PageSession.played(run, run.playback if playback is None else playback)
 
 
 def world_view(scenario: Scenario, seed: int) -> Make:
@@ -69,8 +81,8 @@ def world_view(scenario: Scenario, seed: int) -> Make:
     drive = HandDrive(scenario, rng=seed)
     # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
-    stage = Shown.driven(drive).scene.stage
-    return lambda: Shown.driven(HandDrive(scenario, rng=seed), stage)
+    stage = PageSession.driven(drive).scene.stage
+    return lambda: PageSession.driven(HandDrive(scenario, rng=seed), stage)
 
 
 def serve(
@@ -107,7 +119,7 @@ def serve(
             lambda page: _show(make, page),
             sock=door,
             create_connection=Page,
-            process_request=_answers(make(), host),
+            process_request=partial(_guarded, _files(make()), host),
             max_size=MESSAGE_SIZE,
             # A short message could unpack to gigabytes.
             compression=None,
@@ -121,10 +133,10 @@ def serve(
             webbrowser.open(address)
         # Signals set the flag of lrf3d.base.interrupts, which is looked at here.
         while not asked():
-            await asyncio.sleep(0.05)
+            await asyncio.sleep(_WAIT)
         server.close()
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(server.wait_closed(), 0.5)
+            await asyncio.wait_for(server.wait_closed(), _LAST_WORDS)
         # Pages that have stopped reading, as on a laptop that sleeps, would not let the end come.
         for transport in [*transports]:
             transport.abort()
@@ -134,68 +146,85 @@ def serve(
     check()
 
 
-def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
-    """A function that answers requests for the page, its files and its socket.
+# A file of the page: its kind, and its bytes.
+_File = tuple[str, bytes]
 
-    A web page anywhere can have its visitor's browser send requests to this machine. It could read
-    the scene and drive the robot, and so is refused: by its origin, or, where a name of its own
-    points here (DNS rebinding), by that name.
-    """
-    from websockets.datastructures import Headers
-    from websockets.http11 import Response
 
-    setup = shown.setup()
-    stage = shown.scene.stage
+def _files(session: PageSession) -> dict[str, _File]:
+    """What the page loads, by its path."""
+    stage = session.scene.stage
     # Row 0 of the ground's picture is at the smallest y, as textures have it.
     ground = io.BytesIO()
     Image.fromarray(stage.ground.picture).save(ground, "JPEG", quality=90)
     files = {
-        "/": ("text/html; charset=utf-8", page_text(setup).encode()),
-        "/lrf3d/world": ("application/octet-stream", gzip.compress(stage_message(stage), 1)),
+        "/": ("text/html; charset=utf-8", page_text(session.setup()).encode()),
+        _WORLD: ("application/octet-stream", gzip.compress(stage_message(stage), 1)),
         "/lrf3d/ground.jpg": ("image/jpeg", ground.getvalue()),
     }
     for name in ("page.css", "page.js", "scene.js", "served.js"):
         kind = "text/css" if name.endswith("css") else "text/javascript"
         files[f"/lrf3d/{name}"] = kind, (PAGE / name).read_bytes()
+    return files
 
-    def answer(connection: Any, request: Any) -> Any:
-        response = answer_to(connection, request)
-        if response is not None:
-            for name, value in GUARDS.items():
-                response.headers[name] = value
-        return response
 
-    def answer_to(connection: Any, request: Any) -> Any:
-        named, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
-        if len(named) != 1 or not is_own(re.sub(r":\d+$", "", named[0]), host):
-            return connection.respond(400, "the page does not open by this name\n")
-        if origin not in ([], [f"http://{named[0]}"]):
-            return connection.respond(403, "pages of other sites may not use this one\n")
-        # Older versions of the library refuse other methods themselves.
-        if (method := getattr(request, "method", "GET")) not in ("GET", "HEAD"):
-            refusal = connection.respond(405, "the page is only read\n")
-            refusal.headers["Allow"] = "GET, HEAD"
-            return refusal
-        path = request.path.partition("?")[0]
-        if path == "/lrf3d/moments":
-            return None
-        if path not in files:
-            return connection.respond(404, "there is no such page\n")
-        kind, body = files[path]
-        headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
-        if path == "/lrf3d/world":
-            headers["Content-Encoding"] = "gzip"
-        return Response(200, "OK", headers, b"" if method == "HEAD" else body)
+def _guarded(files: dict[str, _File], host: str, connection: Any, request: Any) -> Any:
+    """Answer a request for the page, its files or its socket; None opens the socket."""
+    response = _refusal(host, connection, request) or _file(files, connection, request)
+    if response is not None:
+        for name, value in GUARDS.items():
+            response.headers[name] = value
+    return response
 
-    return answer
+
+def _refusal(host: str, connection: Any, request: Any) -> Any:
+    """Refuse requests of other sites, and those that are not for reading.
+
+    A web page anywhere can have its visitor's browser send requests to this machine. It could read
+    the scene and drive the robot, and so is refused: by its origin, or, where a name of its own
+    points here (DNS rebinding), by that name.
+    """
+    named, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
+    if len(named) != 1 or not is_own(re.sub(r":\d+$", "", named[0]), host):
+        return connection.respond(400, "the page does not open by this name\n")
+    if origin not in ([], [f"http://{named[0]}"]):
+        return connection.respond(403, "pages of other sites may not use this one\n")
+    if _method(request) not in ("GET", "HEAD"):
+        refusal = connection.respond(405, "the page is only read\n")
+        refusal.headers["Allow"] = "GET, HEAD"
+        return refusal
+    return None
+
+
+def _method(request: Any) -> str:
+    # Older versions of the library refuse other methods themselves.
+    return str(getattr(request, "method", "GET"))
+
+
+def _file(files: dict[str, _File], connection: Any, request: Any) -> Any:
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    path = request.path.partition("?")[0]
+    if path == "/lrf3d/moments":
+        return None
+    if path not in files:
+        return connection.respond(404, "there is no such page\n")
+    kind, body = files[path]
+    headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
+    if path == _WORLD:
+        headers["Content-Encoding"] = "gzip"
+    return Response(200, "OK", headers, b"" if _method(request) == "HEAD" else body)
 
 
 def page_text(setup: dict[str, Any]) -> str:
     """The page's HTML, with what it is given once."""
-    page = (PAGE / "index.html").read_text(encoding="utf-8")
     words = {name: html.escape(str(value)) for name, value in setup.items()}
     words["setup"] = json.dumps(setup).replace("<", "\\u003c")
-    return re.sub(r"\{(\w+)\}", lambda found: words[found[1]], page)
+    return re.sub(
+        r"\{(\w+)\}",
+        lambda found: words[found[1]],
+        (PAGE / "index.html").read_text(encoding="utf-8"),
+    )
 
 
 async def _show(make: Make, page: Any) -> None:

@@ -80,8 +80,9 @@ class Texture:
         kept, given = (GL.GL_RGBA8, GL.GL_RGB) if picture else (GL.GL_RGBA16F, GL.GL_RGBA)
         form = given, GL.GL_UNSIGNED_BYTE if picture else GL.GL_FLOAT
         GL.glTexImage2D(kind, 0, kept, *self.size, 0, *form, np.ascontiguousarray(texels))
-        smaller = GL.GL_LINEAR_MIPMAP_NEAREST if picture else GL.GL_LINEAR
-        GL.glTexParameteri(kind, GL.GL_TEXTURE_MIN_FILTER, smaller)
+        GL.glTexParameteri(
+            kind, GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR_MIPMAP_NEAREST if picture else GL.GL_LINEAR
+        )
         GL.glTexParameteri(kind, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
         for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
             GL.glTexParameteri(kind, axis, GL.GL_CLAMP_TO_EDGE)
@@ -142,8 +143,7 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
         """Draw its vertices with the program in use."""
         GL.glBindVertexArray(self._vaid)
         if self._indexed:
-            start = ctypes.c_void_p(0)
-            GL.glDrawElements(self.mode, self.count, GL.GL_UNSIGNED_INT, start)
+            GL.glDrawElements(self.mode, self.count, GL.GL_UNSIGNED_INT, ctypes.c_void_p(0))
         else:
             GL.glDrawArrays(self.mode, 0, self.count)
 
@@ -152,9 +152,9 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
         self._store(GL.GL_ARRAY_BUFFER, place, values.astype(np.float32, copy=False))
         if new:
             GL.glBindVertexArray(self._vaid)
-            size = values.shape[1]
-            start = ctypes.c_void_p(0)
-            GL.glVertexAttribPointer(place, size, GL.GL_FLOAT, GL.GL_FALSE, 0, start)
+            GL.glVertexAttribPointer(
+                place, values.shape[1], GL.GL_FLOAT, GL.GL_FALSE, 0, ctypes.c_void_p(0)
+            )
             GL.glEnableVertexAttribArray(place)
 
     def _store(self, kind: int, place: int, values: NDArray[Any]) -> None:
@@ -182,14 +182,14 @@ class ShaderProgram:
     def __init__(self, name: str, setting: Setting) -> None:
         self.name = name
         self._id = GL.glCreateProgram()
-        kinds = (GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER)
-        shaders = [_compile(name, kind, setting) for kind in kinds]
+        shaders = [
+            _compile(name, kind, setting) for kind in (GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER)
+        ]
         for shader in shaders:
             GL.glAttachShader(self._id, shader)
         GL.glLinkProgram(self._id)
         if not GL.glGetProgramiv(self._id, GL.GL_LINK_STATUS):
-            log = GL.glGetProgramInfoLog(self._id)
-            raise RuntimeError(f"shader {name} does not link: {log!r}")
+            raise RuntimeError(f"shader {name} does not link: {GL.glGetProgramInfoLog(self._id)!r}")
         for shader in shaders:
             GL.glDeleteShader(shader)
         count = GL.glGetProgramiv(self._id, GL.GL_ACTIVE_UNIFORMS)
@@ -236,8 +236,7 @@ class CameraBlock:
         self._values: Single = np.zeros(24, np.float32)
         self._buffer = GL.glGenBuffers(1)
         GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._buffer)
-        size = self._values.nbytes
-        GL.glBufferData(GL.GL_UNIFORM_BUFFER, size, self._values, GL.GL_DYNAMIC_DRAW)
+        GL.glBufferData(GL.GL_UNIFORM_BUFFER, self._values.nbytes, self._values, GL.GL_DYNAMIC_DRAW)
 
     def fill(self, lens: Lens, width: int, height: int) -> None:
         """Make it the camera of all that is drawn from now on, in pixels."""

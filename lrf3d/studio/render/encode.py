@@ -19,27 +19,29 @@ from lrf3d.studio.scene.shapes import Pixels
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class FilmFormat:
     """A kind of film, as FFmpeg's libraries write it."""
 
     codec: str
+    # How the codec holds pixels.
     colours: str
-    """How the codec holds pixels."""
+    # Most frames a second: browsers show pictures of a shorter time for a tenth of a second.
     fastest: float
-    """Most frames a second: browsers show pictures of a shorter time for a tenth of a second."""
+    # What times are whole numbers of [s]; the time of a frame if not given.
     unit: Fraction | None = None
-    """What times are whole numbers of [s]; the time of a frame if not given."""
     codec_options: dict[str, str] = field(default_factory=dict)
     file_options: dict[str, str] = field(default_factory=dict)
+    # Whether width and height have to be even.
     even: bool = False
-    """Whether width and height have to be even."""
+    # Whether all pictures share 256 colours.
     palette: bool = False
-    """Whether all pictures share 256 colours."""
 
 
 FORMATS = {
-    ".gif": Format("gif", "pal8", 50.0, Fraction(1, 100), file_options={"loop": "0"}, palette=True),
-    ".mp4": Format(
+    ".gif": FilmFormat(
+        "gif", "pal8", 50.0, Fraction(1, 100), file_options={"loop": "0"}, palette=True
+    ),
+    ".mp4": FilmFormat(
         "libx264",
         "yuv420p",
         1000.0,
@@ -54,7 +56,7 @@ FORMATS = {
         file_options={"movflags": "faststart"},
         even=True,
     ),
-    ".webp": Format(
+    ".webp": FilmFormat(
         "libwebp_anim",
         "yuv420p",
         200.0,
@@ -66,7 +68,14 @@ FORMATS = {
 }
 
 
-def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
+# Largest denominator of frames a second.
+_RATES = 1000
+
+# Lines of an example from which on not all of its pixels choose the colours of a palette.
+_SAMPLED = 360
+
+
+def format_of(path: Path, size: tuple[int, int], fps: float) -> FilmFormat:
     """The kind of film that a path names.
 
     Raises:
@@ -87,22 +96,18 @@ def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
 def encode(
     pictures: Iterable[Pixels],
     path: Path,
-    kind: Format,
+    kind: FilmFormat,
     *,
     fps: float,
     examples: Sequence[Pixels] = (),
 ) -> None:
     """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
-    # Largest denominator of frames a second, and the lines of an example from which on not all of
-    # its pixels choose the colours of a palette.
-    rates = 1000
-    sampled = 360
-    rate = Fraction(fps).limit_denominator(rates)
+    rate = Fraction(fps).limit_denominator(_RATES)
     unit = kind.unit or 1 / rate
     palette = None
     if kind.palette:
         # The 256 colours that serve examples best; with one palette none changes between frames.
-        step = -(-len(examples[0]) // sampled)
+        step = -(-len(examples[0]) // _SAMPLED)
         seen = Image.fromarray(np.concatenate([each[::step, ::step] for each in examples]))
         palette = seen.quantize(256, method=Image.Quantize.FASTOCTREE)
     with av.open(str(path), "w", format=path.suffix[1:], options=kind.file_options) as film:

@@ -15,59 +15,133 @@ from lrf3d.studio.scene.look import (
     EMBER_SHARE,
     FALL,
     FRONT,
+    GREY,
     LEAST_FALL,
     MAP_LIGHT,
     MAP_SHARE,
     NIGHT_LOW,
     ROOF_SHARE,
+    TINY,
+    WHITE,
 )
 
-# Depth [m] from which on walls are drawn, and how coarse copies of the ground's picture are, in
-# lengths of a pixel: it is seen at a slant.
+# Depth from which on walls are drawn [m].
 NEAREST = 0.05
+
+# Coarseness of the copy of the ground's picture, in lengths of a pixel: it is seen at a slant.
 _SLANT = 0.35
+
+# What keeps a place between the last two cells of a picture from its edge [cells].
+_INSIDE = 1.001
+
+# Steepness of the edge of the map's colour as it climbs a wall [1/m].
+_CLIMB_EDGE = 1.5
+
+# Power of the share of the sky that is haze, which falls from the horizon up.
+_SKY = 2.6
+
+# Least depth that is divided by [m].
+_LEAST_AWAY = 1e-6
+
+# Least difference of two depths that is divided by [m].
+_FLAT = 1e-12
 
 
 class Surfaces(NamedTuple):
     """What rays see: triangles, the ground and their tones."""
 
+    # (t, 3, 9) place, colour, place before it, and whether it is a wall.
     corners: Single
-    """(t, 3, 9) place, colour, place before it, and whether it is a wall."""
+    # Texels of the ground's picture, all levels one after another.
     ground: NDArray[np.uint8]
+    # (n, 3) where each level starts, its width and height.
     ground_levels: NDArray[np.int64]
-    """Texels of the ground's picture, and (n, 3) where each level starts, its width and height."""
+    # (7,) corner and size of that picture [m], and the colour of the land around.
     area: Float
-    """(7,) corner and size of that picture [m], and the colour of the land around."""
+    # (4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit.
     tones: Float
-    """(4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit."""
 
 
 class LaserLight(NamedTuple):
     """What the laser has lit by now: see :mod:`lrf3d.studio.scene.stage.exposure`."""
 
+    # (h, w, 4) the picture of times.
     times: Single
-    """(h, w, 4) the picture of times."""
+    # (h, w, 4) the map in the same cells, and how much of each it covers.
     tints: Single
-    """(h, w, 4) the map in the same cells, and how much of each it covers."""
+    # (4,) corner of both [m], and one over their size [1/m].
     area: Float
-    """(4,) corner of both [m], and one over their size [1/m]."""
+    # (2,) what time it is, and how fast that passes.
     clock: Float
-    """(2,) what time it is, and how fast that passes."""
 
 
 @borrower
-def project(place: Float, matrix: Float, height: int, width: int, found: Float) -> None:
-    """Pixels and one over the depth of a place that a matrix (3, 4) shows as x, y and depth."""
+def depth_of(place: Single, matrix: Float) -> float:
+    """The depth of a place that a matrix (3, 4) shows as x, y and depth."""
+    depth: float = matrix[2, 3]
+    for k in range(3):
+        depth += matrix[2, k] * place[k]
+    return depth
+
+
+@borrower
+def project(
+    start: Single, end: Single, share: float, matrix: Float, height: int, width: int, found: Float
+) -> None:
+    """Pixels and one over the depth of the place at a share of the way from a start to an end."""
     x = matrix[0, 3]
     y = matrix[1, 3]
     depth = matrix[2, 3]
     for k in range(3):
-        x += matrix[0, k] * place[k]
-        y += matrix[1, k] * place[k]
-        depth += matrix[2, k] * place[k]
+        place = start[k] + share * (end[k] - start[k])
+        x += matrix[0, k] * place
+        y += matrix[1, k] * place
+        depth += matrix[2, k] * place
     found[0] = (0.5 + 0.5 * x / depth) * width
     found[1] = (0.5 + 0.5 * y / depth) * height
     found[2] = 1.0 / depth
+
+
+@borrower
+def outlined(corners: Single, matrix: Float, height: int, width: int, outline: Float) -> int:
+    """Fill in the outline (6, 3) of a triangle (3, …) in the picture; returns its corners.
+
+    What lies before the eye is cut off: three or four corners are left, or none.
+    """
+    count = 0
+    for i in range(3):
+        j = (i + 1) % 3
+        from_eye = depth_of(corners[i], matrix)
+        there = depth_of(corners[j], matrix)
+        seen = from_eye >= NEAREST
+        if seen:
+            project(corners[i], corners[i], 0.0, matrix, height, width, outline[count])
+            count += 1
+        if seen != (there >= NEAREST):
+            share = (NEAREST - from_eye) / (there - from_eye + _FLAT)
+            project(corners[i], corners[j], share, matrix, height, width, outline[count])
+            count += 1
+    return count
+
+
+@borrower
+def across(outline: Float, count: int, y: float, ends: Float) -> None:
+    """Fill in where a row at y crosses an outline: left, right, and one over the depth at both."""
+    ends[0] = math.inf
+    ends[1] = -math.inf
+    for i in range(count):
+        p = outline[i]
+        q = outline[(i + 1) % count]
+        if (p[1] <= y) != (q[1] <= y):
+            share = (y - p[1]) / (q[1] - p[1])
+            x = p[0] + share * (q[0] - p[0])
+            depth = p[2] + share * (q[2] - p[2])
+            if x < ends[0]:
+                ends[0] = x
+                ends[2] = depth
+            if x > ends[1]:
+                ends[1] = x
+                ends[3] = depth
 
 
 @compiled
@@ -77,52 +151,23 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
     One over their depths is kept in near.
     """
     height, width = hits.shape
-    place = np.empty(3)
     outline = np.empty((6, 3))
-    depths = np.empty(3)
+    ends = np.empty(4)
     for t in range(len(corners)):
-        for i in range(3):
-            depths[i] = matrix[2, 3]
-            for k in range(3):
-                depths[i] += matrix[2, k] * corners[t, i, k]
-        # What lies before the eye is cut off: of a triangle, three or four corners are left.
-        count = 0
-        for i in range(3):
-            j = (i + 1) % 3
-            for share in (0.0, (NEAREST - depths[i]) / (depths[j] - depths[i] + 1e-12)):
-                crosses = (depths[i] >= NEAREST) != (depths[j] >= NEAREST)
-                if (depths[i] >= NEAREST) if share == 0.0 else crosses:
-                    for k in range(3):
-                        place[k] = corners[t, i, k] + share * (corners[t, j, k] - corners[t, i, k])
-                    project(place, matrix, height, width, outline[count])
-                    count += 1
+        count = outlined(corners[t], matrix, height, width, outline)
         if count < 3:
             continue
         low = outline[:count, 1].min()
         high = outline[:count, 1].max()
         for row in range(max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), height)):
-            y = row + 0.5
-            left = math.inf
-            right = -math.inf
-            begin = 0.0
-            end = 0.0
-            for i in range(count):
-                p = outline[i]
-                q = outline[(i + 1) % count]
-                if (p[1] <= y) != (q[1] <= y):
-                    share = (y - p[1]) / (q[1] - p[1])
-                    x = p[0] + share * (q[0] - p[0])
-                    depth = p[2] + share * (q[2] - p[2])
-                    if x < left:
-                        left = x
-                        begin = depth
-                    if x > right:
-                        right = x
-                        end = depth
-            step = (end - begin) / max(right - left, 1e-9)
-            first = max(left - 0.5, 0.0)
-            last = min(right - 0.5, float(width))
-            for column in range(math.ceil(first), math.ceil(last)):
+            across(outline, count, row + 0.5, ends)
+            left = ends[0]
+            right = ends[1]
+            begin = ends[2]
+            step = (ends[3] - begin) / max(right - left, TINY)
+            for column in range(
+                math.ceil(max(left - 0.5, 0.0)), math.ceil(min(right - 0.5, float(width)))
+            ):
                 depth = begin + (column + 0.5 - left) * step
                 if depth > near[row, column]:
                     hits[row, column] = t
@@ -162,8 +207,8 @@ def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> No
     # What a sliver of a triangle gives may be no number.
     u = u if 0.0 <= u else 0.0
     v = v if 0.0 <= v else 0.0
-    u = min(u, width - 1.001)
-    v = min(v, height - 1.001)
+    u = min(u, width - _INSIDE)
+    v = min(v, height - _INSIDE)
     column = int(u)
     row = int(v)
     a = u - column
@@ -175,9 +220,27 @@ def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> No
 
 
 @borrower
+def read_ground(surfaces: Surfaces, x: float, y: float, length: float, found: Single) -> None:
+    """Read the colour of the ground at a place [m] where a pixel has a length [m]."""
+    area = surfaces.area
+    levels = surfaces.ground_levels
+    u = (x - area[0]) / area[2]
+    v = (y - area[1]) / area[3]
+    for k in range(3):
+        found[k] = area[4 + k]
+    if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
+        # The copy whose texels are as large as a pixel.
+        level = int(math.log2(max(length * levels[0, 1] / area[2], 1.0)) + 0.5)
+        begin, wide, high = levels[min(level, len(levels) - 1)]
+        texel = begin + 3 * (int(v * high) * wide + int(u * wide))
+        for k in range(3):
+            found[k] = surfaces.ground[texel + k] / WHITE
+
+
+@borrower
 def grey(colour: Single) -> float:
     """The brightness of a colour."""
-    bright: float = 0.3 * colour[0] + 0.55 * colour[1] + 0.15 * colour[2]
+    bright: float = GREY[0] * colour[0] + GREY[1] * colour[1] + GREY[2] * colour[2]
     return bright
 
 
@@ -207,10 +270,10 @@ def shade(
     The hits (n,) are numbers of triangles, or −1. The fixed values are the eye (3,), the number of
     pixels in a metre at a distance of one, and the density of the air.
     """
-    corners, ground, ground_levels, area, tones = surfaces
+    corners = surfaces.corners
+    tones = surfaces.tones
     eye = fixed[:3]
     focus = fixed[3]
-    thick = fixed[4]
     clock = laser.clock
     colours = np.empty((len(ways), 3), np.float32)
     near = np.zeros(len(ways), np.float32)
@@ -235,9 +298,8 @@ def shade(
             for k in range(9):
                 first = corner[0, k]
                 value[k] = first + u * (corner[1, k] - first) + v * (corner[2, k] - first)
-            seen[0] = value[3]
-            seen[1] = value[4]
-            seen[2] = value[5]
+            for k in range(3):
+                seen[k] = value[3 + k]
             wall = value[8]
             sample(laser.times, value[6], value[7], laser.area, when)
             bright = grey(seen)
@@ -245,7 +307,7 @@ def shade(
             when[1] *= wall
             lit[n] = expose(seen, when, clock, value[2], tones)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
-            found = min(max(1.5 * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
+            found = min(max(_CLIMB_EDGE * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
             if found > 0.0:
                 x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
                 sample(laser.tints, x, y, laser.area, tint)
@@ -258,28 +320,16 @@ def shade(
             away = -eye[2] / way[2]
             x = eye[0] + away * way[0]
             y = eye[1] + away * way[1]
-            u = (x - area[0]) / area[2]
-            v = (y - area[1]) / area[3]
-            seen[0] = area[4]
-            seen[1] = area[5]
-            seen[2] = area[6]
-            if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
-                long = _SLANT * away * max(away / eye[2], 1.0) / focus
-                # The copy whose texels are as large as a pixel.
-                level = int(math.log2(max(long * ground_levels[0, 1] / area[2], 1.0)) + 0.5)
-                begin, wide, high = ground_levels[min(level, len(ground_levels) - 1)]
-                texel = begin + 3 * (int(v * high) * wide + int(u * wide))
-                for k in range(3):
-                    seen[k] = ground[texel + k] / 255.0
+            read_ground(surfaces, x, y, _SLANT * away * max(away / eye[2], 1.0) / focus, seen)
             sample(laser.times, x, y, laser.area, when)
             expose(seen, when, clock, 0.0, tones)
         else:
             rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
             for k in range(3):
-                seen[k] = tones[0, k] + (1.0 - (1.0 - rise) ** 2.6) * (tones[1, k] - tones[0, k])
+                seen[k] = tones[0, k] + (1.0 - (1.0 - rise) ** _SKY) * (tones[1, k] - tones[0, k])
             continue
-        near[n] = 1.0 / max(away, 1e-6)
-        far = (away * thick) ** 2
+        near[n] = 1.0 / max(away, _LEAST_AWAY)
+        far = (away * fixed[4]) ** 2
         for k in range(3):
             seen[k] += far / (1.0 + far) * (tones[0, k] - seen[k])
     return colours, near, lit
@@ -297,7 +347,7 @@ def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> N
         b = rows[t, 1]
         c = rows[t, 2]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        if abs(area) < 1e-9:
+        if abs(area) < TINY:
             continue
         low = min(a[1], b[1], c[1])
         high = max(a[1], b[1], c[1])
@@ -311,9 +361,9 @@ def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> N
                     x = p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
                     left = min(left, x)
                     right = max(right, x)
-            begin = max(left - 0.5, 0.0)
-            end = min(right - 0.5, float(width))
-            for column in range(math.ceil(begin), math.ceil(end)):
+            for column in range(
+                math.ceil(max(left - 0.5, 0.0)), math.ceil(min(right - 0.5, float(width)))
+            ):
                 x = column + 0.5
                 u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
                 v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
@@ -326,6 +376,13 @@ def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> N
                     colours[row, column, k] += cover * (at - colours[row, column, k])
                 if solid:
                     near[row, column] = depth
+
+
+@borrower
+def blend(under: Single, row: Float, cover: float) -> None:
+    """Cover a colour by a share of that of a disc (8,)."""
+    for k in range(3):
+        under[k] = under[k] + cover * (row[4 + k] - under[k])
 
 
 @compiled
@@ -342,6 +399,4 @@ def fill_discs(rows: Float, colours: Single, near: Single) -> None:
                 away = math.hypot(column + 0.5 - x, row + 0.5 - y)
                 cover = min(max(reach - away, 0.0), 1.0) * rows[n, 7]
                 if depth >= near[row, column]:
-                    for k in range(3):
-                        under = colours[row, column, k]
-                        colours[row, column, k] = under + cover * (rows[n, 4 + k] - under)
+                    blend(colours[row, column], rows[n], cover)

@@ -4,6 +4,7 @@ Text and the frame of the inset are laid over what a renderer draws.
 """
 
 from collections.abc import Collection
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -15,57 +16,107 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.cameras import make_camera, margins
-from lrf3d.studio.scene.moments import LAYERS, Goal, Scene, Window
+from lrf3d.studio.scene.inset import InsetView
+from lrf3d.studio.scene.look import SIZE, WHITE, scale
+from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import Label, Pixels
 from lrf3d.studio.scene.stage.stage import Stage
-from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.timeline import Timeline, smoothed
 from lrf3d.world.cameras import check_view
 
-# How far past its end a run can still be looked at [s], as sums of steps are rounded.
+# Time past its end at which a run can still be shown [s], as sums of steps are rounded.
 SLACK = 1e-6
 
-# Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
-# those of the picture, and the least side [pixels].
+# Smallest side of a picture [pixels].
+_SMALLEST = 16
+
+# Largest side of a picture [pixels], which graphics cards still draw.
+_LARGEST = 8192
+
+# Side of a square as large as the inset, in shorter sides of the picture.
 _INSET = 0.25
+
+# Largest width of the inset, in that of the picture.
 _WIDEST = 0.34
+
+# Least side of the inset, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
 
-# Height of a line in letters, the size of all lines but the first, and the free border round text
-# and the inset [pixels of 720 lines].
+# Time after the end in which light still fades and colours climb [s of the film].
+_SETTLED = 4.0
+
+# Height of a line in letters.
 _LINE = 1.36
+
+# Size of all lines but the first, in that of the first.
 _LESSER = 0.8
+
+# Free border round text and the inset [pixels of 720 lines].
 _GAP = 16
 
-# Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
-# that would cover more of the height of a picture, is left out.
+# Distance of text from the left side of the picture, in free borders.
+_INDENT = 1.4
+
+# Distance of text from the lower side of the picture, in free borders.
+_FOOT = 1.2
+
+# Least number of times its size at 720 lines that text has.
 _LEAST_SCALE = 0.47
+
+# Height of letters from which on text is legible; smaller text is left out [pixels].
 _LEAST_LETTER = 6.5
+
+# Largest share of the height of a picture that text may cover; more is left out.
 _MOST_COVERED = 0.5
 
-# How much the picture is darkened in the corner under text, and how far, in the text's size.
+# Share of the picture's light that is taken in the corner under text.
 _DARKEST = 0.74
+
+# Size of the darkened corner, in the text's.
 _SHADED = 1.6
+
+# Half the width of the frame of the inset, and of its scale [pixels of 720 lines].
+_FRAME = 1.2
+
+# Colour of the frame of the inset, 0…255.
+_FRAME_COLOUR = (38, 50, 72)
+
+# Colour of the scale of the inset, 0…255.
+_BAR_COLOUR = (200, 210, 228)
+
+# Height of the letters of the scale [pixels of 720 lines].
+_BAR_LETTER = 20
+
+# Height of the smallest letters of the scale [pixels].
+_LEAST_BAR_LETTER = 9
+
+# Free border round the scale [pixels of 720 lines].
+_BAR_GAP = 10
+
+# Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
+_RENDERERS = ("embree", "gl")
 
 
 @dataclass(frozen=True, slots=True)
 class FilmOptions:
     """How pictures of a run are drawn: see :func:`lrf3d.render_video`."""
 
-    size: tuple[int, int] = (1280, 720)
+    size: tuple[int, int] = SIZE
     view: str | None = None
     playback: float | None = None
     samples: int = 4
     renderer: str | None = None
     panel: str = "short"
+    # What is drawn over the scene.
     layers: Collection[str] = LAYERS
-    """What is drawn over the scene."""
+    # A goal to be marked on the ground.
     goal: Goal | None = None
-    """A goal to be marked on the ground."""
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -77,25 +128,15 @@ class FilmOptions:
         expect(run, Run, "run")
         view = run.film.view if self.view is None else self.view
         playback = run.playback if self.playback is None else self.playback
-        sides = self.size if isinstance(self.size, tuple | list) else ()
-        # Sides of pictures [pixels] that can be drawn.
-        smallest = 16
-        largest = 8192
-        limits = {"least": smallest, "most": largest}
-        if len(sides) != 2:
-            raise InputError(f"size {shown(self.size)}: expected width and height [pixels]")
-        if not isinstance(view, str):
-            raise InputError(f"view {shown(view)}: expected the name of a camera")
+        paired = isinstance(self.size, tuple | list) and len(self.size) == 2
+        _check(paired, "size", self.size, "width and height [pixels]")
+        _check(isinstance(view, str), "view", view, "the name of a camera")
         check_view(view, run.world.cameras)
-        if not (is_finite(self.samples) and self.samples in (0, 4)):
-            raise InputError(f"samples {shown(self.samples)}: expected 0 or 4")
-        if self.panel not in panel.PANELS:
-            found = f"panel {shown(self.panel)}"
-            raise InputError(f"{found}: expected one of {', '.join(panel.PANELS)}")
-        goal = None if self.goal is None else read_only(self.goal, "goal")
-        if goal is not None and (goal.shape != (3,) or not is_finite(*goal)):
-            raise InputError(f"goal {shown(self.goal)}: expected x, y and radius [m]")
-        width, height = (whole_number(side, "size", **limits) for side in sides)
+        sampled = is_finite(self.samples) and self.samples in (0, 4)
+        _check(sampled, "samples", self.samples, "0 or 4")
+        _check(self.panel in panel.PANELS, "panel", self.panel, f"one of {', '.join(panel.PANELS)}")
+        limits = {"least": _SMALLEST, "most": _LARGEST}
+        width, height = (whole_number(side, "size", **limits) for side in self.size)
         return replace(
             self,
             size=(width, height),
@@ -103,18 +144,27 @@ class FilmOptions:
             playback=number(playback, "playback", positive=True),
             renderer=choose_renderer(self.renderer),
             layers=frozenset(self.layers),
-            goal=None if goal is None else tuple(goal.tolist()),
+            goal=self._checked_goal(),
         )
+
+    def _checked_goal(self) -> Any:
+        if self.goal is None:
+            return None
+        goal = read_only(self.goal, "goal")
+        _check(goal.shape == (3,) and is_finite(*goal), "goal", self.goal, "x, y and radius [m]")
+        return tuple(goal.tolist())
+
+
+def _check(good: bool, name: str, value: object, expected: str) -> None:
+    if not good:
+        raise InputError(f"{name} {shown(value)}: expected {expected}")
 
 
 def choose_renderer(wanted: str | None) -> str:
     """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's."""
     if wanted is None:
         return "gl" if gl_available() else "embree"
-    # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
-    renderers = ("embree", "gl")
-    if wanted not in renderers:
-        raise InputError(f"renderer {shown(wanted)}: expected one of {', '.join(renderers)}")
+    _check(wanted in _RENDERERS, "renderer", wanted, f"one of {', '.join(_RENDERERS)}")
     if wanted == "gl":
         require_gl()
     return wanted
@@ -131,6 +181,7 @@ class Film:
         if chosen.renderer == "gl":
             # Before anything is painted, which takes seconds.
             import_libraries()
+        self.run = run
         self.timeline = Timeline(run, playback=chosen.playback)
         self.scene = Scene(self.timeline, chosen.goal, stage)
         # Only what the renderer needs is imported.
@@ -147,7 +198,7 @@ class Film:
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
-        self._window = self.scene.plan_window()
+        self._window = self.scene.inset_view()
         wide = _INSET * min(chosen.size) / self._window.aspect**0.5
         wide = round(min(wide, _WIDEST * chosen.size[0]))
         gap = round(_GAP * _scale_of(chosen.size))
@@ -160,23 +211,23 @@ class Film:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self.camera.look(time, self._size[0] / self._size[1])
-        settled = 4.0  # After the end light still fades, and colours climb [s of the film].
-        key = min(moment.now, self.timeline.end + settled * self.timeline.playback), view.key
+        key = min(moment.now, self.timeline.end + _SETTLED * self.timeline.playback), view.key
         if key == self._key:
             # Nothing has moved: the last picture is this one.
             return self._picture
         self._key = key
         seen = self.scene.seen(moment, view, self._size, self._layers)
-        inset = view.plan and "inset" in self._layers and min(self._box[2:]) >= _LEAST_SIDE
+        inset = view.inset and "inset" in self._layers and min(self._box[2:]) >= _LEAST_SIDE
         if inset:
-            seen = seen._replace(plan=self.scene.plan(moment, self._box, self._window))
+            seen = seen._replace(inset=self.scene.inset(moment, self._box, self._window))
         self._picture = self.renderer.draw(seen)
         if inset:
             _lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            run = self.timeline.run
-            playback = self.timeline.playback
-            _lay_label(self._picture, panel.panel(run, moment, view, playback, full=self._full))
+            _lay_label(
+                self._picture,
+                panel.panel(self.run, moment, view, self.timeline.playback, full=self._full),
+            )
         return self._picture
 
     def close(self) -> None:
@@ -190,7 +241,7 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)
-    # The pictures of the opening and the end can be looked at, too.
+    # The pictures of the opening and the end can be drawn, too.
     before, after = (timeline.playback * margin for margin in margins(str(chosen.view)))
     # Checked before anything is painted, which takes seconds.
     if not timeline.start - before - SLACK <= time <= timeline.end + after + SLACK:
@@ -200,22 +251,26 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     return np.array(_film(run, chosen).draw(time)[:, :, :3])
 
 
-_latest: list[tuple[Run, FilmOptions, Film]] = []
+# The film of the pictures asked for last: setting one up costs as much as forty pictures.
+_FILMS = Latest()
+
+# What closes it: the driver's memory is not freed by itself, and environments draw a new run in
+# each step.
+_OPEN = ExitStack()
 
 
 def _film(run: Run, options: FilmOptions) -> Film:
-    """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
-    if not _latest or _latest[0][0] is not run or _latest[0][1] != options:
-        # The driver's memory is not freed by itself: environments draw a new run in each step.
-        while _latest:
-            _latest.pop()[2].close()
-        _latest.append((run, options, Film(run, **asdict(options))))
-    return _latest[0][2]
+    def opened() -> Film:
+        film = Film(run, **asdict(options))
+        _OPEN.close()
+        return _OPEN.enter_context(closing(film))
+
+    return _FILMS.of((run, options), opened)
 
 
 def _scale_of(size: tuple[int, int]) -> float:
     """How many times its size at 720 lines text is in a picture of a size [pixels]."""
-    return max(_LEAST_SCALE, min(size) / 720.0)
+    return scale(size, _LEAST_SCALE)
 
 
 @cache
@@ -235,7 +290,7 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     """
     gap = round(_GAP * _scale_of(size))
     letters = [_scale_of(size) * label.size]
-    left = round(1.4 * gap)
+    left = round(_INDENT * gap)
     letters += [_LESSER * letters[0]] * (len(label.text) - 1)
     wide = max(
         _font(100).getlength(line) * high / 100
@@ -248,16 +303,16 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
     shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
     x, y = (np.arange(side) / side for side in shape)
-    shade = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
+    shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     kept = 256.0 * (1.0 - shade[..., None])
     picture = Image.new("RGB", shape)
     cover = Image.new("L", shape)
-    place = left, shape[1] - round(1.2 * gap) - high
+    place = left, shape[1] - round(_FOOT * gap) - high
     for line, colour, each in zip(label.text, label.colours, heights, strict=True):
         for layer, fill in ((picture, colour), (cover, 255)):
             ImageDraw.Draw(layer).text(place, line, font=_font(each), fill=fill)
         place = place[0], place[1] + round(_LINE * each)
-    covered = np.asarray(cover)[..., None] / 255.0
+    covered = np.asarray(cover)[..., None] / WHITE
     return (
         (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],
         np.asarray(picture, np.uint16)[-size[1] :, : size[0]],
@@ -272,29 +327,28 @@ def _lay_label(picture: Pixels, label: Label) -> None:
         part[:] = ((part * kept) >> 8) + added
 
 
-def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -> None:
+def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: InsetView) -> None:
     """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
     left, top, wide, high = box
-    scale = _scale_of(picture.shape[1::-1])
-    rim = max(1, round(1.2 * scale))
-    pad = round(10 * scale)
+    size = _scale_of(picture.shape[1::-1])
+    rim = max(1, round(_FRAME * size))
+    pad = round(_BAR_GAP * size)
     part = picture[top : top + high, left : left + wide, :3]
-    # Colours of the frame of the inset and of its scale, and the height of the letters of that
-    # [pixels of 720 lines].
-    rim_colour = (38, 50, 72)
-    bar_colour = (200, 210, 228)
-    scale_letter = 20
-    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = rim_colour
+    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _FRAME_COLOUR
     # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
-    letters = max(round(scale_letter * scale), 9)
-    words = f"{window.bar:g} m"
+    letters = max(round(_BAR_LETTER * size), _LEAST_BAR_LETTER)
     foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
     foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
     middle = len(foot) // 2
     end = foot.shape[1] - pad
     begin = end - round(window.bar / window.width * wide)
-    foot[middle - rim : middle + rim, begin:end] = bar_colour
+    foot[middle - rim : middle + rim, begin:end] = _BAR_COLOUR
     text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
-    place = text.width - pad, middle
-    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=bar_colour, anchor="rm")
+    ImageDraw.Draw(text).text(
+        (text.width - pad, middle),
+        f"{window.bar:g} m",
+        font=_font(letters),
+        fill=_BAR_COLOUR,
+        anchor="rm",
+    )
     foot[:, :begin] = np.asarray(text)

@@ -13,11 +13,22 @@ from typing import Any
 
 from lrf3d.base.errors import MissingLibraryError
 
-# Commands that install OpenGL on a bare Debian or Ubuntu, as no wheel does, and a software driver,
-# where the libraries are there but nothing draws.
 _INSTALL = "apt-get install -y --no-install-recommends"
+
+# Command that installs OpenGL on a bare Debian or Ubuntu, as no wheel does.
 INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
+
+# Command that installs a software driver, where the libraries are there but nothing draws.
 DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
+
+# EGL's number for displays that are devices.
+_DEVICE = 0x313F
+
+# EGL's number for OpenGL.
+_OPENGL = 0x30A2
+
+# EGL's numbers for the context that pyrender makes: OpenGL 4.1, core profile.
+_CONTEXT = (0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038)
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
@@ -65,22 +76,17 @@ def _starts(egl: ctypes.CDLL) -> bool:
     display_of = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
     device = pointer()
     count = ctypes.c_int()
-    # EGL's numbers for displays that are devices, and for OpenGL.
-    device_kind = 0x313F
-    opengl = 0x30A2
     if query and display_of:
         find = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
         if not find(1, ctypes.byref(device), ctypes.byref(count)) or not count.value:
             return False
         show = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, pointer)(display_of)
-        display = pointer(show(device_kind, device, None))
+        display = pointer(show(_DEVICE, device, None))
     else:
         display = pointer(egl.eglGetDisplay(None))
-    if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(opengl):
+    if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(_OPENGL):
         return False
-    # EGL's numbers for the context that pyrender makes: OpenGL 4.1, core profile.
-    context_numbers = (0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038)
-    wanted = (ctypes.c_int * len(context_numbers))(*context_numbers)
+    wanted = (ctypes.c_int * len(_CONTEXT))(*_CONTEXT)
     context = pointer(egl.eglCreateContext(display, None, None, wanted))
     return bool(context) and bool(egl.eglDestroyContext(display, context))
 
@@ -97,7 +103,7 @@ def import_libraries() -> tuple[Any, Any]:
         # OSMesa, which is often named here, does not work with the PyOpenGL that pyrender pins.
         os.environ["PYOPENGL_PLATFORM"] = "egl"
     with warnings.catch_warnings():
-        # What these libraries import warns of things that their users cannot mend.
+        # What these libraries import warns of things that their users cannot fix.
         warnings.simplefilter("ignore")
         try:
             import OpenGL

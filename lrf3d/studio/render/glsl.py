@@ -17,10 +17,8 @@ from lrf3d.studio.scene.shapes import Faces, GroundPicture, Mark
 
 _SHADERS = Path(__file__).parent / "shaders"
 
-# How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
-# weights of red, green and blue in brightness.
+# How far the ground goes past its picture, to the horizon, in the colour of its edge [m].
 LAND_REACH = 3000.0
-GREY = np.array([0.3, 0.55, 0.15])
 
 
 def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
@@ -46,7 +44,9 @@ def exposed(day: Any, on: Any, height: Any, setting: Setting) -> Float:
 
     How lit they are (…), and how high they lie [m].
     """
-    dark = look.NIGHT_LOW + (day @ GREY)[..., None] * np.subtract(setting.night, look.NIGHT_LOW)
+    dark = look.NIGHT_LOW + (day @ look.GREY)[..., None] * np.subtract(
+        setting.night, look.NIGHT_LOW
+    )
     share = on * np.maximum(1.0 - look.FALL * height, look.LEAST_FALL)
     return np.asarray(dark + share[..., None] * (day * setting.cool - dark))
 
@@ -64,17 +64,15 @@ def ground_of(ground: GroundPicture, cells: int) -> Single:
     """
     low = ground.corner
     high = ground.corner + ground.size
-    inside = np.linspace(low, high, cells + 1)
-    return mesh(*np.concatenate([[low - LAND_REACH], inside, [high + LAND_REACH]]).T)
+    return mesh(
+        *np.concatenate(
+            [[low - LAND_REACH], np.linspace(low, high, cells + 1), [high + LAND_REACH]]
+        ).T
+    )
 
 
 def mesh(x: Float, y: Float) -> Single:
     """Corners (6 c r, 2) of the triangles of a mesh between places x (c + 1,) and y (r + 1,)."""
     places = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
-    near = places[:-1]
-    far = places[1:]
-    a = near[:, :-1]
-    b = near[:, 1:]
-    c = far[:, 1:]
-    d = far[:, :-1]
-    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 2)
+    corners = places[:-1, :-1], places[:-1, 1:], places[1:, 1:], places[1:, :-1]
+    return np.stack([corners[k] for k in (0, 1, 2, 0, 2, 3)], axis=2).reshape(-1, 2)

@@ -14,13 +14,16 @@ from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry.lines import LEFT, Float, Single
 from lrf3d.studio.render import fill
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.camera import NEAR
 from lrf3d.studio.scene.shapes import (
-    Body,
+    MIRROR_GAP,
+    ON_TOP,
     Lens,
     Lines,
     Mark,
     Pixels,
     Points,
+    PosedFaces,
     Reflection,
     Seen,
     Soft,
@@ -29,19 +32,39 @@ from lrf3d.studio.scene.shapes import (
     single,
 )  # fmt: skip
 from lrf3d.studio.scene.stage.stage import Stage
+from lrf3d.studio.scene.timeline import smoothed
 
-# Offset of translucent faces towards the eye from what they lie on; depth of the near plane;
-# tolerance within which a hit of a ray is a mirror [m]; and the most openings and panes in a ray.
+# Offset of translucent faces towards the eye from what they lie on [m].
 _LIFTED = 0.02
-_NEAR = 0.2
-_AT_MIRROR = 0.03
+
+# Depth at which what reaches behind the eye is cut off [m]: a little past the near plane.
+_CUT = 1.01 * NEAR
+
+# Largest number of openings and panes in a ray.
 _MOST_LAYERS = 6
 
+# Share of the opening round the robot, at its rim, in which it closes softly.
+_CLOSES = 0.45
 
-class _Canvas(NamedTuple):
-    """Colours (h, w, 3), and one over the depth (h, w) of what is there."""
+# Least distance along which the opening is a cone [m].
+_CONE = 0.1
 
+# Least depth that is divided by [m].
+_LEAST_DEPTH = 1e-3
+
+# One over the depth of pixels over which nothing is drawn [1/m].
+_NEAREST = 1e9
+
+# Share of fresh light in the inset's colour of what was just seen.
+_HOT = 0.55
+
+
+class _Framebuffer(NamedTuple):
+    """A picture in the making."""
+
+    # (h, w, 3) colours.
     colours: Single
+    # (h, w) one over the depth of what is there [1/m].
     near: Single
 
 
@@ -50,9 +73,8 @@ class PlainRenderer:
 
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
-        self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
-        quads = stage.faces.rows()
-        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
+        self._scale = look.scale(size, look.LEAST_SCALE)
+        self._corners = single(stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         setting = stage.structures.setting
@@ -65,9 +87,9 @@ class PlainRenderer:
         )
         times = stage.exposure.texels
         self._mirrors = stage.mirrors
-        area = np.array(stage.exposure.area)
-        clock = np.zeros(2)
-        self._laser = fill.LaserLight(times, np.zeros_like(times), area, clock)
+        self._laser = fill.LaserLight(
+            times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
+        )
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -89,15 +111,15 @@ class PlainRenderer:
             self._draw_body(canvas, lens, body)
         for _, mark in seen.marks:
             self._draw_mark(canvas, lens, mark)
-        if seen.plan is not None:
-            left, top, wide, high = seen.plan.box
+        if seen.inset is not None:
+            left, top, wide, high = seen.inset.box
             part = canvas.colours[top : top + high, left : left + wide]
-            part[:] = self._explored(seen.plan.lens, (wide, high))
-            inset = _Canvas(part, np.zeros(part.shape[:2], np.float32))
-            for _, mark in seen.plan.marks:
-                self._draw_mark(inset, seen.plan.lens, mark)
+            part[:] = self._explored(seen.inset.lens, (wide, high))
+            inset = _Framebuffer(part, np.zeros(part.shape[:2], np.float32))
+            for _, mark in seen.inset.marks:
+                self._draw_mark(inset, seen.inset.lens, mark)
         np.clip(canvas.colours, 0.0, 1.0, out=canvas.colours)
-        self._picture[..., :3] = 255.0 * canvas.colours + 0.5
+        self._picture[..., :3] = look.WHITE * canvas.colours + 0.5
         return self._picture
 
     def _tint(self, tints: Tints | None) -> None:
@@ -110,7 +132,7 @@ class PlainRenderer:
             lines = tints.lines._replace(width=tints.lines.width / self._scale)
             shape = found.shape[:2]
             canvas, cover = (
-                _Canvas(np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32))
+                _Framebuffer(np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32))
                 for _ in "ab"
             )
             self._draw_lines(canvas, tints.lens, lines)
@@ -118,7 +140,7 @@ class PlainRenderer:
             found = np.dstack([canvas.colours, cover.colours[..., :1]])
         self._laser = self._laser._replace(tints=found)
 
-    def _look(self, seen: Seen, lens: Lens, ways: Single, starts: Single | None) -> _Canvas:
+    def _look(self, seen: Seen, lens: Lens, ways: Single, starts: Single | None) -> _Framebuffer:
         """What rays of directions (n, 3) see of what stands, from the eye or from their starts.
 
         What was never seen, where it is glass, and what hides the robot let rays pass.
@@ -126,9 +148,8 @@ class PlainRenderer:
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         if starts is None:
             met = np.full(self._size[::-1], -1, np.int32)
-            matrix = lens.matrix[[0, 1, 3]]
             depths = np.zeros(met.shape, np.float32)
-            fill.number_nearest(self._surfaces.corners, matrix, met, depths)
+            fill.number_nearest(self._surfaces.corners, lens.matrix[[0, 1, 3]], met, depths)
             hits = met.ravel()
         else:
             hits = self._rays.first(starts, ways)
@@ -136,7 +157,7 @@ class PlainRenderer:
         if seen.glass or seen.robot:
             self._look_through(seen, lens, ways, hits, (found, depth, lit))
         shape = self._size[::-1] if len(ways) == self._picture[..., 0].size else (len(ways), 1)
-        return _Canvas(found.reshape(*shape, 3), depth.reshape(shape))
+        return _Framebuffer(found.reshape(*shape, 3), depth.reshape(shape))
 
     def _look_through(
         self, seen: Seen, lens: Lens, ways: Single, hits: Any, met: tuple[Single, Single, Single]
@@ -167,18 +188,20 @@ class PlainRenderer:
             colours = behind
             depth[rest] = near
 
-    def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
+    def _reflect(
+        self, seen: Seen, reflection: Reflection, canvas: _Framebuffer, ways: Single
+    ) -> None:
         x, y, *along = reflection.uniforms["mirror"]
         length, *_ = reflection.uniforms["mirror_size"]
         near = canvas.near.ravel()
-        places = seen.lens.eye + ways / np.maximum(near, 1e-9)[:, None]
+        places = seen.lens.eye + ways / np.maximum(near, look.TINY)[:, None]
         there, off = ((places[:, :2] - [x, y]) @ np.column_stack([along, along @ LEFT])).T
-        mirrored = (np.abs(off) < _AT_MIRROR) & (there >= 0.0) & (there <= length) & (near > 0.0)
+        mirrored = (np.abs(off) < MIRROR_GAP) & (there >= 0.0) & (there <= length) & (near > 0.0)
         chosen = np.flatnonzero(mirrored)
         turned = single(ways[chosen] @ reflection.turn[:3, :3])
-        starts = single(places[chosen] + _AT_MIRROR * turned)
+        starts = single(places[chosen] + MIRROR_GAP * turned)
         shown = self._look(seen._replace(robot=None), reflection.lens, turned, starts)
-        whole = _Canvas(np.zeros_like(canvas.colours), np.full_like(canvas.near, 1e9))
+        whole = _Framebuffer(np.zeros_like(canvas.colours), np.full_like(canvas.near, _NEAREST))
         whole.colours.reshape(-1, 3)[chosen] = shown.colours.reshape(-1, 3)
         whole.near.ravel()[chosen] = shown.near.ravel()
         for _, body in seen.bodies:
@@ -199,23 +222,23 @@ class PlainRenderer:
         when = laser.times[rows[:, None], columns]
         age = (laser.clock[0] - when[..., 0]) * laser.clock[1] - when[..., 3]
         on = when[..., 1] * np.clip(age / look.DAWN, 0.0, 1.0)
-        hot = (0.55 / (1.0 + 2.0 * age**2))[..., None]
+        hot = (_HOT / (1.0 + 2.0 * age**2))[..., None]
         seen = look.EXPLORED + hot * (np.array(look.EMBER) - look.EXPLORED)
-        back = np.array(look.PLAN_BACK) / 255.0
+        back = np.array(look.PLAN_BACK) / look.WHITE
         return single(back + on[..., None] * (seen - back))
 
     def close(self) -> None:
         """Nothing is held that needs to be freed."""
 
-    def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
+    def _draw_body(self, canvas: _Framebuffer, lens: Lens, body: PosedFaces) -> None:
         faces = body.faces
         turn = body.pose[:3, :3]
         colours = np.insert(faces.colours, 3, 1.0, axis=2)
         self._fill(canvas, lens, faces.corners @ turn.T + body.pose[:3, 3], colours, 0.0, True)
 
-    def _draw_mark(self, canvas: _Canvas, lens: Lens, mark: Mark) -> None:
+    def _draw_mark(self, canvas: _Framebuffer, lens: Lens, mark: Mark) -> None:
         if isinstance(mark, Soft):
-            nearer = lens.nearer if lens.nearer > 1.0 else _LIFTED
+            nearer = ON_TOP if lens.nearer == ON_TOP else _LIFTED
             shown = canvas._replace(near=np.zeros_like(canvas.near)) if mark.on_top else canvas
             self._fill(shown, lens, mark.corners, mark.colours, nearer, False)
         elif isinstance(mark, Points):
@@ -224,56 +247,60 @@ class PlainRenderer:
             self._draw_lines(canvas, lens, mark)
 
     def _fill(
-        self, canvas: _Canvas, lens: Lens, corners: Any, colours: Any, nearer: float, solid: bool
+        self,
+        canvas: _Framebuffer,
+        lens: Lens,
+        corners: Any,
+        colours: Any,
+        nearer: float,
+        solid: bool,
     ) -> None:
         shown = _before_eye(np.dstack([corners, colours]), lens).reshape(-1, 7)
         clip, near = _projected(shown[:, :3], lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, shown[:, 3:]]).reshape(-1, 3, 7)
         fill.fill_triangles(rows, solid, canvas.colours, canvas.near)
 
-    def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
+    def _draw_points(self, canvas: _Framebuffer, lens: Lens, points: Points) -> None:
         clip, near = _projected(points.places, lens, lens.nearer, canvas)
         low, high = (self._scale * size for size in points.pixels)
-        size = np.clip(points.size * lens.focus / np.maximum(clip[:, 2], _NEAR), low, high)
+        size = np.clip(points.size * lens.focus / np.maximum(clip[:, 2], NEAR), low, high)
         rows = np.column_stack([clip[:, :2], near, size, points.colours])
         # What lies on a thin wall is seen from the side that it faces, or from far above.
         faces = ((lens.eye - points.places)[:, :2] * points.sides).sum(axis=1) >= 0.0
-        shown = (clip[:, 2] > _NEAR) & (faces | (lens.nearer > 1e3))
+        shown = (clip[:, 2] > NEAR) & (faces | (lens.nearer == ON_TOP))
         fill.fill_discs(rows[shown], canvas.colours, canvas.near)
 
-    def _draw_lines(self, canvas: _Canvas, lens: Lens, lines: Lines) -> None:
+    def _draw_lines(self, canvas: _Framebuffer, lens: Lens, lines: Lines) -> None:
         ends = np.stack([lines.starts, lines.ends]).astype(float)
         depths = ends @ lens.matrix[3, :3] + lens.matrix[3, 3]
         # What lies behind the eye is cut off.
         apart = np.where(depths[1] == depths[0], 1.0, depths[1] - depths[0])
-        cut = ends[0] + ((1.01 * _NEAR - depths[0]) / apart)[:, None] * (ends[1] - ends[0])
-        ends = np.where((depths < _NEAR)[..., None], cut, ends)
+        cut = ends[0] + ((_CUT - depths[0]) / apart)[:, None] * (ends[1] - ends[0])
+        ends = np.where((depths < NEAR)[..., None], cut, ends)
         drawn = [_projected(end, lens, lens.nearer, canvas) for end in ends]
         way = (drawn[1][0] - drawn[0][0])[:, :2]
         across = way @ LEFT
-        across /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        across /= np.maximum(np.hypot(*way.T), look.TINY)[:, None]
         wide = max(lines.width * self._scale, 1.0)
         thick = lines.thick * lens.focus
         corners = []
         for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True):
             half = 0.5 * np.maximum(wide, thick / place[:, 2:]) * across
             for side in (half, -half):
-                row = place[:, :2] + side, near, lines.colours, opacity
-                corners.append(np.column_stack(row))
+                corners.append(np.column_stack((place[:, :2] + side, near, lines.colours, opacity)))
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
-        shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
+        shown = np.repeat(depths.max(axis=0) > NEAR, 2)
         fill.fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
 
 
 def _before_eye(triangles: Float, lens: Lens) -> Float:
     """Triangles (t, 3, 3 + k), whose columns begin with places, cut off behind the eye."""
-    depths = triangles[..., :3] @ lens.matrix[3, :3] + lens.matrix[3, 3] - 1.01 * _NEAR
+    depths = triangles[..., :3] @ lens.matrix[3, :3] + lens.matrix[3, 3] - _CUT
     front = depths > 0.0
-    count = front.sum(axis=1)
     found = [triangles[front.all(axis=1)]]
     for ahead in (1, 2):
         # The corner that is alone on its side of the plane comes first.
-        cut = np.flatnonzero(count == ahead)
+        cut = np.flatnonzero(front.sum(axis=1) == ahead)
         order = (np.argmax(front[cut] == (ahead == 1), axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(triangles[cut], order[..., None], axis=1).transpose(1, 0, 2)
         alone, *others = np.take_along_axis(depths[cut], order, axis=1).T[..., None]
@@ -292,13 +319,12 @@ def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> S
         return np.where(lit < 0.5, np.float32(1.0 - seen.glass * look.GHOST_STRENGTH), 1.0)
     toward = np.array(seen.robot) - lens.eye
     reach = float(np.linalg.norm(toward))
-    places = ways / np.maximum(near, 1e-9)[:, None]
+    places = ways / np.maximum(near, look.TINY)[:, None]
     along = places @ (toward / reach)
     off = np.linalg.norm(places - along[:, None] * toward / reach, axis=1)
-    wide = off / np.maximum(along, 0.1) / look.PEEP
-    rise = np.clip((wide - 0.55) / 0.45, 0.0, 1.0)
-    opened = (1.0 - rise * rise * (3.0 - 2.0 * rise)) * (along < reach - 1.0)
-    return single(1.0 - look.VEIL_SHARE * opened)
+    wide = off / np.maximum(along, _CONE) / look.PEEP
+    rise = np.clip((wide - (1.0 - _CLOSES)) / _CLOSES, 0.0, 1.0)
+    return single(1.0 - look.VEIL_SHARE * ((1.0 - smoothed(rise)) * (along < reach - 1.0)))
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:
@@ -321,19 +347,21 @@ def _ways(lens: Lens, size: tuple[int, int]) -> Single:
     return single(ways.reshape(-1, 3))
 
 
-def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple[Float, Float]:
+def _projected(places: Any, lens: Lens, nearer: float, canvas: _Framebuffer) -> tuple[Float, Float]:
     """x, y [pixels] and depth [m] (n, 3) of places (n, 3), and one over the depth to test (n,).
 
     That is the depth of points which are nearer to the eye by a distance [m].
     """
     height, width = canvas.near.shape
     clip = places @ lens.matrix[[0, 1, 3], :3].T + lens.matrix[[0, 1, 3], 3]
-    clip[:, :2] = (0.5 + 0.5 * clip[:, :2] / np.maximum(clip[:, 2:], 1e-3)) * [width, height]
+    clip[:, :2] = (0.5 + 0.5 * clip[:, :2] / np.maximum(clip[:, 2:], _LEAST_DEPTH)) * [
+        width,
+        height,
+    ]
     ray = lens.eye - places
     away = np.linalg.norm(ray, axis=1)
-    step = np.minimum(nearer + lens.slack * away, 0.5 * away) / np.maximum(away, 1e-9)
-    depth = clip[:, 2] + step * (ray @ lens.matrix[3, :3])
-    return clip, 1.0 / np.maximum(depth, 1e-3)
+    step = np.minimum(nearer + lens.slack * away, 0.5 * away) / np.maximum(away, look.TINY)
+    return clip, 1.0 / np.maximum(clip[:, 2] + step * (ray @ lens.matrix[3, :3]), _LEAST_DEPTH)
 
 
 def _texels(picture: Pixels) -> tuple[Pixels, NDArray[np.int64]]:

@@ -22,12 +22,12 @@ from lrf3d.studio.render.buffers import (
 from lrf3d.studio.render.glsl import columns_of, ground_of, mesh
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import (
+    Inset,
     Lens,
     Lines,
     Mark,
     Painted,
     Pixels,
-    Plan,
     Points,
     Reflection,
     Seen,
@@ -54,11 +54,12 @@ class Renderer:
         self._samples_taken: list[int] = []
         if samples:
             self._sampled, self._samples_taken = _framebuffer(size, samples)
-            corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
-            self._resolving = self._filled("resolve", corners)
+            self._resolving = self._filled(
+                "resolve", np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
+            )
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
-        self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
+        self._scale = look.scale(size, look.LEAST_SCALE)
         self._camera = CameraBlock()
         self._parts = _Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
@@ -77,9 +78,9 @@ class Renderer:
         # The colours of the map on the same cells are drawn.
         self._tinting = GL.glGenFramebuffers(1)
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._tinting)
-        place = GL.GL_COLOR_ATTACHMENT0
-        kind = GL.GL_TEXTURE_2D
-        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, kind, self._tints.id, 0)
+        GL.glFramebufferTexture2D(
+            GL.GL_FRAMEBUFFER, GL.GL_COLOR_ATTACHMENT0, GL.GL_TEXTURE_2D, self._tints.id, 0
+        )
         self._tinted: Tints | None = None
         # What shaders that know of the laser's light read it with.
         self._light: dict[str, Any] = {
@@ -105,8 +106,8 @@ class Renderer:
         self._flatten()
         for name, mark in seen.marks:
             self._draw_mark(name, mark, seen.lens.focus)
-        if seen.plan is not None:
-            self._draw_plan(seen.plan)
+        if seen.inset is not None:
+            self._draw_inset(seen.inset)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)
@@ -188,8 +189,7 @@ class Renderer:
             # How much of a cell is covered adds up to its opacity.
             one = GL.GL_ONE, GL.GL_ONE_MINUS_SRC_ALPHA
             GL.glBlendFuncSeparate(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA, *one)
-            columns = columns_of(tints.lines).values()
-            buffer = self._filled("tints", *columns, corners=4)
+            buffer = self._filled("tints", *columns_of(tints.lines).values(), corners=4)
             self._paint("lines", buffer, blend=True, solid=False, width=(tints.lines.width, 0.0))
 
     def _reflect(self, seen: Seen, reflection: Reflection) -> None:
@@ -210,8 +210,13 @@ class Renderer:
 
     def _draw_bodies(self, seen: Seen, defined: str = "", **uniforms: Any) -> None:
         for name, body in seen.bodies:
-            buffer = self._filled(name, *body.faces)
-            self._paint(f"faces{defined}", buffer, cull=True, pose=body.pose, **uniforms)
+            self._paint(
+                f"faces{defined}",
+                self._filled(name, *body.faces),
+                cull=True,
+                pose=body.pose,
+                **uniforms,
+            )
 
     def _draw_sky(self, lens: Lens) -> None:
         self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(lens.matrix))
@@ -255,13 +260,13 @@ class Renderer:
             self._paint("soft", buffer, blend=True, solid=False)
             GL.glDepthFunc(GL.GL_LEQUAL)
 
-    def _draw_plan(self, plan: Plan) -> None:
+    def _draw_inset(self, plan: Inset) -> None:
         left, top, wide, high = plan.box
         GL.glDisable(GL.GL_DEPTH_TEST)
         GL.glEnable(GL.GL_SCISSOR_TEST)
         for place in (GL.glScissor, GL.glViewport):
             place(left, top, wide, high)
-        GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
+        GL.glClearColor(*(part / look.WHITE for part in look.PLAN_BACK), 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT)
         self._camera.fill(plan.lens, wide, high)
         self._draw_ground("ground:PLAN", blend=True, solid=False)
@@ -297,8 +302,7 @@ class _Parts:
     def __init__(self, faces: Painted) -> None:
         owners = faces.objects
         self.count = int(faces.objects.max(initial=-1)) + 1
-        order = np.argsort(owners, kind="stable")
-        self._quads = quad_indices(len(owners)).reshape(-1, 6)[order]
+        self._quads = quad_indices(len(owners)).reshape(-1, 6)[np.argsort(owners, kind="stable")]
         self._sizes = np.bincount(owners, minlength=self.count)
         self._starts = np.cumsum(self._sizes) - self._sizes
         self._low, self._high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
@@ -330,11 +334,12 @@ def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
     """A framebuffer, and the buffers of its colour and its depth; textures, if with samples."""
     frame = GL.glGenFramebuffers(1)
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    colour = GL.GL_COLOR_ATTACHMENT0
-    depth = GL.GL_DEPTH_ATTACHMENT
     made = (GL.glGenTextures if samples else GL.glGenRenderbuffers)(2).tolist()
     for each, kind, place in zip(
-        made, (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24), (colour, depth), strict=True
+        made,
+        (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24),
+        (GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT),
+        strict=True,
     ):
         if samples:
             texture = GL.GL_TEXTURE_2D_MULTISAMPLE

@@ -22,9 +22,10 @@ from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
 
-# Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller; and
-# how many pictures of a film choose the colours of a GIF: more choose the same ones.
+# Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller.
 _EFFORT = 4
+
+# Number of pictures of a film that choose the colours of a GIF: more choose the same ones.
 _EXAMPLES = 24
 
 
@@ -92,8 +93,13 @@ def render_video(
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         with closing(draw(job, folder, workers)) as pictures:
-            first = list(islice(pictures, len(examples)))
-            encode(counted(pictures), unfinished, kind, fps=fps, examples=first)
+            encode(
+                counted(pictures),
+                unfinished,
+                kind,
+                fps=fps,
+                examples=list(islice(pictures, len(examples))),
+            )
 
 
 def _frame_times(

@@ -7,6 +7,12 @@ from numpy.typing import NDArray
 
 from lrf3d.base.errors import MissingLibraryError
 
+# Shortest time that a window has to answer the mouse and be drawn [s].
+_LEAST_PAUSE = 1e-3
+
+# What turns the size of pictures into that of the window, which matplotlib takes in inches.
+_DOTS_PER_INCH = 100.0
+
 
 class Window:
     """A window with a title that shows pictures; it opens with the first.
@@ -32,14 +38,11 @@ class Window:
 
     def show(self, picture: NDArray[np.uint8], seconds: float) -> None:
         """Show a picture (h, w, 3) uint8 for some seconds; a window that was closed stays so."""
-        # Shortest time [s] that a window has to answer the mouse and be drawn; and what turns the
-        # size of pictures into that of the window, which matplotlib takes in inches.
-        least_pause = 1e-3
-        dots_per_inch = 100.0
         if self._image is None:
             height, width = picture.shape[:2]
-            inches = width / dots_per_inch, height / dots_per_inch
-            figure = self._pyplot.figure(self._title, figsize=inches)
+            figure = self._pyplot.figure(
+                self._title, figsize=(width / _DOTS_PER_INCH, height / _DOTS_PER_INCH)
+            )
             axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
             axes.set_axis_off()
             self._image = axes.imshow(picture)
@@ -48,7 +51,7 @@ class Window:
         if self._pyplot.fignum_exists(figure.number):
             self._image.set_data(picture)
             figure.canvas.draw_idle()
-            figure.canvas.start_event_loop(max(seconds, least_pause))
+            figure.canvas.start_event_loop(max(seconds, _LEAST_PAUSE))
 
     def close(self) -> None:
         """Close the window."""

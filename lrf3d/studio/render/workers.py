@@ -32,9 +32,10 @@ from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Mark, Pixels
 from lrf3d.studio.scene.stage.stage import Stage
 
-# A process that draws fewer frames than this takes longer to start than it saves; and how often it
-# is checked whether the film is to be stopped [s].
+# Number of frames of which fewer take a process longer to start than it saves.
 _FRAMES_A_WORKER = 20
+
+# Time between two checks whether the film is to be stopped [s].
 _WAIT = 0.1
 
 

@@ -14,33 +14,80 @@ from numpy.typing import ArrayLike
 from lrf3d.base.files import data_folder
 from lrf3d.geometry.lines import LEFT, Float, directions
 from lrf3d.robot.kinematics import RADIUS
-from lrf3d.studio.scene.look import BODY_LIGHT, DART, ROBOT, SUN, paler
-from lrf3d.studio.scene.shapes import Body, Faces, Soft, single, together
+from lrf3d.studio.scene.look import BODY_LIGHT, DART, ROBOT, SUN, TINY, WHITE, paler, rgb
+from lrf3d.studio.scene.shapes import Faces, PosedFaces, Soft, single, together
 from lrf3d.studio.scene.stage.stage import triangles
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-# Colour of shadows and of the rim of a dart; width of the soft edge of a body's shadow [m], its
-# darkness, and its height above ground [m].
+# Colour of shadows and of the rim of a dart.
 _DARK = (0.02, 0.03, 0.05)
-_SHADOW = (0.35, 0.40)
-_LIFT = 0.01
 
-# Radius of the part of the usual robot that casts a shadow, and that of smaller robots, also of
-# points, as drawn [m].
-_RADIUS = 0.27
+# Width of the soft edge of a body's shadow [m].
+_SHADOW_EDGE = 0.35
+
+# Opacity of a body's shadow under it.
+_SHADOW_STRENGTH = 0.40
+
+# Height of shadows above ground [m], so that they lie on it.
+_SHADOW_LIFT = 0.01
+
+# Radius of the part of the usual robot that casts a shadow [m].
+_SHADOW_RADIUS = 0.27
+
+# Radius of smaller robots, also of points, as drawn [m].
 _LEAST_RADIUS = 0.05
+
+# Height of the laser's ring in the robot's file [m].
+_RING = 0.495
+
+# Height in the robot's file of what carries the laser's column [m]; only the column is stretched.
+_DECK = 0.31
+
+# Least length of the column, in that of the file.
+_LEAST_STRETCH = 0.3
+
+# Size of the dark dart under a dart, which is its rim.
+_RIM = 1.4
+
+# Colour of a goal.
+_GOAL = rgb("#1ab25c", 2)
+
+# Opacity of a goal's disc.
+_GOAL_DISC = 0.28
+
+# Opacity of the ring round a goal.
+_GOAL_RING = 0.9
+
+# Inner radius of that ring, in its outer one.
+_RING_INSIDE = 0.86
+
+# Height of a goal over the ground [m], over shadows and trails.
+_GOAL_LIFT = 0.04
 
 # Colours of dynamic obstacles: strong, and none is the robot's orange.
 _OBSTACLE_COLOURS = np.array(
-    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
+    [rgb(code, 2) for code in ("#217a8c", "#755c9e", "#999433", "#a8475c")]
 )
 
-# Height of the foot of an obstacle [m], and the least half size of one from above, in darts, so
-# that it can be seen.
+# Height of the dark foot of an obstacle [m].
 _FOOT = 0.10
+
+# Largest height of that foot, in the obstacle's.
+_FOOT_SHARE = 0.2
+
+# Least half size of an obstacle from above, in darts, so that it can be seen.
 _LEAST = 0.3
+
+# Factor of the colour of an obstacle's foot, and of the dart on its top.
+_DARKER = 0.35
+
+# Share of its own colour in the top of an obstacle, the rest of which is white.
+_TOP_COLOUR = 0.45
+
+# Height of the dart over the top of an obstacle [m].
+_DART_LIFT = 0.005
 
 # Corners (6, 2) of the triangles of the robot as seen from above.
 _DART = DART[[0, 1, 2, 0, 2, 3]]
@@ -58,14 +105,10 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
     normals = np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     size = _size(radius)
     low = min(size, 1.0)
-    # Heights [m] of the laser's ring in the file, and of what carries the laser's column; above,
-    # the column is stretched.
-    ring_height = 0.495
-    deck = 0.31
-    stretch = max(0.3, (laser_height / low - deck) / (ring_height - deck))
-    z = low * z + np.maximum(low * (z - deck), 0.0) * (stretch - 1.0)
+    stretch = max(_LEAST_STRETCH, (laser_height / low - _DECK) / (_RING - _DECK))
+    z = low * z + np.maximum(low * (z - _DECK), 0.0) * (stretch - 1.0)
     vertices = np.column_stack([size * x, -size * y, z])
-    colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
+    colours = np.asarray(visual.vertex_colors)[:, :3] / WHITE
     # Of the colours in the file, the one next to the robot's is its own.
     off = np.abs(colours - ROBOT).max(axis=1)
     colours = np.where((off == off.min())[:, None], colour, colours)
@@ -93,27 +136,20 @@ def world_from_robot(pose: Float) -> Float:
 
 def flat_dart(pose: Float, size: float, height: float, colour: Sequence[float] = ROBOT) -> Soft:
     """A robot as a dart with a dark rim, of a size at a pose, seen from above."""
-    outline = _placed(size * np.concatenate([1.4 * _DART, _DART]), pose)
+    outline = _placed(size * np.concatenate([_RIM * _DART, _DART]), pose)
     return _flat(outline, height, np.repeat([(*_DARK, 1.0), (*colour, 1.0)], 6, axis=0))
 
 
 def goal_disc(goal: Float) -> Soft:
     """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
-    # Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in
-    # outer ones, and its height over the ground [m].
-    goal_colour = (0.10, 0.70, 0.36)
-    opacities = (0.28, 0.9)
-    ring_inside = 0.86
-    above_ground = 0.04
-    inside, ring = opacities
     x, y, radius = goal.tolist()
-    outlines = [x, y] + radius * _circle(48) * np.array([0.0, ring_inside, 1.0])[:, None, None]
-    return _rings(outlines, [[inside, inside], [ring, ring]], goal_colour, above_ground)
+    outlines = [x, y] + radius * _circle(48) * np.array([0.0, _RING_INSIDE, 1.0])[:, None, None]
+    return _rings(outlines, [[_GOAL_DISC] * 2, [_GOAL_RING] * 2], _GOAL, _GOAL_LIFT)
 
 
 def robot_shadow(pose: Float, radius: float) -> Soft:
     """The shadow of the robot, of a radius [m], at a pose."""
-    return _shadow(_size(radius) * _RADIUS * _circle(24), pose)
+    return _shadow(_size(radius) * _SHADOW_RADIUS * _circle(24), pose)
 
 
 def _size(radius: float) -> float:
@@ -124,13 +160,12 @@ def _size(radius: float) -> float:
 def _shadow(outline: Float, pose: Float) -> Soft:
     """The shadow of a body with an outline (n, 2) at a pose: dark, fading out over an edge."""
     corners = shapely.multipoints(_placed(outline, pose))
-    edge, dark = _SHADOW
     hull = shapely.get_coordinates(shapely.convex_hull(corners))[:-1]
     middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
     away = hull - middle
-    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
-    outlines = np.stack([middle, hull, outer])
-    return _rings(outlines, [[dark, dark], [dark, 0.0]], _DARK, _LIFT)
+    outer = hull + _SHADOW_EDGE * away / np.maximum(np.hypot(*away.T), TINY)[:, None]
+    opacities = [[_SHADOW_STRENGTH, _SHADOW_STRENGTH], [_SHADOW_STRENGTH, 0.0]]
+    return _rings(np.stack([middle, hull, outer]), opacities, _DARK, _SHADOW_LIFT)
 
 
 class Obstacles:
@@ -151,36 +186,40 @@ class Obstacles:
             top, _ = triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))
             self._tops.append(top)
             prism = _prism(each.outline, top, each.height, colour)
-            other = robot_body(laser_height, each.reach, colour) if each.is_robot else prism
-            self._bodies.append(other)
+            self._bodies.append(
+                robot_body(laser_height, each.reach, colour) if each.is_robot else prism
+            )
 
     def _poses(self, time: float) -> list[Float]:
         now = np.array([time])
         return [pose - self._origin for each in self._obstacles for pose in each.path.at(now)]
 
-    def bodies(self, time: float) -> list[tuple[str, Body]]:
+    def bodies(self, time: float) -> list[tuple[str, PosedFaces]]:
         """The bodies at a time [s]."""
         bodies = enumerate(zip(self._bodies, self._poses(time), strict=True))
-        return [(f"obstacle {n}", Body(one, world_from_robot(pose))) for n, (one, pose) in bodies]
+        return [
+            (f"obstacle {n}", PosedFaces(one, world_from_robot(pose))) for n, (one, pose) in bodies
+        ]
 
     def shadows(self, time: float) -> Soft | None:
         """The shadows of all bodies at a time [s]."""
-        placed = zip(self._obstacles, self._poses(time), strict=True)
-        shadows = [_shadow(each.outline, pose) for each, pose in placed]
+        shadows = [
+            _shadow(each.outline, pose)
+            for each, pose in zip(self._obstacles, self._poses(time), strict=True)
+        ]
         return together(shadows) if shadows else None
 
-    def plans(self, time: float, dart: float) -> list[Soft]:
+    def from_above(self, time: float, dart: float) -> list[Soft]:
         """The bodies from straight above, where robots are darts of a size [m]."""
-        plans = list[Soft]()
+        found = list[Soft]()
         placed = zip(self._obstacles, self._poses(time), strict=True)
         for (each, pose), top, colour in zip(placed, self._tops, self._colours, strict=True):
             if each.is_robot:
-                plans.append(flat_dart(pose, dart, 0.0, paler(colour)))
+                found.append(flat_dart(pose, dart, 0.0, paler(colour)))
                 continue
-            size = max(1.0, _LEAST * dart / each.reach)
-            level = _placed(size * top.reshape(-1, 2), pose)
-            plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
-        return plans
+            level = _placed(max(1.0, _LEAST * dart / each.reach) * top.reshape(-1, 2), pose)
+            found.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
+        return found
 
 
 def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
@@ -192,21 +231,22 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         outline = outline[::-1]
     after = np.roll(outline, -1, axis=0)
     outward = -directions(np.hstack([outline, after])) @ LEFT
-    foot = min(_FOOT, 0.2 * height)
+    foot = min(_FOOT, _FOOT_SHARE * height)
     up = np.array([0.0, 0.0, 1.0])
     sides = np.stack([outline, after, after, outline, after, outline], axis=1).reshape(-1, 2)
     outward = np.insert(np.repeat(outward, 6, axis=0), 2, 0.0, axis=1)
     dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
     parts = []
+    dark = _DARKER * colour
     for corners, levels, normals, paint in (
-        (sides, np.array([0.0, 0.0, foot, 0.0, foot, foot]), outward, 0.35 * colour),
+        (sides, np.array([0.0, 0.0, foot, 0.0, foot, foot]), outward, dark),
         (sides, np.array([foot, foot, height, foot, height, height]), outward, colour),
-        (top.reshape(-1, 2), np.full(3, height), up, 0.55 + 0.45 * colour),
-        (dart, np.full(6, height + 0.005), up, 0.35 * colour),
+        (top.reshape(-1, 2), np.full(3, height), up, (1.0 - _TOP_COLOUR) + _TOP_COLOUR * colour),
+        (dart, np.full(6, height + _DART_LIFT), up, dark),
     ):
         places = np.column_stack([corners, np.resize(levels, len(corners))])
-        looks = np.broadcast_to(normals, places.shape)
-        parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
+        lit = _lit(paint, np.broadcast_to(normals, places.shape))
+        parts.append(np.stack([places, lit]).reshape(2, -1, 3, 3))
     return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 

@@ -1,4 +1,4 @@
-"""Looks at a scene, and tracks of looks that go with the robot.
+"""Looks at a scene, and camera paths: looks that go with the robot.
 
 A camera is a function of the film's time alone and does not remember frames: every process that
 draws a part of a film sees the same.
@@ -13,58 +13,84 @@ import shapely
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from lrf3d.geometry.lines import LEFT, Float
-from lrf3d.studio.scene.look import SECTION, Rig
+from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
-# Times of the film [s] between the points of a smoothed path, and over which turns and places are
-# smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m],
-# and the height of the robot's middle [m].
+# Time between the points of a smoothed path [s of the film]: a frame.
 STEP = 0.04
+
+# Standard deviation by which turns are smoothed [s of the film], however fast the run is played.
 _SMOOTH = 0.7
+
+# Standard deviation by which places are smoothed [s of the film].
 _FOLLOW = 0.15
+
+# Largest distance of the smoothed place from the robot [m].
 _STRAY = 0.3
+
+# Height of the robot's middle [m].
 AIM = 0.35
 
-# The eye looks over walls up to the first height [m], so that the robot is seen above the second
-# height, and how steeply an eye then looks down at the most [rad].
+# Height up to which the eye looks over walls [m].
 _LOW = 1.0
+
+# Height above which the robot is then seen [m].
 _BODY = 0.1
+
+# How steeply the eye looks down at the most [rad].
 _STEEPEST = float(np.radians(60.0))
+
+# Distance from the line to the eye within which walls count, as a share of its length.
+_ASIDE = 0.12
+
+# Distance of the eye from the wall behind it [m].
+_CLEARANCE = 0.3
+
+# Least distance of the eye from the robot [m]: nearer, it would fill the picture.
+_LEAST_AWAY = 1.6
+
+# Depth of the near plane [m].
+NEAR = 0.2
+
+# Least depth of the near plane, in the distance to the target: depths are then fine far away.
+_NEAR_SHARE = 0.004
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A look at the scene, in the film's frame."""
+    """A look at the scene, in the film's frame.
+
+    Args:
+        eye: (3,) where the eye is [m].
+        target: (3,) what stands in the middle of the picture [m].
+        field: Angle of view from the bottom to the top of the picture [rad].
+        up: Direction that is up in the picture.
+        shift: How far the picture is moved up, in halves of its height.
+        shows_map: Whether the map is laid over the scene.
+        inset: Whether the map is also shown in a corner.
+        cuts: Whether the walls of rooms are cut level, so that one looks into them.
+        glass: How far what was never seen has become glass, 0…1.
+        opens: Whether what hides the robot is opened.
+        shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
+    """
 
     eye: Float
-    """(3,) where the eye is [m]."""
     target: Float
-    """(3,) what stands in the middle of the picture [m]."""
     field: float
-    """Angle of view from the bottom to the top of the picture [rad]."""
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """What is up in the picture."""
     shift: float = 0.0
-    """How far the picture is moved up, in halves of its height."""
     shows_map: bool = False
-    """Whether the map is laid over the scene."""
-    plan: bool = True
-    """Whether the map is also shown in a corner."""
+    inset: bool = True
     cuts: bool = False
-    """Whether the walls of rooms are cut level, so that one looks into them."""
     glass: float = 0.0
-    """How far what was never seen has become glass, 0…1."""
     opens: bool = False
-    """Whether what hides the robot is opened."""
     shot: str = ""
-    """What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`."""
 
     @property
     def key(self) -> tuple[object, ...]:
         """What distinguishes this look from others of its camera."""
-        place = self.eye.tobytes(), self.target.tobytes(), self.field
-        return *place, self.glass, self.shot
+        return self.eye.tobytes(), self.target.tobytes(), self.field, self.glass, self.shot
 
     @property
     def away(self) -> float:
@@ -87,17 +113,15 @@ class Look:
 
         The picture is as wide as its aspect says, and shows things up to so far away [m].
         """
-        # Distance [m] from which on things are drawn, and the share of the distance to the target
-        # that it is at the least: depths are then fine enough far away.
-        near_plane = 0.2
-        near_share = 0.004
         tall = 1.0 / np.tan(0.5 * self.field)
-        near = max(near_plane, near_share * self.away)
-        depth = (far + near) / (near - far), 2.0 * far * near / (near - far)
-        wide = [tall / aspect, 0, 0, 0]
-        up = [0, -tall, self.shift, 0]
-        deep = [0, 0, *depth]
-        return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
+        near = max(NEAR, _NEAR_SHARE * self.away)
+        projection = np.array([
+            [tall / aspect, 0, 0, 0],
+            [0, -tall, self.shift, 0],
+            [0, 0, (far + near) / (near - far), 2.0 * far * near / (near - far)],
+            [0, 0, -1, 0],
+        ])  # fmt: skip
+        return np.asarray(projection @ np.linalg.inv(self.pose))
 
 
 class Camera(Protocol):
@@ -109,13 +133,13 @@ class Camera(Protocol):
 
 
 class SmoothPath(NamedTuple):
-    """The robot's path at even times (k,) [s], smoothed over time, for cameras that follow it.
+    """The robot's path, smoothed over time, for cameras that follow it."""
 
-    Places (k, 2) [m] and headings (k,) [rad], which go on past half a turn.
-    """
-
+    # (k,) even times [s].
     times: Float
+    # (k, 2) [m].
     places: Float
+    # (k,) [rad]; they go on past half a turn.
     headings: Float
 
     @classmethod
@@ -128,37 +152,39 @@ class SmoothPath(NamedTuple):
         places = np.column_stack([x, y]) - timeline.origin
         off = gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest") - places
         # In fast films the robot stays in near pictures all the same.
-        off *= np.minimum(1.0, _STRAY / np.maximum(np.hypot(*off.T), 1e-9))[:, None]
+        off *= np.minimum(1.0, _STRAY / np.maximum(np.hypot(*off.T), TINY))[:, None]
         headings = gaussian_filter1d(np.unwrap(headings), _SMOOTH / STEP, mode="nearest")
         return cls(times, places + off, headings)
 
 
-class Track(NamedTuple):
+class CameraPath(NamedTuple):
     """Looks from a side and a distance at a middle, at times (k,) between which they are mixed."""
 
     times: Float
+    # (k, 3) what is in the middle of the picture [m].
     middles: Float
-    """(k, 3) what is in the middle [m]."""
+    # (k,) the direction from there to the eye, around [rad].
     turns: Float
+    # (k,) the angle of that direction over the ground [rad].
     steeps: Float
-    """(k,) the direction from there to the eye: around, and over the ground [rad]."""
+    # (k,) distances of the eye from the middle [m].
     aways: Float
+    # (k,) angles of view [rad].
     fields: Float
+    # (k,) how far the picture is moved up, in halves of its height.
     shifts: Float
-    """(k,) distances of the eye [m], angles of view [rad], and how far the picture is moved up, in
-    halves of its height."""
 
     @classmethod
-    def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
+    def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "CameraPath":
         """Looks at the robot from sides (k,) [rad]."""
         how = np.radians(rig.steep), rig.away, np.radians(rig.field), rig.shift
         even = np.broadcast_to(np.array(how)[:, None], (len(how), len(path.times)))
         return cls(path.times, np.insert(path.places, 2, AIM, axis=1), turns, *even)
 
-    def at(self, times: Float) -> "Track":
+    def at(self, times: Float) -> "CameraPath":
         """The looks at other times."""
         now = interpolated(times, self.times, np.column_stack(self[1:]))
-        return Track(times, now[:, :3], *now[:, 3:].T)
+        return CameraPath(times, now[:, :3], *now[:, 3:].T)
 
     def eyes(self) -> Float:
         """Where the eye is, (k, 3) [m]."""
@@ -179,7 +205,7 @@ class Track(NamedTuple):
 
     def past_walls(
         self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP
-    ) -> "Track":
+    ) -> "CameraPath":
         """Looks that see robots (k, 2): over low walls, and before high ones; smoothed [samples].
 
         The walls of rooms are all low, as they are cut.
@@ -188,13 +214,7 @@ class Track(NamedTuple):
         steeps = self.steeps.copy()
         aways = self.aways.copy()
         way = self.eyes()[:, :2] - robots
-        # How far from the line to the eye walls count, as a share of its length; how far before
-        # them the eye stays, and how near it comes to the robot [m]: nearer, the robot would fill
-        # the picture.
-        aside_share = 0.12
-        clearance = 0.3
-        least_away = 1.6
-        for aside in (-aside_share, 0.0, aside_share):
+        for aside in (-_ASIDE, 0.0, _ASIDE):
             ends = robots + way + aside * way @ LEFT
             ways = shapely.linestrings(np.stack([robots, ends], axis=1))
             number, wall = structures.tree.query(ways, predicate="intersects")
@@ -205,10 +225,10 @@ class Track(NamedTuple):
             np.maximum.at(steeps, number[low], np.minimum(needed[low], _STEEPEST))
             hides = ~low & (needed > self.steeps[number])
             number = number[hides]
-            gap = gap[hides] - clearance
-            np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), least_away))
+            gap = gap[hides] - _CLEARANCE
+            np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), _LEAST_AWAY))
             # Where even that is too far, the eye looks down into the gap.
-            down = np.arccos(np.clip(gap / least_away, np.cos(_STEEPEST), 1.0))
+            down = np.arccos(np.clip(gap / _LEAST_AWAY, np.cos(_STEEPEST), 1.0))
             np.maximum.at(steeps, number, down)
         # The extremes over the filter's reach come first: its mean is then never too little.
         reach = 2 * int(2.0 * smooth) + 1
@@ -220,12 +240,12 @@ class Track(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Tracked:
-    """A camera whose track depends on the aspect of the picture alone."""
+class PathCamera:
+    """A camera whose path depends on the aspect of the picture alone."""
 
-    track: Callable[[float], Track]
+    track: Callable[[float], CameraPath]
+    # Further fields of its looks.
     shown: Mapping[str, Any]
-    """Further fields of its looks."""
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""

@@ -1,7 +1,7 @@
-"""What is drawn over a world: the beams of a scan, the map, and the trails of the robot.
+"""Marks over a world: the beams of a scan, the map, and the trails of the robot.
 
-A scan, a map snapshot, the keys of a drive and the estimate of a run enter; leave lines, points and
-translucent faces in the film's frame.
+A scan, a map snapshot, the keys of a drive and the estimate of a run enter; lines, points and
+translucent faces in the film's frame leave.
 """
 
 import sys
@@ -14,28 +14,84 @@ from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory
-from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import Lines, Points, Soft, level_lines, single
-from lrf3d.studio.scene.stage.structures import FARTHEST, Structures, folded
+from lrf3d.studio.scene.shown import Shown
+from lrf3d.studio.scene.stage.structures import FARTHEST, SIGHT_DISTANCE, Structures, folded
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, interpolated
 
 # Colours of hit points from near to far.
 RANGE_COLOURS = np.array([[1.0, 0.95, 0.80], [1.0, 0.74, 0.42], [0.95, 0.50, 0.22]])
 
-# Intensities from which hit points have the last and the first colour where these are shown, in
-# steps of factors.
-_INTENSITIES = 1e-4, 1.0
+# Intensity at which hit points have the last colour, where intensities are shown; at 1 they have
+# the first, and between colours change evenly with the logarithm.
+_DARKEST_HIT = 1e-4
 
-# Diameter of a hit point [m], and its limits in a picture of 720 lines [pixels].
+# Diameter of a hit point [m].
 _POINT_SIZE = 0.08
+
+# Its smallest and largest diameter [pixels of 720 lines].
 _POINT_PIXELS = (2.6, 8.0)
 
-# About how many beams light the ground, the angle over which that ends at the sides of the field of
-# view [rad], and how far it goes, in the reach of beams.
+# Opacity of a beam at the robot.
+_BEAM_STRENGTH = 0.40
+
+# About how many beams are drawn: more would run into one plane.
+_DRAWN_BEAMS = 30
+
+# About how many beams light the ground.
 _LAMP_BEAMS = 60
+
+# Angle over which that light ends at the sides of the field of view [rad].
 _LAMP_SIDE = float(np.radians(28.0))
+
+# Field of view from which on the light has no sides [rad]: nearly a full turn.
+_AROUND = 6.1
+
+# Reach of that light, in that of beams.
 _LAMP_SHARE = 0.33
+
+# Height of the map's lines along the walls, above the beams [m].
+_BAND = 0.70
+
+# Height of these lines from edge to edge [m].
+_BAND_THICK = 0.06
+
+# Least of that [pixels of 720 lines]: they show from far away.
+_BAND_PIXELS = 3.0
+
+# Height of walls of the map that the world lacks [m].
+_GHOST_HEIGHT = 1.8
+
+# Opacity of such walls at their foot; at their top it is 0.
+_GHOST_STRENGTH = 0.55
+
+# Length of the pieces of the map that are compared with walls [m].
+_GHOST_STEP = 0.4
+
+# Largest number of pieces of a segment: some are as long as the world.
+_MOST_PIECES = 500
+
+# Width of trails [pixels of 720 lines].
+_TRAIL_WIDTH = 3.4
+
+# Width of the outlines of ellipses [pixels of 720 lines].
+_RING_WIDTH = 1.6
+
+# Opacity of the trail where the robot is.
+_FRESH = 0.95
+
+# Opacity of the trail long after.
+_OLD = 0.35
+
+# Largest number of ellipses that stay along the path: more would be one band.
+MOST_KEPT = 40
+
+# Number of corners of an ellipse as drawn.
+CORNERS = 48
+
+# What legends call the trail of where the robot was.
+TRUTH = "truth"
 
 
 def draw_beams(
@@ -48,7 +104,7 @@ def draw_beams(
     reach: float,
     by: str = "range",
 ) -> tuple[Lines, Points, Soft]:
-    """A few beams of a scan, which fade to nothing at the reach [m], all its hits, and its lamp.
+    """Draw a few beams of a scan, which fade out at the reach [m], all its hits, and its lamp.
 
     The pose of the scan, walls (n, 4), those that turn beams (m, 4) and apex (2,) are in the film's
     frame. The apex is where the robot stands now, a little past that pose: beams follow the robot
@@ -57,7 +113,7 @@ def draw_beams(
     origin = np.array([scan.pose.x, scan.pose.y])
     hits = scan.hits
     # A beam without return goes as far as it can be measured; one too near ends at once.
-    far = scan.range_max if np.isfinite(scan.range_max) else 100.0
+    far = min(scan.range_max, SIGHT_DISTANCE)
     ranges = np.where(hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
     ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
     legs, beams, gone = folded(origin, ends, mirrors)
@@ -69,22 +125,18 @@ def draw_beams(
     places = single(np.insert(final[:, 2:], 2, height, axis=1))
     points = Points(places, colours, single(sides), _POINT_SIZE, _POINT_PIXELS)
     legs[: len(ends), :2] = apex
-    # Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
-    # more would run into one plane.
-    strength = 0.40
-    line_width = 1.1
-    most_drawn = 30
-    step = max(1, round(len(ends) / most_drawn))
+    step = max(1, round(len(ends) / _DRAWN_BEAMS))
     chosen = np.isin(beams, np.arange((len(ends) - 1) % step // 2, len(ends), step))
     chosen &= (gone < reach) | (gone == 0.0)
     starts, stops = np.hsplit(legs[chosen], 2)
     gone = gone[chosen, None]
     length = lengths(legs[chosen])[:, None]
     drawn = np.minimum(length, reach - gone)
-    stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
-    opacities = strength * (1.0 - np.hstack([gone, gone + drawn]) / reach)
-    amber = np.full((len(gone), 3), look.EMBER)
-    lines = level_lines(height, starts, stops, amber, opacities, line_width)
+    stops = starts + drawn / np.maximum(length, look.TINY) * (stops - starts)
+    opacities = _BEAM_STRENGTH * (1.0 - np.hstack([gone, gone + drawn]) / reach)
+    lines = level_lines(
+        height, starts, stops, np.full((len(gone), 3), look.EMBER), opacities, look.FINE
+    )
     return lines, points, _lamp(legs[: len(ends)], scan.angles, _LAMP_SHARE * reach)
 
 
@@ -98,9 +150,9 @@ def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
     angles = angles[::step]
     away = lengths(legs[::step])
     far = np.minimum(away, reach)
-    ends = starts + (far / np.maximum(away, 1e-9))[:, None] * (ends - starts)
+    ends = starts + (far / np.maximum(away, look.TINY))[:, None] * (ends - starts)
     edge = np.minimum(angles - angles.min(), angles.max() - angles) / _LAMP_SIDE
-    bright = look.LAMP * (1.0 if np.ptp(angles) > 6.1 else np.clip(edge, 0.0, 1.0)) + 0.0 * far
+    bright = look.LAMP * (1.0 if np.ptp(angles) > _AROUND else np.clip(edge, 0.0, 1.0)) + 0.0 * far
     dim = bright * (1.0 - far / reach) ** 2
     # Each triangle stands at the robot's end of a beam, on the far ends of that and the one before.
     amber = np.tile([look.TRAIL_HEIGHT, *look.EMBER], (len(far) - 1, 1))
@@ -113,9 +165,8 @@ def _point_colours(scan: LaserScan, by: str) -> Float:
     """Colours (hits, 3) of the hits of a scan by their ranges or their intensities."""
     share = scan.ranges[scan.hits] / min(scan.range_max, FARTHEST)
     if by == "intensity" and scan.intensities is not None:
-        dark, bright = np.log(_INTENSITIES)
         with np.errstate(divide="ignore"):
-            share = (bright - np.log(scan.intensities[scan.hits])) / (bright - dark)
+            share = np.log(scan.intensities[scan.hits]) / np.log(_DARKEST_HIT)
     steps = np.linspace(0.0, 1.0, len(RANGE_COLOURS))
     return np.column_stack([np.interp(share, steps, channel) for channel in RANGE_COLOURS.T])
 
@@ -133,13 +184,13 @@ def _sides(origins: Float, walls: Float, numbers: Int) -> Float:
 class DrawnMap:
     """A map as it is drawn, each object in its colour."""
 
+    # (m, 4) its segments in the film's frame [m].
     segments: Float
-    """(m, 4) its segments in the film's frame [m]."""
+    # (m, 3) red, green, blue in 0…1.
     colours: Float
-    """(m, 3) red, green, blue in 0…1."""
 
     @classmethod
-    def from_snapshot(cls, run: Run, number: int, structures: Structures) -> "DrawnMap":
+    def from_snapshot(cls, run: Shown, number: int, structures: Structures) -> "DrawnMap":
         """Take a map snapshot of a run; −1 is the empty map before the first."""
         if number < 0:
             return cls(np.zeros((0, 4)), np.zeros((0, 3)))
@@ -148,18 +199,14 @@ class DrawnMap:
 
     def lines(self, height: float, width: float) -> Lines:
         """Its segments as lines at a height [m], of a width [pixels]."""
-        opacities = np.ones((len(self.segments), 2))
         starts, ends = np.hsplit(self.segments, 2)
-        return level_lines(height, starts, ends, self.colours, opacities, width)
+        return level_lines(
+            height, starts, ends, self.colours, np.ones((len(self.segments), 2)), width
+        )
 
     def bands(self) -> Lines:
         """Its segments along the walls."""
-        # Height of the map's lines along the walls, above the beams, how thick they are [m], and at
-        # least [pixels of 720 lines]: they show from far away.
-        band = 0.70
-        band_thick = 0.06
-        band_pixels = 3.0
-        return self.lines(band, band_pixels)._replace(thick=band_thick)
+        return self.lines(_BAND, _BAND_PIXELS)._replace(thick=_BAND_THICK)
 
     def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
         """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""
@@ -176,14 +223,7 @@ class DrawnMap:
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
-        # Height of walls of the map that the world lacks [m], opacity at their foot, length of
-        # pieces [m], and the most of a segment: some are as long as the world.
-        ghost_height = 1.8
-        ghost_strength = 0.55
-        ghost_step = 0.4
-        most_pieces = 500
-        pieces = np.ceil(lengths(self.segments) / ghost_step)
-        count = np.clip(pieces, 1, most_pieces).astype(int)
+        count = np.clip(np.ceil(lengths(self.segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         start, end = np.hsplit(self.segments[owner], 2)
@@ -195,14 +235,14 @@ class DrawnMap:
         near, _ = structures.tree.query(shapely.points(middle), **on_walls)
         loose = np.setdiff1d(np.arange(len(owner)), near)
         a, b = (np.insert(place[loose], 2, 0.0, axis=1) for place in (low, high))
-        up = np.array([0.0, 0.0, ghost_height])
+        up = np.array([0.0, 0.0, _GHOST_HEIGHT])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
-        strength = ghost_strength * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
+        strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
         tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
 
 
-def _object_colours(run: Run, objects: Int) -> Float:
+def _object_colours(run: Shown, objects: Int) -> Float:
     """Colours (m, 3) of objects of a run's map: their numbers last while it grows.
 
     What most of the last map belongs to, such as the walls of a house, is pale.
@@ -213,21 +253,6 @@ def _object_colours(run: Run, objects: Int) -> Float:
     if sums.max(initial=0.0) > look.PALE_FROM * sums.sum():
         colours[objects == int(sums.argmax())] = look.PALE_OBJECT
     return colours
-
-
-# Widths of trails and of the outlines of ellipses [pixels of 720 lines], and the opacity of the
-# trail where the robot is, and long after.
-_WIDTH = 3.4
-_RING_WIDTH = 1.6
-_FRESH = 0.95
-_OLD = 0.35
-
-# Most ellipses that stay along the path, as more would be one band; and corners of one as drawn.
-MOST_KEPT = 40
-CORNERS = 48
-
-# What legends call the trail of where the robot was.
-TRUTH = "truth"
 
 
 def believed(estimate: EstimatedTrajectory) -> str:
@@ -247,9 +272,13 @@ def trail_lines(
     left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
     legs = np.flatnonzero(keys.driven[:begun])
     opacities = np.column_stack([left[legs], left[legs + 1]])
-    colours = np.tile(colour, (len(legs), 1))
     return level_lines(
-        look.TRAIL_HEIGHT, places[legs], places[legs + 1], colours, opacities, _WIDTH
+        look.TRAIL_HEIGHT,
+        places[legs],
+        places[legs + 1],
+        np.tile(colour, (len(legs), 1)),
+        opacities,
+        _TRAIL_WIDTH,
     )
 
 
@@ -257,14 +286,14 @@ def trail_lines(
 class DrawnEstimate:
     """The estimate of a run as it is drawn."""
 
+    # Where the robot believed that it was at each of its scans.
     keys: DriveKeys
-    """Where the robot believed that it was at each of its scans."""
+    # (m,) the scans with which an ellipse is known.
     known: Int
-    """(m,) the scans with which an ellipse is known."""
+    # (m, 2, 2) the matrices that make the ellipses of the unit circle [m].
     shapes: Float
-    """(m, 2, 2) the matrices that make the ellipses of the unit circle [m]."""
+    # (n,) numbers of the ellipses that stay along the path, faded.
     kept: Int
-    """(n,) numbers of the ellipses that stay along the path, faded."""
 
     @classmethod
     def from_timeline(cls, timeline: Timeline) -> "DrawnEstimate | None":
@@ -272,8 +301,9 @@ class DrawnEstimate:
         estimate = timeline.run.estimate
         if estimate is None:
             return None
-        times = timeline.run.trajectory.times - timeline.start
-        keys = DriveKeys(times, estimate.poses - [*timeline.origin, 0.0])
+        keys = DriveKeys(
+            timeline.run.trajectory.times - timeline.start, estimate.poses - [*timeline.origin, 0.0]
+        )
         return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
 
     def trail(self, time: float, fade: float) -> Lines:
@@ -323,7 +353,7 @@ def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
     return np.array(kept, dtype=np.int64)
 
 
-def estimate_words(run: Run, scan: int) -> tuple[tuple[str, str], ...]:
+def estimate_words(run: Shown, scan: int) -> tuple[tuple[str, str], ...]:
     """What the panel says of a run's estimate after a scan: for each trail its name and its error.
 
     Nothing where the robot was given its poses.

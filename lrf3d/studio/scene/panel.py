@@ -1,13 +1,14 @@
-"""What films say: a caption with one number, all numbers if asked for, a card at the end.
+"""The text of films: a caption with one number, all numbers if asked for, a card at the end.
 
 A run and a moment of it enter, lines of text leave.
 """
 
-from functools import lru_cache
+from functools import partial
 
 import numpy as np
 import shapely
 
+from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
@@ -16,50 +17,83 @@ from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
 from lrf3d.studio.scene.timeline import Moment
 
-# What a panel may say: all numbers, or three facts.
+# Kinds of panels: all numbers, or three facts.
 PANELS = ("full", "short")
 
-# Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
-# colours of the first line and of the others, 0…255.
+# Height of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide.
 _SIZE = 30.0
+
+# Height of letters where all numbers are said [pixels of 720 lines].
 _FULL_SIZE = 19.0
+
+# Colour of the first line, 0…255.
 _INK = (236, 240, 247)
+
+# Colour of the other lines, 0…255.
 _PALE = (184, 196, 216)
 
-# Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
-# loss; a wall is found if the map lies within a distance [m] of it along a share of its length.
+# Time for which a caption mentions that walls behind mirrors were dropped [s of the film].
 _REFLECTION_TIME = 4.0
+
+# Least number of dropped walls that it mentions.
 _DROPPED = 3
+
+# Largest distance of the map from a wall that it has [m].
 _FOUND = 0.1
+
+# Share of the length of a wall that the map has if the wall counts as found.
 _FOUND_SHARE = 0.5
+
+# Share of glass at the end of a story from which on its card is seen.
+_CARD_FROM = 0.9
+
+# Seconds in a minute; times of ten minutes and more are said in minutes.
+_MINUTE = 60.0
+
+# Shots whose caption counts walls.
+_WALLS = ("rise", "whole", "end")
+
+# All shots of the film's own cameras.
+_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
+
+# Number of letters of the longest line.
+_LINE_LENGTH = 60
+
+# The card of the run that was asked for last.
+_CARDS = Latest()
 
 
 def _caption(run: Run, moment: Moment, shot: str) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
-    line_map = run.map_after(moment.mapped)
     if moment.mapped < 0:
         return "The robot knows nothing yet"
-    if shot in ("chase", "close") and (words := _reflected(run, moment)):
+    if words := _mapped(run, moment, shot):
         return words
-    if shot == "close":
-        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
+    return _measured(run, moment, shot) if shot in _SHOTS else shot
+
+
+def _mapped(run: Run, moment: Moment, shot: str) -> str:
+    """Words on the map, for shots that show it."""
+    line_map = run.map_after(moment.mapped)
+    if shot in ("chase", "close"):
+        return _reflected(run, moment)
     if shot in _WALLS and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
         return f"{counted(line_map.object_count, 'object')}, each in its own colour"
-    if shot not in _SHOTS:
-        return shot
-    gaps = np.diff(run.trajectory.times)
+    return ""
+
+
+def _measured(run: Run, moment: Moment, shot: str) -> str:
+    """Words on the laser: what it has measured, or its beams and how often they are sent."""
+    if shot == "close":
+        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
     beams = f"{len(run.ranges.T)} laser beams"
     if shot == "wave":
         return f"{beams} light up what they reach"
-    rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
+    gap = float(np.median(np.diff(run.trajectory.times))) if len(run) > 1 else np.inf
+    rate = 1.0 / gap if gap > 0.0 else 0.0
     return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
-
-
-# Shots whose caption counts walls, and all shots of the film's own cameras.
-_WALLS = ("rise", "whole", "end")
-_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
 
 
 def _reflected(run: Run, moment: Moment) -> str:
@@ -77,38 +111,47 @@ def _reflected(run: Run, moment: Moment) -> str:
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    # A share of the glass, and when seconds are too many [s].
-    card_from = 0.9
-    minutes = 600.0
-    if view.shot == "end" and view.glass >= card_from:
-        return _card(run)
-    line_map = run.map_after(moment.mapped)
-    walls = counted(len(line_map), "wall") if run.maps else ""
-    head = _caption(run, moment, view.shot), _INK
-    if not full:
-        seconds = moment.time - run.trajectory.times.min()
-        passed = f"{seconds:.0f} s" if seconds < minutes else f"{seconds / 60.0:.0f} min"
-        if playback > 1.0:
-            passed += f" at {playback:.2g} × speed"
-        if walls and walls not in head[0]:
-            passed += f"  ·  {walls}"
-        return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
+    if view.shot == "end" and view.glass >= _CARD_FROM:
+        return _CARDS.of(run, partial(_card, run))
+    head = _caption(run, moment, view.shot)
+    if full:
+        said = _numbers(run, moment, playback)
+        counts = [run.map_after(moment.mapped).counts if run.maps else ""]
+    else:
+        said = [_passed(run, moment, playback, head)]
+        counts = []
+    others = [*((words, _PALE) for words in said), *_trails(run, moment.scan)]
+    return _label(
+        [(head, _INK), *others, *((words, _PALE) for words in counts)],
+        _FULL_SIZE if full else _SIZE,
+    )
+
+
+def _passed(run: Run, moment: Moment, playback: float, head: str) -> str:
+    """How much time has passed, how fast, and how many walls are mapped, if the head is silent."""
+    seconds = moment.time - run.trajectory.times.min()
+    words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
+    if playback > 1.0:
+        words += f" at {playback:.2g} × speed"
+    walls = counted(len(run.map_after(moment.mapped)), "wall")
+    if run.maps and walls not in head:
+        words += f"  ·  {walls}"
+    return words
+
+
+def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
+    """Lines of numbers: the time, the pose, and what the laser sees."""
     x, y, theta = moment.pose
     scan = run.scan(moment.scan)
     nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
     beams = f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit   {nearest}"
-    lines = [
-        head,
-        (f"t {moment.time:.1f} s   v {moment.speed:.2f} m/s   {playback:g} x", _PALE),
-        (f"x {x:.2f} m   y {y:.2f} m   θ {np.degrees(theta):.1f}°", _PALE),
-        (beams if moment.scanning else "beams off", _PALE),
-        *_trails(run, moment.scan),
-        (line_map.counts if run.maps else "", _PALE),
+    return [
+        f"t {moment.time:.1f} s   v {moment.speed:.2f} m/s   {playback:g} x",
+        f"x {x:.2f} m   y {y:.2f} m   θ {np.degrees(theta):.1f}°",
+        beams if moment.scanning else "beams off",
     ]
-    return _label(lines, _FULL_SIZE)
 
 
-@lru_cache(maxsize=1)
 def _card(run: Run) -> Label:
     """What was found in the end: of the walls of the world, if they are known."""
     # A building of several colours is several objects.
@@ -125,8 +168,7 @@ def _card(run: Run) -> Label:
     found = int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
     count = len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    rest = f"what was never seen is glass  ·  {objects}"
-    return _label([(share, _INK), (rest, _PALE)], _SIZE)
+    return _label([(share, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
@@ -140,5 +182,5 @@ def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float) -> Label:
-    shown = [(words[:60], colour) for words, colour in lines if words]
+    shown = [(words[:_LINE_LENGTH], colour) for words, colour in lines if words]
     return Label(tuple(words for words, _ in shown), tuple(colour for _, colour in shown), size)

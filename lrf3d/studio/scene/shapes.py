@@ -17,18 +17,28 @@ from lrf3d.geometry.lines import LEFT, Float, Single
 Pixels = NDArray[np.uint8]
 
 
+# Offset of what nothing hides towards the eye [m]: nearer than all else.
+ON_TOP = 1e6
+
+# Distance of a mirror's picture from its wall [m], so that both never share a pixel.
+MIRROR_GAP = 0.03
+
+# Height that walls are cut at where they are not [m]: no wall is as high.
+UNCUT = 1e4
+
+
 class Painted(NamedTuple):
     """Walls and roofs with their light. All are quads; a triangle has its last corner twice."""
 
+    # (n, 4, 3) corners, counter-clockwise from outside [m].
     places: Single
-    """(n, 4, 3) corners, counter-clockwise from outside."""
+    # (n, 4, 3) colours.
     colours: Single
-    """(n, 4, 3) colours."""
+    # (n, 4, 3) the place on the ground whose first-seen time a corner has, x and y [m], and 1; of a
+    # roof, which no beam meets, the wall whose colour it takes, and 0.
     before: Single
-    """(n, 4, 3) the place on the ground whose first-seen time a corner has, x and y [m], and 1; of
-    a roof, which no beam meets, the wall whose colour it takes, and 0."""
+    # (n,) the object of each.
     objects: NDArray[np.int64]
-    """(n,) the object of each."""
 
     def rows(self) -> Single:
         """Corners (n, 4, 9): place, colour, place before it."""
@@ -36,119 +46,124 @@ class Painted(NamedTuple):
 
 
 class GroundPicture(NamedTuple):
-    """The ground in its light: a picture (h, w, 3), whose row 0 is at the smallest y.
+    """The ground in its light."""
 
-    Its lower left corner (2,), its width and height (2,) [m]; and the colour (3,) of the land,
-    in which it ends.
-    """
-
+    # (h, w, 3) its picture, whose row 0 is at the smallest y.
     picture: Pixels
+    # (2,) its lower left corner [m].
     corner: Float
+    # (2,) its width and height [m].
     size: Float
+    # (3,) the colour of the land, in which it ends.
     land: Float
 
 
 class Faces(NamedTuple):
-    """Opaque triangles: corners (t, 3, 3) and their colours (t, 3, 3)."""
+    """Opaque triangles."""
 
+    # (t, 3, 3) corners [m].
     corners: Single
+    # (t, 3, 3) colours of the corners.
     colours: Single
 
 
-class Body(NamedTuple):
-    """Faces at a pose (4, 4) from their own frame to the film's: the robot, a dynamic obstacle."""
+class PosedFaces(NamedTuple):
+    """A body, the robot or a dynamic obstacle: faces in its own frame, and where that is."""
 
     faces: Faces
+    # (4, 4) the matrix from their frame to the film's.
     pose: Float
 
 
 class Soft(NamedTuple):
-    """Translucent triangles, such as shadows, a goal, the robot as an arrow.
+    """Translucent triangles, such as shadows, a goal, the robot as an arrow."""
 
-    Corners (t, 3, 3), their colours and opacities (t, 3, 4), and whether nothing hides them.
-    """
-
+    # (t, 3, 3) corners [m].
     corners: Single
+    # (t, 3, 4) colours and opacities of the corners.
     colours: Single
+    # Whether nothing hides them.
     on_top: bool = False
 
 
 class Lines(NamedTuple):
-    """Lines of even width in the picture: ends (n, 3), colours (n, 3), opacities (n, 2) at both."""
+    """Lines of even width in the picture."""
 
+    # (n, 3) [m].
     starts: Single
+    # (n, 3) [m].
     ends: Single
+    # (n, 3).
     colours: Single
+    # (n, 2) at both ends.
     opacities: Single
+    # Width [pixels of 720 lines].
     width: float
-    """Width [pixels of 720 lines]."""
+    # Least width [m].
     thick: float = 0.0
-    """Least width [m]."""
 
 
 class Points(NamedTuple):
-    """Round points: places (n, 3), colours and opacities (n, 4).
+    """Round points."""
 
-    The sides (n, 2) are normals of the walls that they lie on, which hide them from behind, or 0.
-    """
-
+    # (n, 3) [m].
     places: Single
+    # (n, 4) colours and opacities.
     colours: Single
+    # (n, 2) normals of the walls that they lie on, which hide them from behind, or 0.
     sides: Single
+    # Diameter [m].
     size: float
-    """Diameter [m]."""
+    # The smallest and the largest diameter [pixels of 720 lines].
     pixels: tuple[float, float]
-    """The smallest and the largest diameter [pixels of 720 lines]."""
+    # Whether light blooms round them.
     glows: bool = True
-    """Whether light blooms round them."""
 
 
 class Label(NamedTuple):
-    """Lines of text in the lower left corner, of which the first is the largest.
-
-    The colour of each, 0…255, and the height of letters [pixels of 720 lines].
-    """
+    """Lines of text in the lower left corner, of which the first is the largest."""
 
     text: tuple[str, ...]
+    # The colour of each line, 0…255.
     colours: tuple[tuple[int, int, int], ...]
+    # Height of letters of the first line [pixels of 720 lines].
     size: float
 
 
-Mark = Soft | Lines | Points
+Mark = Lines | Points | Soft
 
 
 class Lens(NamedTuple):
-    """How places become pixels."""
+    """How a picture shows places."""
 
+    # (4, 4) the matrix from places to −1…1 of the picture, whose first row is the upper one.
     matrix: Float
-    """(4, 4) from the film's frame to −1…1 of the picture, whose first row is the upper one."""
+    # (3,) where the eye is [m].
     eye: Float
-    """(3,) where the eye is."""
+    # Pixels that a metre takes at a distance of one metre.
     focus: float
-    """Pixels that a metre takes at a distance of one metre."""
+    # One over the distance at which half of what is seen is haze [1/m].
     thick: float
-    """One over the distance at which half of what is seen is haze [1/m]."""
+    # By how much the depth of marks gains with their distance [m/m].
     slack: float
-    """By how much the depth of marks gains with their distance [m/m]."""
+    # How much nearer to the eye marks are than what they lie on [m].
     nearer: float
-    """How much nearer to the eye marks are than what they lie on [m]."""
 
 
-class Plan(NamedTuple):
-    """A map from straight above in a box of the picture: left, top, width and height [pixels]."""
+class Inset(NamedTuple):
+    """A map from straight above in a part of the picture."""
 
+    # Left, top, width and height of that part [pixels].
     box: tuple[int, int, int, int]
     lens: Lens
     marks: tuple[tuple[str, Mark], ...]
 
 
 class Tints(NamedTuple):
-    """The map of a moment over the cells of an exposure, from which walls take their colours.
-
-    Its segments are lines whose width is in cells.
-    """
+    """The map of a moment over the cells of an exposure, from which walls take their colours."""
 
     lens: Lens
+    # Its segments; their width is in cells.
     lines: Lines
 
 
@@ -156,18 +171,18 @@ class Seen(NamedTuple):
     """The content of one picture: bodies and marks by name, in the order of drawing."""
 
     lens: Lens
-    bodies: tuple[tuple[str, Body], ...]
+    bodies: tuple[tuple[str, PosedFaces], ...]
     marks: tuple[tuple[str, Mark], ...]
+    # What time it is, and how fast that passes: see `Exposure.clock`.
     clock: tuple[float, float] = (0.0, 1.0)
-    """What time it is, and how fast that passes: see :meth:`Exposure.clock`."""
     tints: Tints | None = None
+    # How far what was never seen has become glass, 0…1.
     glass: float = 0.0
-    """How far what was never seen has become glass, 0…1."""
+    # The robot, where what hides it is opened.
     robot: tuple[float, float, float] | None = None
-    """The robot, where what hides it is opened."""
-    cut: float = 1e4
-    """Height that walls are cut at [m]; no wall is as high as the default."""
-    plan: Plan | None = None
+    # Height that walls are cut at [m].
+    cut: float = UNCUT
+    inset: Inset | None = None
 
 
 class Reflection(NamedTuple):
@@ -177,20 +192,19 @@ class Reflection(NamedTuple):
     left out by shaders, and then the rectangle's depth alone closes it.
     """
 
+    # From the mirrored eye.
     lens: Lens
-    """From the mirrored eye."""
+    # The mirror, for shaders: an end and its direction, its length, height and distance [m].
     uniforms: dict[str, tuple[float, ...]]
-    """The mirror, for shaders: an end and its direction, its length, height and distance [m]."""
+    # (4, 4) the matrix that mirrors places.
     turn: Float
-    """(4, 4) the matrix that mirrors places."""
+    # (2, 3, 3) the triangles that close it.
     seal: Single
-    """(2, 3, 3) the triangles that close it."""
 
 
 def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
     """What is seen in mirrors (m, 5), walls and their heights, that stand in the picture."""
     lens = seen.lens
-    nearer = 0.03  # How far before its wall a mirror stands [m].
     for x1, y1, x2, y2, high in mirrors.tolist():
         top = min(high, seen.cut)
         start = np.array([x1, y1])
@@ -199,7 +213,7 @@ def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
         along /= length
         normal = along @ LEFT
         off = float(normal @ (lens.eye[:2] - start))
-        foot = start + np.sign(off) * nearer * normal
+        foot = start + np.sign(off) * MIRROR_GAP * normal
         ends = np.array([foot, foot + length * along])[[0, 1, 1, 0, 1, 0]]
         corners = np.column_stack([ends, [0.0, 0.0, top, 0.0, top, top]])
         clip = corners @ lens.matrix[:, :3].T + lens.matrix[:, 3]

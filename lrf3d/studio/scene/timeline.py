@@ -1,38 +1,57 @@
 """Timeline: where the robot stands and which scan is seen at each time of a film."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
 
 from lrf3d.geometry.lines import Bool, Float
-from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-# Share of the time between two stops that the robot stands and scans; keys between two stops,
-# enough for a soft start and end; and half the time [s] in which it is set down behind a wall.
+# Share of the time between two stops that the robot stands and scans.
 _STANDING = 0.75
+
+# Number of keys between two stops, enough for a soft start and end.
 _GLIDE_KEYS = 24
+
+# Half the time in which the robot is set down behind a wall [s].
 _SET_DOWN = 5e-4
 
-# Scans farther apart in time [s] are stops and not a drive; a robot that went faster [m/s] was set
-# down elsewhere; and half the time [s] over which the speed is measured: shorter shows the joints
-# of the path.
+# Time between scans from which on they are stops and not a drive [s].
 _STOP_GAP = 1.0
+
+# Speed above which a robot was set down elsewhere [m/s]: a metre in twice `_SET_DOWN`.
 _FASTEST = 1000.0
+
+# Half the time over which the speed is measured [s]: shorter shows the joints of the path.
 _SPEED_STEP = 0.05
+
+# Difference of times that are the same but for rounding [s].
+_ROUNDING = 1e-9
+
+# Part of a frame that rounding may lack at the end of a film.
+_FRAME_ROUNDING = 1e-6
+
+# Largest error of a path with fewer keys [m].
+_THINNED = 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The state of a run at one time [s].
+    """The state of a run at one time.
 
-    The pose (3,) in the world, the newest scan, the speed [m/s], whether the beams are on; now is
-    the time asked for, also before the start and after the end, where nothing moves.
+    Args:
+        time: The time in the run [s].
+        pose: (3,) the robot's pose in the world.
+        scan: Number of the newest scan.
+        speed: Speed of the robot [m/s].
+        scanning: Whether the beams are on.
+        now: The time asked for [s], also before the start and after the end, where nothing moves.
     """
 
     time: float
@@ -45,7 +64,7 @@ class Moment:
     @property
     def mapped(self) -> int:
         """The newest scan that the map may be of; −1 before the start."""
-        return self.scan if self.now > self.time - 1e-9 else -1
+        return self.scan if self.now > self.time - _ROUNDING else -1
 
 
 class Timeline:
@@ -56,14 +75,15 @@ class Timeline:
     a wall stands between.
 
     Args:
-        run: The run.
+        run: The run, or a drive that goes on.
         playback: Seconds of the run in a second of the film; the run's own if not given.
 
     Attributes:
+        run: The run, or a drive that goes on.
         origin: (2,) where the origin of the film's frame lies in the world [m].
     """
 
-    def __init__(self, run: Run, *, playback: float | None = None) -> None:
+    def __init__(self, run: Shown, *, playback: float | None = None) -> None:
         self.run = run
         self.playback = run.playback if playback is None else playback
         self.origin = Sight.of(run.world, run.trajectory.poses[:, :2]).origin
@@ -77,7 +97,7 @@ class Timeline:
         self.keys = times
         self._shown = times
         if self.dwells:
-            # The last stop is looked at as long as the others.
+            # The last stop is shown as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
             places = run.trajectory.poses[:, :2]
             legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
@@ -95,9 +115,8 @@ class Timeline:
         """
         step = self.playback / fps
         before, after = margins
-        last = np.floor((self.end - self.start) / step + after * fps + 1e-6)
-        frames = np.arange(-np.floor(before * fps), last + 1.0)
-        return self.start + step * frames
+        last = np.floor((self.end - self.start) / step + after * fps + _FRAME_ROUNDING)
+        return self.start + step * np.arange(-np.floor(before * fps), last + 1.0)
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
@@ -108,13 +127,12 @@ class Timeline:
         times = self.run.trajectory.times
         now = time
         time = min(max(time, self.start), self.end)
-        scan = max(int(np.searchsorted(times, time + 1e-9, side="right")) - 1, 0)
+        scan = max(int(np.searchsorted(times, time + _ROUNDING, side="right")) - 1, 0)
         before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
-        step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
-        since = time - times[scan]
         until = times[scan + 1 : scan + 2] - times[scan]
-        scanning = not (self.dwells and bool((since > _STANDING * until).any()))
-        scanning &= now >= self.start - 1e-9
+        scanning = not (self.dwells and bool((time - times[scan] > _STANDING * until).any()))
+        scanning &= now >= self.start - _ROUNDING
+        step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
 
@@ -128,11 +146,15 @@ def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:
     even = np.tile(np.linspace(0.0, 1.0, _GLIDE_KEYS + 1), (len(gaps), 1))
     share = np.sort(np.hstack([even, middle]), axis=1)
     # The glide starts and ends at rest, as a robot does.
-    gone = np.where(through_walls[:, None], share > 0.5, share * share * (3.0 - 2.0 * share))
     keys = times[:-1, None] + gaps * (_STANDING + (1.0 - _STANDING) * share)
-    shown = times[:-1, None] + gaps * gone
     keys, first = np.unique(np.append(times, keys), return_index=True)
-    return keys, np.append(times, shown)[first]
+    gone = np.where(through_walls[:, None], share > 0.5, smoothed(share))
+    return keys, np.append(times, times[:-1, None] + gaps * gone)[first]
+
+
+def smoothed(share: Any) -> Any:
+    """Shares in 0…1 that leave 0 and reach 1 slowly: the cubic that is flat at both ends."""
+    return share * share * (3.0 - 2.0 * share)
 
 
 def interpolated(times: Float, knots: Float, values: Float) -> Float:
@@ -141,12 +163,11 @@ def interpolated(times: Float, knots: Float, values: Float) -> Float:
 
 
 class DriveKeys(NamedTuple):
-    """The robot's path in key poses (k, 3), between which it goes straight and evenly.
+    """The robot's path in key poses, between which it goes straight and evenly."""
 
-    Their times (k,) rise from the start of the run on [s]; headings go on past half a turn.
-    """
-
+    # (k,) times from the start of the run on, which rise [s].
     times: Float
+    # (k, 3) in the film's frame; headings go on past half a turn.
     poses: Float
 
     @property
@@ -155,7 +176,7 @@ class DriveKeys(NamedTuple):
         step = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
         return np.asarray(step <= _FASTEST * np.diff(self.times))
 
-    def thinned(self, error: float = 0.005) -> "DriveKeys":
+    def thinned(self, error: float = _THINNED) -> "DriveKeys":
         """The keys without those that interpolation reproduces within an error [m].
 
         The path, and the distance over time, are simplified (Douglas and Peucker, 1973).
@@ -202,5 +223,4 @@ def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
     if not timeline.dwells:
         middles = 0.5 * (times[:-1] + times[1:])
         return np.append(timeline.start, middles), np.append(middles, timeline.end)
-    ends = times[:-1] + _STANDING * np.diff(times)
-    return times, np.append(ends, timeline.end)
+    return times, np.append(times[:-1] + _STANDING * np.diff(times), timeline.end)

@@ -231,7 +231,7 @@ def test_pictures_are_written_whole_and_alike(tmp_path, run):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.png", "map.png"]
 
 
-def test_what_cannot_be_written_is_named(tmp_path, run):
+def test_a_figure_that_cannot_be_written_is_reported(tmp_path, run):
     with pytest.raises(OutputError, match="missing"):
         draw_map(run, tmp_path / "missing" / "map.png")
     with pytest.raises(OutputError, match=r"map\.bmx.*\.png"):

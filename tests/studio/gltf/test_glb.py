@@ -245,7 +245,7 @@ def test_the_estimate_stands_where_the_robot_believed_itself_to_be():
     assert "trail" not in {each.name for each in alone.gltf.nodes}
 
 
-def test_the_command_writes_the_file_and_refuses_what_is_no_run(tmp_path):
+def test_the_command_writes_the_file_and_refuses_a_file_that_is_not_a_run(tmp_path):
     run = city_run()
     save_run(run, tmp_path / "run.npz")
     done = lrf3d("export", tmp_path, "--to", "glb", "--every", "2", "--json")

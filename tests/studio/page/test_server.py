@@ -45,7 +45,7 @@ def page(address, *, origin=None, host=None):
     return connect(f"ws://{host or netloc}{SOCKET}", sock=door, origin=origin or address)
 
 
-def test_a_foreign_page_or_name_gets_nothing(address):
+def test_requests_of_other_sites_or_by_other_names_are_refused(address):
     port = urlsplit(address).port
     for host in (f"LocalHost:{port}", "[::1]:80", "localhost"):
         assert get(address)[0] == get(address, Host=host)[0] == 200
@@ -59,7 +59,7 @@ def test_a_foreign_page_or_name_gets_nothing(address):
 
 
 @pytest.mark.parametrize("names", [[], ["localhost", "evil.com"]])
-def test_a_page_is_asked_for_by_one_name(address, names):
+def test_a_request_has_one_host_name(address, names):
     connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
     connection.putrequest("GET", "/", skip_host=True)
     for name in names:
@@ -83,7 +83,7 @@ def test_a_foreign_page_opens_no_websocket(address):
         assert refused.value.response.status_code in (400, 403)
 
 
-def test_where_others_are_let_in_the_machine_s_own_names_are_theirs(monkeypatch):
+def test_a_server_open_to_others_answers_to_the_names_of_its_machine(monkeypatch):
     monkeypatch.setattr(socket, "gethostname", lambda: "Vega.lab.example.org")
     for name in ("vega", "vega.local", "Vega.lab.example.org"):
         assert is_own(name, "0.0.0.0") and not is_own(name, "127.0.0.1")
@@ -145,7 +145,7 @@ def test_a_page_is_only_read(address):
             assert (response.status, response.headers["Allow"]) == (405, "GET, HEAD")
 
 
-def test_pages_that_have_stopped_reading_do_not_hold_the_program():
+def test_pages_that_have_stopped_reading_do_not_keep_the_server_from_ending():
     """Nor do those that never ask, as of a laptop that sleeps; `served` waits for the end."""
     opening = (
         f"GET {SOCKET} HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -171,6 +171,6 @@ def test_too_long_a_message_ends_its_page_alone(address):
 
 
 @pytest.mark.parametrize("host", ["", "a" * 300, "a\0b", "nowhere.invalid", "192.0.2.1"])
-def test_where_nobody_can_listen_is_named(host):
+def test_an_address_or_port_that_cannot_be_used_is_reported(host):
     with pytest.raises(InputError, match="--host"):
         bound(host, None)

@@ -179,7 +179,7 @@ def still(page):
 
 @pytest.mark.slow
 @needs_browser
-def test_a_hostile_name_is_shown_and_not_run(tmp_path, chromium):
+def test_the_name_of_a_world_is_escaped_in_the_page(tmp_path, chromium):
     run = city_run()
     name = "</title><script>seen = 1</script><img src=x onerror='seen = 2'>{{seen = 3}}`${1}`"
     walls = run.world
@@ -260,7 +260,7 @@ def test_the_page_fits_a_telephone(driven, chromium, size):
 # Without it -------------------------------------------------------------------------------------
 
 
-def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
+def test_kernels_are_compiled_before_the_page_of_a_world_opens(yard, monkeypatch):
     steps = []
     step = HandDrive.step
     monkeypatch.setattr(HandDrive, "step", lambda *of: steps.append(of) or step(*of))
@@ -284,7 +284,7 @@ def test_what_is_wrong_is_named(yard):
             bound("127.0.0.1", port)
 
 
-def test_without_the_server_the_extra_is_named(yard, monkeypatch):
+def test_without_the_server_library_the_error_names_the_extra(yard, monkeypatch):
     monkeypatch.setitem(sys.modules, "websockets.asyncio.server", None)
     make = world_view(load_scenario(yard), seed=0)
     with bound("127.0.0.1", None) as door:

@@ -14,7 +14,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.film import Film
 from lrf3d.studio.scene.marks import draw_beams, trail_lines
-from lrf3d.studio.scene.shapes import Body, Faces
+from lrf3d.studio.scene.shapes import Faces, PosedFaces
 from lrf3d.studio.scene.timeline import Timeline, drive_keys
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
@@ -132,7 +132,9 @@ def test_a_wall_of_a_room_does_not_hide_the_robot_that_the_eye_follows(renderer)
         run = run_of(world, 0.25 * np.arange(12), poses)
         film = Film(run, size=SIZE, samples=0, view="chase", renderer=renderer, layers=())
         picture = film.draw(0.0).astype(int)
-        film.scene.robot = Body(Faces(*(each[:0] for each in film.scene.robot.faces)), np.eye(4))
+        film.scene.robot = PosedFaces(
+            Faces(*(each[:0] for each in film.scene.robot.faces)), np.eye(4)
+        )
         film._key = None
         counts.append((np.abs(film.draw(0.0) - picture).max(axis=2) > 30).sum())
         film.close()

@@ -22,7 +22,7 @@ def test_the_column_of_a_robot_reaches_to_its_laser_and_the_rest_keeps_its_shape
     assert other[:, 2] == pytest.approx(stretched, abs=1e-6)
 
 
-def test_a_body_is_bright_where_it_looks_at_the_sun_behind_it_and_up():
+def test_a_body_is_brightest_facing_the_sun_and_facing_up():
     everywhere, sunny, upward = BODY_LIGHT
     normals = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     light = [sunny * SUN[2] + upward, sunny * SUN[0], 0.0, -sunny * SUN[1]]

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
-from lrf3d.studio.scene.camera import Track
+from lrf3d.studio.scene.camera import CameraPath
 from lrf3d.studio.scene.cameras import (
     CLOSING,
     HELD,
@@ -95,9 +95,11 @@ def test_between_two_looks_the_eye_goes_from_one_to_the_other_by_the_short_way_r
     timeline, structures = filmed(room_run())
     times, shares = np.arange(5.0), np.linspace(0.0, 1.0, 5)
     even = np.ones(5)
-    near = Track(times, np.zeros((5, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even)
+    near = CameraPath(
+        times, np.zeros((5, 3)), 0.1 * even, 0.3 * even, 2.0 * even, 0.8 * even, 0 * even
+    )
     turns = 0.1 + 5.5 * shares
-    far = Track(times, np.ones((5, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
+    far = CameraPath(times, np.ones((5, 3)), turns, 1.2 * even, 18.0 * even, 0.5 * even, 0.2 * even)
     found = Story(timeline, structures)._between(near, far, shares)
     for column, one, other in zip(found[1:], near[1:], far[1:], strict=True):
         assert column[0] == pytest.approx(one[0]) and column[4] == pytest.approx(other[4])
@@ -194,9 +196,9 @@ def test_a_world_much_longer_than_wide_is_turned_to_fit_the_picture(tall, turned
     assert camera.look(0.0, 16 / 9).up == pytest.approx(up, abs=1e-9)
 
 
-def test_the_plan_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
+def test_the_inset_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_length():
     scene = Scene(Timeline(room_run()))
-    window = scene.plan_window()
+    window = scene.inset_view()
     assert window.middle + scene.origin == pytest.approx([4.0, 3.0])
     wide, tall = 1.04 * 8.0 + 2.0 * 8.0 / 40.0, 1.04 * 6.0 + 2.0 * 6.0 / 40.0
     assert (window.width, window.aspect) == pytest.approx((wide, tall / wide))

@@ -104,7 +104,7 @@ def test_the_lamp_fades_to_nothing_at_its_reach_and_at_the_sides():
     assert near[3, 1] == pytest.approx(0.25 * near[3, 0])
 
 
-def test_what_of_the_map_lies_on_no_wall_stands_free_and_colours_none():
+def test_segments_of_the_map_off_walls_are_ghosts_and_colour_no_wall():
     walls = np.array([[0.0, 0.0, 6.0, 0.0], [0.0, 4.0, 6.0, 4.0]])
     colours = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     structures = Structures.from_world(lrf3d.World(walls, heights=[1.5, 8.0]))
@@ -120,7 +120,7 @@ def test_what_of_the_map_lies_on_no_wall_stands_free_and_colours_none():
     assert found.tolist() == [True, True, False] and (tints[:2] == colours).all()
 
 
-def test_a_run_that_was_given_its_poses_has_nothing_to_show():
+def test_a_run_with_given_poses_draws_no_estimate():
     assert DrawnEstimate.from_timeline(Timeline(room_run())) is None
     assert estimate_words(room_run(), 0) == ()
 

@@ -10,7 +10,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.studio.gltf import run_glb
-from lrf3d.studio.page.shown import Shown, Wanted
+from lrf3d.studio.page.session import PageSession, Wanted
 from lrf3d.studio.scene.look import SECTION
 from lrf3d.studio.scene.stage.stage import paint_stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, Sight, Structures
@@ -76,7 +76,7 @@ def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
             picture = frame(run, 2.1, size=(64, 48), view=view, samples=0, renderer=renderer)
             assert picture.shape == (48, 64, 3)
     assert run_glb(run)[:4] == b"glTF"
-    assert Shown.played(run, 1.0).answer(Wanted(), 0.0)
+    assert PageSession.played(run, 1.0).answer(Wanted(), 0.0)
 
 
 def ground_of(structures):
@@ -84,7 +84,7 @@ def ground_of(structures):
 
 
 @pytest.mark.parametrize("heights", [2.5, 8.0])
-def test_a_large_hall_is_indoors_whatever_its_height_and_a_house_passed_by_is_none(heights):
+def test_a_large_hall_is_indoors_whatever_its_height_and_a_house_passed_by_is_not(heights):
     # A rack in it is no house.
     world = tall([*box(0, 0, 60, 25), *box(10, 10, 30, 1)], TWO, heights)
     assert Structures.from_world(world, np.array([[5.0, 5.0], [55.0, 5.0]])).indoor
@@ -92,7 +92,7 @@ def test_a_large_hall_is_indoors_whatever_its_height_and_a_house_passed_by_is_no
 
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if "all" in name or "end" in name])
-def test_what_is_drawn_ends_where_nothing_is_seen_any_more(name):
+def test_walls_beyond_the_distance_of_sight_are_not_drawn(name):
     run = driven(WORLDS[name])
     structures = Structures.from_run(run)
     places = structures.segments.reshape(-1, 2) + structures.origin

@@ -53,7 +53,7 @@ def test_where_two_walls_are_at_one_place_one_is_drawn():
     assert sides.min() == pytest.approx(1.0) and sides.max() == pytest.approx(6.0)
 
 
-def test_glass_is_a_clear_pane_and_a_mirror_none_and_both_have_bright_edges_and_no_wall():
+def test_glass_has_clear_panes_and_glass_and_mirrors_have_bright_edges():
     walls = [*box(0.0, 0.0, 8.0, 6.0), [4.0, 0.0, 4.0, 6.0]]
     world = World(walls, [0] * 4 + [1], materials=["brick", "glass"])
     run = run_of(world, np.arange(3.0), [(2.0, 3.0, 0.1 * turn) for turn in range(3)])

@@ -31,44 +31,75 @@ TIME = np.dtype(
     ]
 )
 
-# Most cells, which are larger where there would be more; and most scans, of which longer runs are
-# lit by every n-th: a film has no more frames.
+# Largest number of cells, which are larger where there would be more.
 _MOST_CELLS = 1_500_000
+
+# Largest number of scans; longer runs are lit by every n-th, as a film has no more frames.
 _MOST_SCANS = 1500
 
-# Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
-# never seen [lengths of the run].
+# Longest delay of light [s of the film]: the robot must not overtake it.
 _LONGEST_WAVE = 0.7
+
+# Time of what is never seen [lengths of the run].
 _NEVER = 9.0
 
-# How far times and rims, and the times of the map, are smoothed, how wide gaps between beams are
-# closed, half the width of the strip in which a segment sets the time of its cells, and how far off
-# it colours walls [cells].
-_SOFT = 1.3
-_SLOPE = 5.0
-_CLOSED = 3
-_COVERS = 3.2
-_TOLERANCE = 1.6
+# Least length of a run [s]: a single scan takes no time.
+_LEAST_LENGTH = 1e-3
 
-# Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
-# the colour of the map [cells]. A robot that has moved by less [m, rad] sees nothing new.
+# Standard deviation by which times are smoothed [cells].
+_SOFT = 1.3
+
+# Standard deviation by which the rim of what was seen is smoothed [cells].
+_RIM = 0.8 * _SOFT
+
+# Factor by which the smoothed rim is steeper.
+_RIM_STEEP = 1.6
+
+# Value of the steeper rim that is not seen: what is seen keeps its width.
+_RIM_LOW = 0.3
+
+# Standard deviation by which the times of the map are smoothed [cells].
+_SLOPE = 5.0
+
+# Half the width of gaps between beams that are closed [cells].
+_CLOSED = 3
+
+# Half the width of the strip in which a segment of the map sets the time of its cells [cells].
+_COVERS = 3.2
+
+# Distance up to which a segment of the map colours walls [cells]: well within its strip.
+_TOLERANCE = 0.5 * _COVERS
+
+# Least time between the light and the map's colour [s].
 _GAP = 0.3
+
+# Width of what is not lit yet in the colour of the map [cells].
 _BRIDGED = 13
+
+# Motion of a robot below which it sees nothing new [m, rad].
 _MOVED = 1e-3
+
+# Number of cells around a picture in which gaps at its edge are closed.
+_AROUND = _CLOSED + 1
+
+# Least weight of smoothed times that they are divided by: beyond it there are none.
+_LEAST_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Exposure:
     """When the places of a world were first seen and first mapped."""
 
+    # (h, w) cells of `TIME`.
     times: Records
-    """(h, w) cells of :data:`TIME`."""
+    # (2,) its lower left corner in the film's frame [m].
     corner: Float
+    # Side of a cell [m].
     cell: float
-    """(2,) its lower left corner in the film's frame, and the side of a cell [m]."""
+    # When the run starts [s].
     start: float
+    # How long the run is [s].
     length: float
-    """When the run starts and how long it is [s]."""
 
     @property
     def texels(self) -> Single:
@@ -144,8 +175,9 @@ def unexposed(structures: Structures, low: Float, high: Float) -> Exposure:
     """The times of a world in a box from low to high (2,) [m] before anything has been seen."""
     cell = max(structures.setting.cell, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     columns, rows = np.maximum(np.ceil((high - low) / cell), 2).astype(int).tolist()
-    times = np.full((rows, columns), np.array((_NEVER, 0.0, _NEVER, 0.0), TIME))
-    return Exposure(times, low, cell, 0.0, 1.0)
+    return Exposure(
+        np.full((rows, columns), np.array((_NEVER, 0.0, _NEVER, 0.0), TIME)), low, cell, 0.0, 1.0
+    )
 
 
 def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposure:
@@ -161,15 +193,14 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     bare = unexposed(structures, low, high)
     times = run.trajectory.times
     start = float(times.min())
-    length = max(float(np.ptp(times)), 1e-3)
+    length = max(float(np.ptp(times)), _LEAST_LENGTH)
     exposure = replace(bare, start=start, length=length)
     size = bare.times.shape[::-1]
     cells = bare.times
     first = Image.new("I", size)
     mirrors = structures.segments[structures.mirrors]
     # From the last scan to the first: what was seen first lies on top.
-    step = 1 + (len(poses) - 1) // _MOST_SCANS
-    for number in range(0, len(poses), step)[::-1]:
+    for number in range(0, len(poses), 1 + (len(poses) - 1) // _MOST_SCANS)[::-1]:
         for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
             placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
             if not run.knows_truth:
@@ -195,11 +226,12 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
         gaussian_filter(each.astype(np.float32), _SLOPE)
         for each in (np.append(0.0, share)[np.asarray(covered)], within)
     )
-    mapped = np.where(within, sums / np.maximum(weights, 1e-6), _NEVER)
+    mapped = np.where(within, sums / np.maximum(weights, _LEAST_WEIGHT), _NEVER)
     # What the map has between two lit places is coloured with them.
     cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
-    delay = wave(exposure, poses[scans, :2], structures.setting.light)
-    cells["delay"] = gaussian_filter(delay, _SOFT)
+    cells["delay"] = gaussian_filter(
+        wave(exposure, poses[scans, :2], structures.setting.light), _SOFT
+    )
     return exposure
 
 
@@ -224,7 +256,6 @@ class LiveExposure:
     def _light(self, scan: LaserScan, time: float) -> None:
         place = np.array(scan.pose[:2])
         whole = self.exposure
-        mirrors = self._structures.segments[self._structures.mirrors]
         far = (
             np.max(scan.ranges, initial=min(scan.range_max, FARTHEST), where=scan.hits) + whole.cell
         )
@@ -238,7 +269,7 @@ class LiveExposure:
         times = whole.times[_box(low, high)]
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
-        part.fan(scan, mirrors, picture, 255)
+        part.fan(scan, self._structures.segments[self._structures.mirrors], picture, 255)
         cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
         first = (cover > 0.0) & (times["sure"] == 0.0)
         times["seen"][first] = time
@@ -264,9 +295,10 @@ def _box(low: Int, high: Int) -> tuple[slice, ...]:
 
 def soft_rim(seen: Bool) -> Float:
     """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, the rim is blurred."""
-    closed = binary_closing(np.pad(seen, 4), iterations=_CLOSED)[4:-4, 4:-4]
-    soft = gaussian_filter(closed.astype(np.float32), 0.8 * _SOFT)
-    return np.asarray(np.clip(1.6 * soft - 0.3, 0.0, 1.0))
+    within = slice(_AROUND, -_AROUND)
+    closed = binary_closing(np.pad(seen, _AROUND), iterations=_CLOSED)[within, within]
+    soft = gaussian_filter(closed.astype(np.float32), _RIM)
+    return np.asarray(np.clip(_RIM_STEEP * soft - _RIM_LOW, 0.0, 1.0))
 
 
 def wave(exposure: Exposure, places: Float, speed: float) -> Single:
@@ -276,5 +308,4 @@ def wave(exposure: Exposure, places: Float, speed: float) -> Single:
     x = left + (np.arange(columns, dtype=np.float32) + 0.5) * exposure.cell
     y = low + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
     from_x, from_y = np.moveaxis(places, -1, 0)
-    away = np.hypot(x - from_x, y[:, None] - from_y)
-    return single(np.minimum(away / speed, _LONGEST_WAVE))
+    return single(np.minimum(np.hypot(x - from_x, y[:, None] - from_y) / speed, _LONGEST_WAVE))

@@ -1,73 +1,122 @@
-"""What stands in a run's world, painted once for all pictures: walls, roofs, ground and light.
+"""The stage of a run, painted once for all pictures: walls, roofs, ground and light.
 
 Walls and roofs are faces, as bright as they look at the sky; the ground is a picture of streets or
-floors, darker next to walls. Painting takes a second, so the stage
-asked for last is kept; it can be pickled, to be handed to other processes.
+floors, darker next to walls. Painting takes a second, so the stage that was asked for last is kept;
+it can be pickled, to be handed to other processes.
 """
 
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
+from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import LEFT, Float, Int, directions, lengths
 from lrf3d.simulation.run import Run
-from lrf3d.studio.scene.look import SUN, WALL_LIGHT
+from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
 from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
+from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.studio.scene.stage.structures import Structures, filled_between
 
-# Length [m] over which two walls at one place are one; half the gap between both faces of a free
-# wall [m], as a ray meets the one that looks at it; and the least area of a triangle [m²]: outlines
-# that touch themselves have smaller ones.
+# Length over which two walls at one place are one [m].
 _TOGETHER = 0.05
+
+# Half the gap between both faces of a free wall [m]: a ray meets the one that looks at it.
 _APART = 0.004
+
+# Least area of a triangle [m²]: outlines that touch themselves have smaller ones.
 _LEAST = 1e-7
 
-# How far a street reaches past the houses of a town, and the width of the pavement round them [m].
+# Largest number of walls that show reflections: each takes the time of a picture.
+_MOST_MIRRORS = 4
+
+# Distance that a street reaches past the houses of a town [m].
 STREET = 8.0
+
+# Width of the pavement round houses [m].
 PAVEMENT = 1.7
+
+# Longest side of the picture of the ground [pixels].
+_LONGEST_SIDE = 2048
+
+# Pixels to a side that shapes are painted with in place of one: steps in their edges would show.
+_FINER = 2
+
+# Radius by which these are smoothed [pixels].
+_BLUR = 0.6
+
+# Brightness of pavements, 0…255.
+_PAVED = 134
+
+# Brightness of the tiles of a floor, 0…255.
+_TILE = 178
+
+# Brightness of the joints between tiles, 0…255.
+_JOINT = 160
+
+# Share of light that is lost next to walls.
+_SHADED = 0.45
+
+# Standard deviation of that loss, in its reach.
+_SHADE_SLOPE = 0.25
+
+# Share of the picture, at its edges, in which the ground fades into the land around.
+_FADE = 0.06
+
+# Largest width of the openings in walls that a floor closes, by half [m].
+_HOLE = 4.0
+
+# Distance that a floor goes past its walls [m].
+_RIM = 0.1
+
+# Radius of the floor round the path of a robot where there are no rooms [m].
+_AROUND_PATH = 1.6
+
+# Largest number of places of a path that have floor around them.
+_MOST_PLACES = 2000
 
 # Colour of floors, whose tiles are a metre wide, with joints of a pixel.
 _FLOOR = np.array([1.0, 0.96, 0.90])
 
 
 class Stage(NamedTuple):
-    """What stands in a world: its structures, their faces, the ground, and its light.
-
-    The longest of the walls that are mirrors (m, 5) have their heights [m] as the fifth column.
-    """
+    """What stands in a world: its structures, their faces, the ground, and its light."""
 
     structures: Structures
     faces: Painted
     ground: GroundPicture
     exposure: Exposure
+    # (m, 5) the longest of the walls that are mirrors, and their heights [m].
     mirrors: Float
 
 
-@lru_cache(maxsize=1)
-def stage_of(run: Run) -> Stage:
+# The stage that was asked for last.
+_STAGES = Latest()
+
+
+def stage_of(run: Shown) -> Stage:
     """Paint what can be seen of a run's world, or take what was painted for it before."""
-    return paint_stage(Structures.from_run(run), run)
+    return _STAGES.of(run, lambda: paint_stage(Structures.from_run(run), run))
 
 
-def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
+def paint_stage(structures: Structures, run: Shown | None = None) -> Stage:
     """Paint walls, roofs and the ground, and when the scans of a run first met them."""
-    canvas = canvas_of(structures)
-    box = canvas.corner, canvas.corner + canvas.extent
+    grid = ground_grid(structures)
+    box = grid.corner, grid.corner + grid.extent
     # What is driven by hand has no scans yet: they light it as they come.
     exposure = unexposed(structures, *box)
     if isinstance(run, Run):
         exposure = expose(run, structures, *box)
     walls, tops = (each[structures.mirrors] for each in (structures.segments, structures.heights))
-    most_mirrors = 4  # Most walls that show reflections: each takes the time of a picture.
-    longest = np.argsort(-lengths(walls), kind="stable")[:most_mirrors]
-    mirrors = np.column_stack([walls, tops])[longest]
-    faces = lay_faces(structures, exposure)
-    ground = paint_ground(structures, canvas)
-    return Stage(structures, faces, ground, exposure, mirrors)
+    return Stage(
+        structures,
+        lay_faces(structures, exposure),
+        paint_ground(structures, grid),
+        exposure,
+        np.column_stack([walls, tops])[np.argsort(-lengths(walls), kind="stable")[:_MOST_MIRRORS]],
+    )
 
 
 def _free_walls(structures: Structures) -> tuple[Int, Float]:
@@ -102,8 +151,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
     free, parts = _free_walls(structures)
     number = np.concatenate([solid, free, free])
     segments = np.concatenate([structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]])
-    along = directions(segments)
-    off = -along @ LEFT
+    off = -directions(segments) @ LEFT
     *_, sun_up = SUN
     even, sunny, foot = WALL_LIGHT
     apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
@@ -134,8 +182,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         middles = before[..., :2].mean(axis=1)
         order = np.lexsort((exposure.sampled(middles)["mapped"], walls.objects))
         among, first = np.unique(walls.objects[order], return_index=True)
-        best = order[first][np.searchsorted(among, objects)]
-        roofs.before[..., :2] = middles[best, None]
+        roofs.before[..., :2] = middles[order[first][np.searchsorted(among, objects)], None]
     columns: zip[Any] = zip(walls, roofs, strict=True)
     return Painted(*map(np.concatenate, columns))
 
@@ -152,15 +199,15 @@ def triangles(polygons: Any) -> tuple[Float, Int]:
     return shapely.get_coordinates(turned).reshape(-1, 4, 2)[:, :3], piece[there]
 
 
-class Canvas(NamedTuple):
-    """Where a picture of the ground lies."""
+class GroundGrid(NamedTuple):
+    """The pixels of the picture of the ground, and where they lie."""
 
+    # (2,) its lower left corner [m].
     corner: Float
-    """(2,) its lower left corner [m]."""
+    # Side of a pixel [m].
     pixel: float
-    """Size of a pixel [m]."""
+    # Its width and height [pixels].
     size: tuple[int, int]
-    """Its width and height [pixels]."""
 
     @property
     def extent(self) -> Float:
@@ -169,11 +216,7 @@ class Canvas(NamedTuple):
 
     def mask(self, polygons: Any) -> Image.Image:
         """How much of each pixel polygons cover, with smooth edges."""
-        # Pixels to a side that shapes are painted with in place of one, and how far they are
-        # smoothed [pixels]: steps in their edges would show.
-        finer = 2
-        blur = 0.6
-        fine = Image.new("L", [finer * side for side in self.size])
+        fine = Image.new("L", [_FINER * side for side in self.size])
         draw = ImageDraw.Draw(fine)
         parts = shapely.get_parts(polygons)
         # Where nothing is near, a union is one polygon of no points.
@@ -181,12 +224,12 @@ class Canvas(NamedTuple):
         # Large ones come first, as what stands in their holes is painted again.
         for polygon in parts[np.argsort(-shapely.area(parts), kind="stable")]:
             for ring, value in [(polygon.exterior, 255), *((r, 0) for r in polygon.interiors)]:
-                places = (np.asarray(ring.coords) - self.corner) * (finer / self.pixel)
+                places = (np.asarray(ring.coords) - self.corner) * (_FINER / self.pixel)
                 draw.polygon(places.ravel().tolist(), fill=value)
-        return fine.reduce(finer).filter(ImageFilter.BoxBlur(blur))
+        return fine.reduce(_FINER).filter(ImageFilter.BoxBlur(_BLUR))
 
 
-def canvas_of(structures: Structures) -> Canvas:
+def ground_grid(structures: Structures) -> GroundGrid:
     """Where the picture of the ground of a world lies, coarser the larger it is."""
     setting = structures.setting
     ends = structures.places if len(structures.places) else np.zeros((1, 2))
@@ -194,68 +237,55 @@ def canvas_of(structures: Structures) -> Canvas:
         ends = np.concatenate([ends, structures.path])
     low = ends.min(axis=0) - setting.margin
     high = ends.max(axis=0) + setting.margin
-    pixels = 2048  # Longest side of the picture [pixels].
-    pixel = max(float((high - low).max()) / pixels, setting.pixel)
+    pixel = max(float((high - low).max()) / _LONGEST_SIDE, setting.pixel)
     width, height = np.ceil((high - low) / pixel).astype(int).tolist()
-    return Canvas(low, pixel, (width, height))
+    return GroundGrid(low, pixel, (width, height))
 
 
-def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
+def paint_ground(structures: Structures, grid: GroundGrid) -> GroundPicture:
     """Paint the ground of a world: asphalt and pavements, or the floor of a house."""
     indoor = structures.indoor
     land = structures.setting.land
-    cover = Image.new("L", canvas.size, land)
-    walls = shapely.buffer(structures.tree.geometries, 2.0 * canvas.pixel)
-    # Brightness, 0…255, of pavements, tiles of a floor, and the joints between them.
-    paved = 134
-    tile = 178
-    joint = 160
+    cover = Image.new("L", grid.size, land)
+    walls = shapely.buffer(structures.tree.geometries, 2.0 * grid.pixel)
     if indoor:
-        tiles = canvas.mask(_floor(structures))
-        cover.paste(tile, mask=tiles)
-        left, low = canvas.corner
-        right, high = canvas.corner + canvas.extent
-        half = 0.5 * canvas.pixel
+        tiles = grid.mask(_floor(structures))
+        cover.paste(_TILE, mask=tiles)
+        left, low = grid.corner
+        right, high = grid.corner + grid.extent
+        half = 0.5 * grid.pixel
         x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
         across = shapely.box(left, y - half, right, y + half)
-        joints = canvas.mask([*shapely.box(x - half, low, x + half, high), *across])
-        cover.paste(joint, mask=ImageChops.multiply(tiles, joints))
+        joints = grid.mask([*shapely.box(x - half, low, x + half, high), *across])
+        cover.paste(_JOINT, mask=ImageChops.multiply(tiles, joints))
     else:
-        around = shapely.buffer(structures.solids, PAVEMENT, join_style="mitre")
-        cover.paste(paved, mask=canvas.mask(around))
+        cover.paste(
+            _PAVED, mask=grid.mask(shapely.buffer(structures.solids, PAVEMENT, join_style="mitre"))
+        )
         walls = np.concatenate([walls, structures.solids])
     # Little light gets next to walls; what changes slowly is painted coarsely.
-    blur = ImageFilter.GaussianBlur(0.25 * structures.setting.shade / canvas.pixel)
-    near = canvas.mask(walls).reduce(4).filter(blur)
-    shade = np.asarray(near.resize(canvas.size, Image.Resampling.BILINEAR)) / np.float32(255.0)
-    # Share of light that is lost next to walls, and the share of the picture, at its edges, in
-    # which the ground fades into the land around.
-    shaded = 0.45
-    fade = 0.06
-    seen = np.asarray(cover) * (1.0 - shaded * shade)
+    blur = ImageFilter.GaussianBlur(_SHADE_SLOPE * structures.setting.shade / grid.pixel)
+    near = grid.mask(walls).reduce(4).filter(blur)
+    shade = np.asarray(near.resize(grid.size, Image.Resampling.BILINEAR)) / np.float32(WHITE)
+    seen = np.asarray(cover) * (1.0 - _SHADED * shade)
     # At the edges it goes over into the land.
     fading = (
-        np.clip(np.minimum(places, 1.0 - places) / fade, 0.0, 1.0)
-        for places in ((np.arange(side) + 0.5) / side for side in canvas.size[::-1])
+        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
+        for places in ((np.arange(side) + 0.5) / side for side in grid.size[::-1])
     )
     seen = land + np.outer(*fading) * (seen - land)
     paint = _FLOOR if indoor else np.ones(3)
     picture = np.round(seen[..., None] * paint).astype(np.uint8)
-    return GroundPicture(picture, canvas.corner, canvas.extent, land / 255.0 * paint)
+    return GroundPicture(picture, grid.corner, grid.extent, land / WHITE * paint)
 
 
 def _floor(structures: Structures) -> Any:
     """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
-    # A floor closes openings in walls of up to twice the first, goes past them by the second, and
-    # lies so far round the path of a robot where there are no rooms [m].
-    hole = 4.0
-    rim = 0.1
-    around = 1.6
-    filled = filled_between(structures.segments, hole)
-    rooms = shapely.union_all(shapely.buffer(filled, rim - hole, join_style="mitre"))
+    filled = filled_between(structures.segments, _HOLE)
+    rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
     shapely.prepare(rooms)
-    path = structures.path[:: max(1, len(structures.path) // 2000)]
+    path = structures.path[:: max(1, len(structures.path) // _MOST_PLACES)]
     outside = path[~shapely.contains_xy(rooms, *path.T)]
-    floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), around)])
+    floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), _AROUND_PATH)])
     # Where these meet rooms there are no corners.
-    return shapely.buffer(shapely.buffer(floor, around), -around)
+    return shapely.buffer(shapely.buffer(floor, _AROUND_PATH), -_AROUND_PATH)

@@ -15,10 +15,10 @@ import shapely
 from numpy.typing import NDArray
 
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
-from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
 from lrf3d.studio.scene.shapes import Lines, Soft, single
+from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
 
 # Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it.
@@ -28,11 +28,10 @@ SIGHT_DISTANCE = 4000.0
 class Sight(NamedTuple):
     """The part of a world that can be seen."""
 
+    # The walls within `SIGHT_DISTANCE` of the path; where those are all, the world itself.
     world: World
-    """The walls within :data:`SIGHT_DISTANCE` of the path; where those are all, the world itself.
-    """
+    # (2,) whole metres near their middle: the origin of the frame to draw in.
     origin: Float
-    """(2,) whole metres near their middle: the origin of the frame to draw in."""
 
     @classmethod
     def of(cls, world: World, path: Float | None = None) -> "Sight":
@@ -44,8 +43,7 @@ class Sight(NamedTuple):
         low = places.min(axis=0)
         high = places.max(axis=0)
         world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
-        there = len(world.segments) > 0
-        return cls(world, world.origin if there else np.round(0.5 * (low + high)))
+        return cls(world, world.origin if len(world.segments) else np.round(0.5 * (low + high)))
 
 
 def _near(world: World, low: Float, high: Float) -> World:
@@ -68,26 +66,50 @@ def _near(world: World, low: Float, high: Float) -> World:
     )
 
 
-# Walls up to the first [m] are those of rooms. Half the width of openings in the walls of a hall
-# [m], the share of all walls within, and how high they are, in the highest wall, at the least.
+# Largest height of walls that are those of rooms [m].
 INDOOR_HEIGHT = 3.5
+
+# Half the width of openings in the walls of a hall [m].
 _DOOR = 2.0
+
+# Least share of all walls that stand in a hall.
 _ENCLOSED = 0.9
+
+# Least height of the walls of a hall, in the highest wall.
 _AS_HIGH = 0.4
 
-# How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
-# edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over
-# it.
+# Tolerance within which the outline of a hall is simplified [m].
+_SIMPLER = 0.1
+
+# Distance from a wall at which its inside is looked for [m], less than any wall is thick.
 _PROBE = 0.005
-_OUTLINE_WIDTH = 1.1
+
+# Least share of the walls of an object that lie on the outline of its solid.
+_WHOLE = 0.99
+
+# Least area of a solid [m²].
+_LEAST_AREA = 1e-4
+
+# Distance within which ends of walls are one corner [m]: files round their coordinates.
+_CORNER = 1e-3
+
+# Height of a storey [m].
 _STOREY = 3.1
+
+# Opacity of the joint over a storey.
 _STOREY_STRENGTH = 0.4
 
-# Range [m] up to which beams without a return light the ground, and from which hits have the last
-# colour; legs of a beam, which casters turn up to eight times, and the shortest, as a share of the
-# rest of its path: a beam does not meet the wall that it has just left.
+# Opacity of upright edges at the foot, in that at the top.
+_FOOT_STRENGTH = 0.2
+
+# Range up to which beams without a return light the ground, and from which on hits have the last
+# colour [m].
 FARTHEST = 30.0
+
+# Largest number of legs of a beam: casters turn it up to eight times.
 _MOST_LEGS = 9
+
+# Shortest leg, in the rest of the beam's path: a beam does not meet the wall that it has just left.
 _LEAST_LEG = 1e-9
 
 
@@ -95,29 +117,34 @@ _LEAST_LEG = 1e-9
 class Structures:
     """The walls of a world in the film's frame, and the solids that they close round."""
 
+    # (n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left.
     segments: Float
-    """(n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left."""
+    # (n,) the object of each wall.
     objects: Int
+    # (n,) [m].
     heights: Float
+    # (n, 3).
     colours: Float
-    """(n,) the object of each wall, its height [m] and (n, 3) its colour."""
+    # (n,) whether a wall is of a solid, and so has one visible side.
     closed: Bool
+    # (n,) whether a wall is glass.
     glass: Bool
+    # (n,) whether a wall is a mirror.
     mirrors: Bool
-    """(n,) whether a wall is of a solid, and so has one visible side; whether it is glass; and
-    whether it is a mirror."""
+    # (k,) polygons of the solids.
     solids: NDArray[Any]
-    """(k,) polygons of the solids."""
+    # (k,) the object that each solid is.
     solid_objects: Int
+    # (k,) heights of the roofs [m].
     solid_heights: Float
+    # (k, 3).
     solid_colours: Float
-    """(k,) the object that each is, the height of its roof [m], and (k, 3) its colour."""
+    # Whether this is the inside of a house.
     indoor: bool
-    """Whether this is the inside of a house."""
+    # (2,) where the origin of the film's frame lies in the world [m].
     origin: Float
-    """(2,) where the origin of the film's frame lies in the world [m]."""
+    # (k, 2) where a robot drives [m].
     path: Float
-    """(k, 2) where a robot drives [m]."""
 
     @cached_property
     def tree(self) -> shapely.STRtree:
@@ -125,7 +152,7 @@ class Structures:
         return shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
 
     @classmethod
-    def from_run(cls, run: Run) -> "Structures":
+    def from_run(cls, run: Shown) -> "Structures":
         """Find the solids of a run's world; outlines that it drove inside of are not.
 
         Walls that are known from scans alone are low: they hide neither the robot nor the map.
@@ -141,16 +168,14 @@ class Structures:
 
         What cannot be seen from the path is left out; all is there where no path is given.
         """
-        sight = Sight.of(world, path)
-        world = sight.world
-        origin = sight.origin
+        world, origin = Sight.of(world, path)
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
         areas = np.full(world.object_count, None, dtype=object)
         groups, built = enclosed_areas(segments, world.objects, world.object_count)
         # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
-        whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
-        solid = whole & (shapely.area(built) > 1e-4)
+        whole = shapely.length(shapely.boundary(built)) >= _WHOLE * shapely.length(groups)
+        solid = whole & (shapely.area(built) > _LEAST_AREA)
         areas[solid] = built[solid]
         areas[_rooms(areas, segments, world.objects, path)] = None
         left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
@@ -258,7 +283,7 @@ def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
     ends = np.concatenate([d, c, c])
     colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
     full = np.ones((len(starts), 2), np.float32)
-    edges = Lines(single(starts), single(ends), colours, full, 2.0 * _OUTLINE_WIDTH)
+    edges = Lines(single(starts), single(ends), colours, full, 2.0 * look.FINE)
     return Soft(single(corners), single(tints)), edges
 
 
@@ -274,9 +299,8 @@ def outlines_of(structures: Structures) -> Lines:
         walls = walls[structures.closed]
         tops = tops[structures.closed]
         count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
-        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
         storeys = np.repeat(walls, count, axis=0)
-        levels = _STOREY * number
+        levels = _STOREY * (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1)
     (a, b), (c, d) = (
         [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
         for lines, high in ((walls, tops), (storeys, levels))
@@ -285,10 +309,15 @@ def outlines_of(structures: Structures) -> Lines:
     ends = np.concatenate([b, a, d])
     counts = [len(walls), len(walls), len(storeys)]
     strong = look.OUTLINE_STRENGTH
-    strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
-    opacities = single(np.repeat(strengths, counts, axis=0))
+    strengths = [strong, strong], [_FOOT_STRENGTH * strong, strong], [_STOREY_STRENGTH] * 2
     colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
-    return Lines(single(starts), single(ends), colours, opacities, _OUTLINE_WIDTH)
+    return Lines(
+        single(starts),
+        single(ends),
+        colours,
+        single(np.repeat(strengths, counts, axis=0)),
+        look.FINE,
+    )
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
@@ -299,7 +328,7 @@ def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> boo
     if float(np.median(heights[free])) < _AS_HIGH * float(heights.max()):
         return False
     filled = filled_between(segments[free], _DOOR)
-    hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], 0.1)
+    hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], _SIMPLER)
     shapely.prepare(hall)
     middles = 0.5 * (segments[:, :2] + segments[:, 2:])
     within = shapely.contains_xy(hall, *middles.T) * lengths(segments)
@@ -322,8 +351,7 @@ def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[A
     groups = np.full(count, None, dtype=object)
     groups = shapely.multilinestrings(lines[order], indices=objects[order], out=groups)
     # Areas need an end wherever walls touch or cross, and one wall where two lie on each other.
-    # Ends a millimetre apart are one corner: files round their coordinates.
-    groups = shapely.union(groups, shapely.MultiLineString(), grid_size=1e-3)
+    groups = shapely.union(groups, shapely.MultiLineString(), grid_size=_CORNER)
     return groups, shapely.build_area(groups)
 
 

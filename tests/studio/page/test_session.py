@@ -13,7 +13,7 @@ from yard import OBSTACLE, YARD, hand
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.robot import Trajectory
 from lrf3d.studio.page.message import Sender, part_of, stage_message
-from lrf3d.studio.page.shown import Shown, Wanted
+from lrf3d.studio.page.session import PageSession, Wanted
 from lrf3d.studio.scene.shapes import Lines, Points, Soft
 from lrf3d.studio.scene.stage.stage import stage_of
 
@@ -91,7 +91,7 @@ def test_of_an_array_that_has_grown_only_what_is_new_is_sent():
 @pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
 def test_a_page_gets_the_scene_of_the_film(offset):
     run = city_run(offset)
-    header = read(Shown.played(run, 1.0).answer(Wanted(time=2.0), 0.0))
+    header = read(PageSession.played(run, 1.0).answer(Wanted(time=2.0), 0.0))
     marks = header["marks"]
     assert {"trail", "beams", "points", "bands", "robot", "plan robot"} <= set(marks)
     scan = run.scan(int(np.searchsorted(run.trajectory.times, 2.0 + 1e-9, side="right")) - 1)
@@ -113,9 +113,9 @@ def test_what_stands_is_sent_with_the_shaders_of_the_film():
     assert np.median(np.ptp(ground, axis=1)) < 0.2 * stage.ground.size.max()
 
 
-def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
+def test_every_view_is_sent_and_an_unchanged_one_is_not():
     run = city_run()
-    played, eyes = Shown.played(run, 1.0), []
+    played, eyes = PageSession.played(run, 1.0), []
     views = ("story", "follow", "orbit", "top", "first")
     for view in views:
         wanted = Wanted(view=view, time=1.0)
@@ -125,10 +125,10 @@ def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
     assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["glass"] == 1.0
 
 
-def test_a_page_gets_what_moved_and_what_the_robot_believed():
+def test_a_page_gets_obstacles_and_the_estimate():
     way = Trajectory([0.5, 2.0], [(-22, 1, 3.0), (-14, -1, -3.0)])
     run = replace(estimated(city_run()), obstacles=(DynamicObstacle(round_outline(0.4), way),))
-    header = read(Shown.played(run, 1.0).answer(Wanted(time=1.0), 0.0))
+    header = read(PageSession.played(run, 1.0).answer(Wanted(time=1.0), 0.0))
     place = header["marks"]["obstacle 0"]["pose"][12:14]
     assert place == pytest.approx(way.at(np.array([1.0]))[0, :2] - run.world.origin, abs=1e-4)
     assert {"estimate", "ellipses", "shadows"} <= set(header["marks"])
@@ -138,13 +138,13 @@ def test_a_page_gets_what_moved_and_what_the_robot_believed():
 
 def test_runs_without_a_map_or_of_one_beam_are_shown():
     runs = one_beam_run(), replace(city_run(), snapshot_scans=(), maps=())
-    shown = [read(Shown.played(run, 1.0).answer(Wanted(), 0.0)) for run in runs]
+    shown = [read(PageSession.played(run, 1.0).answer(Wanted(), 0.0)) for run in runs]
     assert all(each["marks"] for each in shown)
     assert shown[1]["words"]["map"] == "no map yet"
 
 
 def test_a_drive_sends_nothing_while_nothing_changes(tmp_path):
-    page = Shown.driven(hand(YARD, tmp_path))
+    page = PageSession.driven(hand(YARD, tmp_path))
     header = read(page.answer(Wanted(), 0.05))
     assert {"points", "bands", "trail"} <= set(header["marks"])
     assert [page.answer(Wanted(), 0.05) for _ in range(3)] == [None] * 3
@@ -154,7 +154,11 @@ def test_a_drive_sends_nothing_while_nothing_changes(tmp_path):
 
 
 def test_of_a_long_trail_only_its_end_is_sent(tmp_path):
-    page, wanted, trail = Shown.driven(hand(YARD, tmp_path)), Wanted(forward=0.8, turn=0.9), []
+    page, wanted, trail = (
+        PageSession.driven(hand(YARD, tmp_path)),
+        Wanted(forward=0.8, turn=0.9),
+        [],
+    )
     for _ in range(700):
         header = read(page.answer(wanted, 1.0 / 30.0))
         drawn = header["marks"]["trail"]
@@ -167,9 +171,19 @@ def test_of_a_long_trail_only_its_end_is_sent(tmp_path):
 
 
 def test_a_drive_shows_what_moves(tmp_path):
-    page = Shown.driven(hand(YARD + OBSTACLE, tmp_path))
+    page = PageSession.driven(hand(YARD + OBSTACLE, tmp_path))
     before, after = (read(page.answer(Wanted(), 0.05))["marks"]["obstacle 0"] for _ in range(2))
     assert before["pose"] != after["pose"] and not after["columns"]
+
+
+def test_a_robot_at_rest_shows_beams_that_end_at_what_moves(tmp_path):
+    drive = hand(YARD + OBSTACLE, tmp_path)
+    page = PageSession.driven(drive)
+    for _ in range(5):
+        marks = read(page.answer(Wanted(), 0.1))["marks"]
+        (scan,) = drive.latest
+        places = marks["points"]["columns"][0][:, :2] + page.scene.origin
+        assert places == pytest.approx(scan.points(), abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -180,10 +194,10 @@ def test_a_drive_shows_what_moves(tmp_path):
         *('{"time": "now"}', '{"width": -1}'),
     ],
 )
-def test_what_is_malformed_is_ignored(sent):
+def test_malformed_messages_are_ignored(sent):
     assert Wanted().changed(sent) == Wanted()
 
 
-def test_what_is_sent_is_wanted():
+def test_a_message_changes_what_is_wanted():
     sent = '{"view": "top", "forward": 1, "turn": -0.5}'
     assert Wanted(time=3.0).changed(sent) == Wanted("top", 3.0, forward=1.0, turn=-0.5)

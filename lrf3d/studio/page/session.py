@@ -1,59 +1,74 @@
-"""What a page shows: a run that is played, or a drive by hand, as messages for the page.
+"""What one page sees: a run that is played, or a drive by hand, as messages for the page.
 
 The page asks for a time and a view, or for speeds to drive at; the scene of that moment leaves.
 """
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lrf3d.simulation.run import Run
-from lrf3d.studio.page.hand_drive import HandDrive
+from lrf3d.studio.page.hand_drive import DriveTimeline, HandDrive
 from lrf3d.studio.page.message import Part, Sender, part_of, times_part
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.camera import Camera, Look, SmoothPath, Track, Tracked
+from lrf3d.studio.scene.camera import Camera, CameraPath, Look, PathCamera, SmoothPath
 from lrf3d.studio.scene.cameras import First, Story, behind, chase, margins, overview, top
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import panel
-from lrf3d.studio.scene.shapes import Lens
+from lrf3d.studio.scene.shapes import Lens, Seen
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.timeline import Moment, Timeline
 
-# The least and the largest of the numbers that a page sends.
+# A time [s] and a number of drives that no page gets to.
+_EVER = 1e9
+
+# Sides of pictures that are drawn for a page [pixels].
+_SIDES = (16.0, 8192.0)
+
+# The least and the largest of the numbers that a page sends, by the fields of `Wanted`.
 _LIMITS = {
-    "time": (-1e9, 1e9),
-    "width": (16, 8192),
-    "height": (16, 8192),
+    "time": (-_EVER, _EVER),
+    "width": _SIDES,
+    "height": _SIDES,
     "forward": (-1.0, 1.0),
     "turn": (-1.0, 1.0),
-    "drive": (0, 1e9),
+    "drive": (0.0, _EVER),
 }
 
-# Width of the plan in the corner, as a share of the shorter side of the picture, and half the time
-# [s] over which the turn is measured.
-_PLAN_WIDTH = 0.3
+# Width of the inset, as a share of the shorter side of the picture.
+_INSET_WIDTH = 0.3
+
+# Half the time over which the robot's turn is measured [s].
 _TURN_STEP = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a page wants to see and do."""
+    """What a page wants to see and do.
+
+    Args:
+        view: The name of a camera.
+        time: Time from the start of the run on [s]; a story begins before it and goes on after its
+            end.
+        width: Width of what of the picture no controls cover [pixels].
+        height: Its height [pixels].
+        forward: Share of the robot's highest speed.
+        turn: Share of its fastest turn.
+        drive: Number of the drive: another starts again.
+    """
 
     view: str = "follow"
     time: float = 0.0
-    """Time from the start of the run on [s]; a story begins before it and goes on after its end."""
-    width: float = 1280.0
-    height: float = 720.0
-    """Size of what of the picture no controls cover [pixels]."""
+    width: float = look.SIZE[0]
+    height: float = look.SIZE[1]
     forward: float = 0.0
     turn: float = 0.0
     drive: float = 0.0
-    """Shares of the robot's highest speeds, and the number of the drive: another starts again."""
 
     def changed(self, text: str) -> "Wanted":
         """What is wanted after a message from the page; a malformed one changes nothing."""
@@ -67,60 +82,69 @@ class Wanted:
         return Wanted(view, **new) if within else self
 
 
-class Shown:
+# The words of a panel for a moment and a look.
+Said = Callable[[Moment, Look], str]
+
+
+class PageSession:
     """A scene as one page sees it, of a run that is played or of a drive by hand."""
 
     def __init__(
         self,
         scene: Scene,
         cameras: Mapping[str, Camera],
+        *,
         drive: HandDrive | None = None,
+        said: Said = lambda moment, view: "",
         sender: Sender | None = None,
     ) -> None:
         self.scene = scene
         self.drive = drive
-        timeline = scene.timeline
-        structures = scene.structures
+        place = scene.timeline, scene.structures
         self.cameras: dict[str, Camera] = {
-            **cameras,
-            "orbit": overview(timeline, structures),
-            "top": top(timeline, structures),
-            "first": First(timeline, structures),
-        }
+            **cameras, "orbit": overview(*place), "top": top(*place), "first": First(*place),
+        }  # fmt: skip
+        self._said = said
         self._sender = sender or Sender()
         self._last: Wanted | None = None
-        self._window = scene.plan_window()
+        self._inset = scene.inset_view()
 
     @classmethod
-    def played(cls, run: Run, playback: float, sender: Sender | None = None) -> "Shown":
+    def played(cls, run: Run, playback: float, sender: Sender | None = None) -> "PageSession":
         """A run that is played."""
         scene = Scene(Timeline(run, playback=playback))
         place = scene.timeline, scene.structures
-        return cls(scene, {"story": Story(*place), "follow": chase(*place)}, sender=sender)
+        cameras: dict[str, Camera] = {"story": Story(*place), "follow": chase(*place)}
+
+        def said(moment: Moment, view: Look) -> str:
+            return panel(run, moment, view, playback).text[0]
+
+        return cls(scene, cameras, said=said, sender=sender)
 
     @classmethod
-    def driven(cls, drive: HandDrive, stage: Stage | None = None) -> "Shown":
+    def driven(cls, drive: HandDrive, stage: Stage | None = None) -> "PageSession":
         """A robot that is driven by hand, which is followed as the film's camera does it."""
-        scene = Scene(drive, stage=stage, live=True)
+        scene = Scene(DriveTimeline(drive), stage=stage, live=True)
         structures = scene.structures
 
-        def track(aspect: float) -> Track:
+        def track(aspect: float) -> CameraPath:
             places = np.array([drive.robot.pose[:2]]) - scene.origin
             now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
             return behind(now, structures.setting.chase).past_walls(structures, places, 1.0)
 
-        return cls(scene, {"follow": Tracked(track, {"cuts": True})}, drive)
+        return cls(scene, {"follow": PathCamera(track, {"cuts": True})}, drive=drive)
 
     def setup(self) -> dict[str, Any]:
         """What a page is given once, as values for JSON; a drive has no end.
 
-        The names also fill the gaps in the page's HTML; the plan's scale is a bar of some metres,
-        and its share of the plan's width [%].
+        The names also fill the gaps in the page's HTML; the inset's scale is a bar of some metres,
+        and its share of the inset's width [%].
         """
         timeline = self.scene.timeline
         drive = self.drive
         before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
+        inset = self._inset
         return {
             "title": timeline.run.world.name or (drive.name if drive else "run"),
             "mode": "drives" if drive else "plays",
@@ -129,64 +153,64 @@ class Shown:
             "speed": timeline.playback,
             "trail": _legend(look.TRAIL_COLOUR),
             "estimate": _legend(look.ESTIMATE_COLOUR),
-            "metres": f"{self._window.bar:g}",
-            "share": 100.0 * self._window.bar / self._window.width,
-            "aspect": 1.0 / self._window.aspect,
+            "metres": f"{inset.bar:g}",
+            "share": 100.0 * inset.bar / inset.width,
+            "aspect": 1.0 / inset.aspect,
         }
 
     def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
         """The message for a page that wants this, after some seconds; None if it has all."""
-        scene = self.scene
-        drive = self.drive
-        moved = drive is not None and drive.step(seconds, wanted.forward, wanted.turn)
-        if drive is not None and scene.live is not None:
-            scene.live.see(drive.latest, drive.robot.time)
+        moved = self._drive_on(wanted, seconds)
         if not moved and wanted == self._last:
             return None
         self._last = wanted
-        time = scene.timeline.start + wanted.time
-        if drive is not None:
-            time = drive.robot.time
-            scene.keys = drive.driven()
-        moment = scene.timeline.moment(time)
+        scene = self.scene
+        moment = scene.timeline.moment(scene.timeline.start + wanted.time)
         size = (round(wanted.width), round(wanted.height))
         camera = self.cameras.get(wanted.view, self.cameras["follow"])
-        view = camera.look(time, size[0] / size[1])
+        view = camera.look(moment.now, size[0] / size[1])
         seen = scene.seen(moment, view, size)
-        parts = dict[str, Part]()
-        plan = None
-        for name, body in seen.bodies:
-            style, columns = part_of(body.faces)
-            parts[name] = {**style, "pose": _numbers(body.pose)}, columns
-        marks = seen.marks
-        if view.plan:
-            wide = max(1, round(_PLAN_WIDTH * min(size)))
-            box = (0, 0, wide, max(1, round(self._window.aspect * wide)))
-            shown = scene.plan(moment, box, self._window)
-            marks = (*marks, *shown.marks)
-            plan = _camera(shown.lens)
-        parts |= {name: part_of(mark) for name, mark in marks}
+        if view.inset:
+            wide = max(1, round(_INSET_WIDTH * min(size)))
+            box = (0, 0, wide, max(1, round(self._inset.aspect * wide)))
+            seen = seen._replace(inset=scene.inset(moment, box, self._inset))
         values = {
-            "camera": {
-                **_camera(seen.lens),
-                "clock": seen.clock,
-                "glass": seen.glass,
-                "robot": seen.robot,
-                "cut": seen.cut,
-                "target": _numbers(view.target),
-            },
+            "camera": _scene_camera(seen, view),
             "size": size,
-            "plan": plan,
+            "plan": _camera(seen.inset.lens) if seen.inset else None,
             "tints": None,
             "words": self._words(moment, view),
         }
         if seen.tints is not None:
             flat = seen.tints.lens
-            parts["tints"] = part_of(seen.tints.lines)
             values["tints"] = {**_camera(flat), "matrix": _numbers(flat.matrix)}
-        if scene.live and (fresh := scene.live.fresh()) is not None:
+        return self._sender.message(self._parts(seen), values)
+
+    def _drive_on(self, wanted: Wanted, seconds: float) -> bool:
+        """Drive on by hand for a time [s]; false where all stands still, or a run is played."""
+        if self.drive is None or self.scene.live is None:
+            return False
+        moved = self.drive.step(seconds, wanted.forward, wanted.turn)
+        self.scene.live.see(self.drive.latest, self.drive.robot.time)
+        if moved:
+            self.scene.keys = self.drive.trajectory.keys(self.scene.origin)
+        return moved
+
+    def _parts(self, seen: Seen) -> dict[str, Part]:
+        """The parts of a message, in the order in which they are drawn."""
+        parts = dict[str, Part]()
+        for name, body in seen.bodies:
+            style, columns = part_of(body.faces)
+            parts[name] = {**style, "pose": _numbers(body.pose)}, columns
+        marks = seen.marks if seen.inset is None else (*seen.marks, *seen.inset.marks)
+        parts |= {name: part_of(mark) for name, mark in marks}
+        if seen.tints is not None:
+            parts["tints"] = part_of(seen.tints.lines)
+        live = self.scene.live
+        fresh = None if live is None else live.fresh()
+        if fresh is not None:
             parts["times"] = times_part(*fresh)
-        return self._sender.message(parts, values)
+        return parts
 
     def _words(self, moment: Moment, view: Look) -> dict[str, str]:
         """What is shown, where the robot is, how it moves, what its laser sees, and the map."""
@@ -195,14 +219,14 @@ class Shown:
         x, y, theta = moment.pose
         before, after = timeline.poses(moment.time + np.array([-_TURN_STEP, _TURN_STEP]))[:, 2]
         turned = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
-        ranges = run.scan(moment.scan).ranges
-        stage = run.snapshot_after(moment.mapped)
+        ranges = run.scans_at(moment.scan)[0].ranges
+        snapshot = run.snapshot_after(moment.mapped)
         hits = ranges[np.isfinite(ranges)]
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
         bumped = self.drive is not None and self.drive.robot.bumped
         words = {
-            "said": "" if self.drive else panel(run, moment, view, timeline.playback).text[0],
+            "said": self._said(moment, view),
             "t": f"{moment.time:.1f}",
             "v": f"{moment.speed:z.2f}",
             "w": f"{math.degrees(turned / (2.0 * _TURN_STEP)):z.0f}",
@@ -210,7 +234,7 @@ class Shown:
             "y": f"{y:z.2f}",
             "theta": f"{math.degrees(math.remainder(theta, math.tau)):z.1f}",
             "beams": beams if moment.scanning else "beams off",
-            "map": run.maps[stage].counts if stage >= 0 else "no map yet",
+            "map": run.maps[snapshot].counts if snapshot >= 0 else "no map yet",
             "stop": "a wall is in the way" if bumped else "",
         }
         for name, apart in estimate_words(run, moment.scan):
@@ -220,7 +244,15 @@ class Shown:
 
 def _legend(colour: tuple[float, ...]) -> str:
     """A colour for text, paler on its dark ground."""
-    return f"rgb({', '.join(f'{100.0 * part:.0f}%' for part in look.paler(colour))})"
+    return f"rgb({', '.join(f'{part:.0%}' for part in look.paler(colour))})"
+
+
+def _scene_camera(seen: Seen, view: Look) -> dict[str, Any]:
+    return {
+        **_camera(seen.lens),
+        **{name: getattr(seen, name) for name in ("clock", "glass", "robot", "cut")},
+        "target": _numbers(view.target),
+    }
 
 
 def _camera(lens: Lens) -> dict[str, Any]:

@@ -1,0 +1,67 @@
+"""The inset: which part of a world a small map in the corner of a picture shows."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float
+from lrf3d.studio.scene import look
+from lrf3d.studio.scene.shapes import ON_TOP, Lens
+
+# Least width [m]: there may be no wall.
+_LEAST_WIDTH = 4.0
+
+# Least and largest height, in the width.
+_ASPECTS = (0.22, 1.6)
+
+# Factor of the extent of the world that leaves a rim.
+_RIM = 1.04
+
+# Extent from which on a world has a further rim of a metre on each side [m]: a room needs less.
+_WIDE_RIM = 40.0
+
+# Width in lengths of the longest scale bar.
+_BARS = 3.0
+
+
+class InsetView(NamedTuple):
+    """What the inset shows."""
+
+    # Its middle (2,) [m]; None where that is the robot.
+    middle: Float | None
+    # Its width [m].
+    width: float
+    # Its height, in its width.
+    aspect: float
+
+    @classmethod
+    def of(cls, places: Float) -> "InsetView":
+        """A view of all places (n, 2) or, where that would be too large, around the robot."""
+        low = places.min(axis=0)
+        high = places.max(axis=0)
+        wide, tall = _RIM * (high - low) + 2.0 * np.minimum(1.0, (high - low) / _WIDE_RIM)
+        aspect = float(np.clip(tall / max(wide, look.TINY), *_ASPECTS))
+        width = max(float(wide), float(tall) / aspect, _LEAST_WIDTH)
+        if width > look.INSET_WHOLE:
+            return cls(None, look.INSET_FOLLOWED, 1.0)
+        return cls(0.5 * (low + high), width, aspect)
+
+    @property
+    def bar(self) -> float:
+        """The longest of 1, 2, 5, 10 … that takes up to a third of it, to show its scale by [m]."""
+        most = self.width / _BARS
+        power = float(10.0 ** np.floor(np.log10(most)))
+        return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most)
+
+    def lens(self, robot: Float) -> Lens:
+        """The lens that shows it where the robot is at a place (2,)."""
+        middle = robot if self.middle is None else self.middle
+        # With a negative height the first row of the picture has the largest y.
+        return lens_from_above(middle, self.width * np.array([1.0, -self.aspect]))
+
+
+def lens_from_above(middle: Float, size: Float) -> Lens:
+    """A lens straight above a middle (2,), which shows a width and height (2,) [m]."""
+    matrix = np.diag([*2.0 / size, 0.0, 1.0])
+    matrix[:2, 3] = -2.0 * middle / size
+    return Lens(matrix, np.array([*middle, ON_TOP]), 1.0, 0.0, 0.0, ON_TOP)
