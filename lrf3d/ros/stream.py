@@ -21,7 +21,7 @@ from lrf3d.messages import ros
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
 from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.simulation.live import LiveRobot, live_fleet
-from lrf3d.simulation.loop import line_mapper, update_mapper
+from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
 
 # Simulated time from one line map to the next [s].
@@ -162,7 +162,7 @@ class DrivenRobot:
             yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
         if self._mapper is None:
             return
-        update_mapper(self._mapper, scans)
+        self._mapper.update(scans)
         if robot.time >= self._lines_due:
             lines = self._mapper.map
             self._lines_due = robot.time + LINES_EVERY

@@ -27,19 +27,18 @@ from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.robot import Trajectory
-from lrf3d.robot.kinematics import RADIUS, Twist, hold
-from lrf3d.simulation.loop import Mapper, Simulation
+from lrf3d.robot.kinematics import RADIUS
+from lrf3d.simulation.driven import STILL, Driven
+from lrf3d.simulation.loop import Simulation
+from lrf3d.simulation.mappers import Mapper
 from lrf3d.simulation.recorder import Collection
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.sensor import caster_of
-from lrf3d.simulation.steering import ControlledDrive, Controller, trajectory_of
+from lrf3d.simulation.steering import ControlledDrive, Controller, as_drive
 from lrf3d.world import World
 
 # Room [m] between two robots at the ends of their parts of a route: they cut corners.
 APART = 0.5
-
-# The twist of a robot at rest.
-STILL = (0.0, 0.0, 0.0)
 
 
 @stoppable()
@@ -93,40 +92,24 @@ def simulate_fleet(
     """
     expect(world, World, "world")
     expect(progress, Callable, "progress")
-    if not isinstance(drives, list | tuple):
-        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     if mapper is not None and not callable(mapper):
         raise InputError(f"mapper {shown(mapper)}: expected a function that makes that of a robot")
     check_names("on_collision", [on_collision], ("raise", "stop"))
     obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
     body = Body(radius, outline)
-    stops = on_collision == "stop"
-    places: list[Pose | None] = [None] * len(drives)
-    lasers = () if lrf is None else lasers_of(lrf)
-    if starts is not None:
-        places = [as_pose(start) for start in as_poses(starts)]
-    if len(places) != len(drives):
-        raise InputError(f"{len(places)} starts of {len(drives)} robots: expected as many")
-    paths = list[Trajectory]()
-    kept = list[Any]()
-    for robot, (drive, start) in enumerate(zip(drives, places, strict=True)):
-        controlled = callable(getattr(drive, "command", None))
-        if controlled and any(each.scan_duration for each in lasers):
-            raise InputError(
-                "scan_duration: scans of a fleet's controllers take no time; set it to 0"
-            )
-        if controlled and start is None:
-            raise InputError(
-                f"robot {robot}: a controller without a pose to start at; give starts="
-            )
-        kept.append(drive if controlled else trajectory_of(drive))
-        paths.append(Trajectory([0.0], [start or STILL]) if controlled else kept[-1])
+    kept, places = _started(drives, starts, lrf)
+    paths = [
+        drive if isinstance(drive, Trajectory) else Trajectory([0.0], [start])
+        for drive, start in zip(kept, places, strict=True)
+    ]
     bodies, crowd = robots_among(body, paths, obstacles, height)
-    settings |= {"caster": caster_of(settings.get("caster", "embree"), world), "lrf": lrf}
+    # What they touch is known only when all of them have their commands.
+    settings |= {"radius": body.reach, "on_collision": "ignore", "lrf": lrf}
+    settings["caster"] = caster_of(settings.get("caster", "embree"), world)
     simulations = [
         Simulation(
-            world, drive, rng=own, obstacles=crowd.without(robot), start=start or STILL,
-            mapper=None if mapper is None else mapper(), on_collision=on_collision, **settings,
+            world, drive, rng=own, obstacles=crowd.without(robot), start=start,
+            mapper=None if mapper is None else mapper(), **settings,
         )
         for robot, (drive, start, own) in enumerate(
             zip(kept, places, generator(rng).spawn(len(kept)), strict=True)
@@ -134,16 +117,50 @@ def simulate_fleet(
     ]  # fmt: skip
     names = [f"robot {k}" for k in range(len(bodies))]
     names += [f"dynamic obstacle {k}" for k in range(len(obstacles))]
-    touches = _Touches(CollisionChecker(world, crowd, names=names), crowd, body, stops)
+    checker = CollisionChecker(world, crowd, names=names)
+    touches = _Touches(checker, crowd, body, on_collision == "stop")
     for robot, simulation in enumerate(simulations):
-        simulation.radius = body.reach
         if isinstance(simulation.drive, ControlledDrive):
-            touches.add(robot, simulation.drive)
+            touches.add(robot, simulation.drive.driven)
     runs = _drive_all(simulations, touches, progress)
+    return _among_each_other(runs, kept, bodies, obstacles)
+
+
+def _started(
+    drives: Sequence[Any],
+    starts: Sequence[Sequence[float]] | Float | None,
+    lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None,
+) -> tuple[list[Trajectory | Controller], list[Pose]]:
+    """The drives of a fleet, and the pose at which the robot of each controller starts."""
+    if not isinstance(drives, list | tuple):
+        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
+    kept = [as_drive(drive) for drive in drives]
+    controlled = [k for k, drive in enumerate(kept) if not isinstance(drive, Trajectory)]
+    if controlled and lrf is not None and any(each.scan_duration for each in lasers_of(lrf)):
+        raise InputError("scan_duration: scans of a fleet's controllers take no time; set it to 0")
+    if starts is None and controlled:
+        raise InputError(
+            f"robot {controlled[0]}: a controller without a pose to start at; give starts="
+        )
+    if starts is None:
+        return kept, [Pose(*STILL)] * len(kept)
+    places = [as_pose(start) for start in as_poses(starts)]
+    if len(places) != len(kept):
+        raise InputError(f"{len(places)} starts of {len(kept)} robots: expected as many")
+    return kept, places
+
+
+def _among_each_other(
+    runs: Sequence[Run],
+    drives: Sequence[Trajectory | Controller],
+    bodies: Sequence[DynamicObstacle],
+    obstacles: Sequence[DynamicObstacle],
+) -> list[Run]:
+    """The runs, each with the other robots and what else moves as its dynamic obstacles."""
     # Controllers end anywhere: what was driven is what the others saw.
     driven = [
-        replace(body, path=run.trajectory) if simulation.drive is not body.path else body
-        for body, run, simulation in zip(bodies, runs, simulations, strict=True)
+        body if isinstance(drive, Trajectory) else replace(body, path=run.trajectory)
+        for body, drive, run in zip(bodies, drives, runs, strict=True)
     ]
     last = max((float(run.trajectory.times[-1]) for run in runs), default=0.0)
     seen = tuple(obstacle.until(last) for obstacle in obstacles)
@@ -282,64 +299,52 @@ def _drive_all(
         kept[robot].add(step)
         done += 1
         progress(done, total)
-        touches.hold(robot)
+        touches.show(robot)
         heappush(waiting, (simulations[robot].next_time, robot))
     return [each.run() for each in kept]
 
 
 class _Touches:
-    """What the robots of controllers touch, found when all know how they drive."""
+    """Collisions of controlled robots, computed once every robot has its command."""
 
     def __init__(self, checker: CollisionChecker, crowd: Crowd, body: Body, stops: bool) -> None:
         self._checker = checker
         self._crowd = crowd
         self._body = body
         self._stops = stops
-        self._drives = dict[int, tuple[ControlledDrive, CollisionChecker]]()
-        self._held = dict[int, tuple[float, Pose, Twist]]()
+        self._robots = dict[int, tuple[Driven, CollisionChecker]]()
         self._now = 0.0
 
-    def add(self, robot: int, drive: ControlledDrive) -> None:
+    def add(self, robot: int, driven: Driven) -> None:
         """Take care of the robot of a controller."""
-        self._drives[robot] = drive, self._checker.without(robot)
-        self._hold(robot, 0.0, drive.pose, STILL)
+        self._robots[robot] = driven, self._checker.without(robot)
+        self.show(robot)
 
-    def hold(self, robot: int) -> None:
-        """Let a robot drive as its controller said last."""
-        if robot in self._drives:
-            drive, _ = self._drives[robot]
-            self._hold(robot, *drive.since, drive.twist)
+    def show(self, robot: int) -> None:
+        """Show the others how a robot drives by its last command."""
+        if robot in self._robots:
+            driven, _ = self._robots[robot]
+            self._crowd.hold(move_of(*driven.since, driven.twist), robot)
 
     def drive_until(self, time: float) -> None:
         """Find what is touched up to a time [s], the earliest first."""
         # Time [s] within which two robots touch each other at once: more than rounding.
         together = 1e-12
-        while self._now < time and self._drives:
-            hits = {robot: hit for robot in self._drives if (hit := self._hit(robot, time))}
+        while self._now < time and self._robots:
+            hits = {robot: hit for robot in self._robots if (hit := self._hit(robot, time))}
             self._now = min((hit.time for hit in hits.values()), default=time)
             for robot, hit in hits.items():
                 if hit.time > self._now + together:
                     continue
                 if not self._stops:
                     raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")
-                drive, _ = self._drives[robot]
-                drive.collision = hit
-                drive.pose = self._at(robot, hit.time)
-                self._hold(robot, hit.time, drive.pose, STILL)
+                self._robots[robot][0].stop(hit)
+                self.show(robot)
 
     def _hit(self, robot: int, time: float) -> Collision | None:
         """What a robot touches up to a time [s]; one that rests may be driven into."""
-        twist = self._held[robot][2]
-        if self._stops and twist == STILL:
+        driven, checker = self._robots[robot]
+        if self._stops and driven.twist == STILL:
             return None
-        pose = self._at(robot, self._now)
-        _, checker = self._drives[robot]
-        return checker.held(self._body, pose, twist, self._now, time - self._now)
-
-    def _at(self, robot: int, time: float) -> Pose:
-        begin, pose, twist = self._held[robot]
-        return hold(pose, twist, time - begin) if time > begin else pose
-
-    def _hold(self, robot: int, time: float, pose: Pose, twist: Twist) -> None:
-        self._held[robot] = time, pose, twist
-        self._crowd.hold(move_of(time, pose, twist), robot)
+        pose = driven.passed(self._now)
+        return checker.held(self._body, pose, driven.twist, self._now, time - self._now)
