@@ -202,7 +202,7 @@ class DrivenRobot:
             if frame == own:
                 # The odometry's frame has drifted.
                 asked = self.robot.pose @ self.odometry.inverse() @ asked
-            self.robot.place(asked)
+            self.robot.carry(asked)
         except InputError as error:
             self._say("error", f"set_pose: {error}; ignored")
         else:

@@ -28,7 +28,7 @@ class Driven:
         self, pose: Pose, time: float, body: Body | None, checker: CollisionChecker | None
     ) -> None:
         self.time = time
-        self.body = body
+        self._body = body
         self._checker = checker
         self.place(pose)
 
@@ -60,16 +60,19 @@ class Driven:
         start = self.pose
         self.rest()
         self.twist = twist
-        self.collision = None
-        if self._checker is not None and self.body is not None:
-            held = start, twist, self.time, seconds + ahead
-            self.collision = self._checker.held(self.body, *held)
+        self.collision = self.touched(start, twist, seconds + ahead)
         self.time += seconds
         if self.collision is not None and self.collision.time < self.time:
             self.stop(self.collision)
         else:
             self.pose = hold(start, twist, seconds) if end is None else end
         return self.collision
+
+    def touched(self, pose: Pose, twist: Twist, seconds: float) -> Collision | None:
+        """The first collision if it held a twist from a pose now on for a time [s], or None."""
+        if self._checker is None or self._body is None:
+            return None
+        return self._checker.held(self._body, pose, twist, self.time, seconds)
 
     def stop(self, collision: Collision) -> None:
         """Rest where a collision is on the arc of the twist."""

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from heapq import heapify, heappop, heappush
 from itertools import combinations
 from typing import Any
 
@@ -25,7 +24,6 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.geometry.lines import Float, Int, generator, lengths
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.laser.range_finder import lasers_of
 from lrf3d.robot import Trajectory
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.simulation.driven import STILL, Driven
@@ -97,7 +95,7 @@ def simulate_fleet(
     check_names("on_collision", [on_collision], ("raise", "stop"))
     obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
     body = Body(radius, outline)
-    kept, places = _started(drives, starts, lrf)
+    kept, places = _started(drives, starts)
     paths = [
         drive if isinstance(drive, Trajectory) else Trajectory([0.0], [start])
         for drive, start in zip(kept, places, strict=True)
@@ -120,34 +118,27 @@ def simulate_fleet(
     checker = CollisionChecker(world, crowd, names=names)
     touches = _Touches(checker, crowd, body, on_collision == "stop")
     for robot, simulation in enumerate(simulations):
-        if isinstance(simulation.drive, ControlledDrive):
-            touches.add(robot, simulation.drive.driven)
+        touches.add(robot, simulation.drive)
     runs = _drive_all(simulations, touches, progress)
     return _among_each_other(runs, kept, bodies, obstacles)
 
 
 def _started(
-    drives: Sequence[Any],
-    starts: Sequence[Sequence[float]] | Float | None,
-    lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None,
+    drives: Sequence[Any], starts: Sequence[Sequence[float]] | Float | None
 ) -> tuple[list[Trajectory | Controller], list[Pose]]:
     """The drives of a fleet, and the pose at which the robot of each controller starts."""
     if not isinstance(drives, list | tuple):
         raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     kept = [as_drive(drive) for drive in drives]
-    controlled = [k for k, drive in enumerate(kept) if not isinstance(drive, Trajectory)]
-    if controlled and lrf is not None and any(each.scan_duration for each in lasers_of(lrf)):
-        raise InputError("scan_duration: scans of a fleet's controllers take no time; set it to 0")
-    if starts is None and controlled:
-        raise InputError(
-            f"robot {controlled[0]}: a controller without a pose to start at; give starts="
-        )
-    if starts is None:
-        return kept, [Pose(*STILL)] * len(kept)
-    places = [as_pose(start) for start in as_poses(starts)]
+    places: Float = np.zeros((len(kept), 3)) if starts is None else as_poses(starts)
     if len(places) != len(kept):
         raise InputError(f"{len(places)} starts of {len(kept)} robots: expected as many")
-    return kept, places
+    for robot, drive in enumerate(kept):
+        if starts is None and not isinstance(drive, Trajectory):
+            raise InputError(
+                f"robot {robot}: a controller without a pose to start at; give starts="
+            )
+    return kept, [as_pose(start) for start in places]
 
 
 def _among_each_other(
@@ -287,20 +278,16 @@ def _drive_all(
     steps = [iter(simulation) for simulation in simulations]
     kept = [Collection(simulation) for simulation in simulations]
     total = sum(each.total for each in simulations)
+    times = [each.next_time for each in simulations]
     done = 0
-    waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
-    heapify(waiting)
-    while waiting:
-        time, robot = heappop(waiting)
-        if time < math.inf:
-            touches.drive_until(time)
-        if (step := next(steps[robot], None)) is None:
-            continue
-        kept[robot].add(step)
+    while (time := min(times, default=math.inf)) < math.inf:
+        robot = times.index(time)
+        touches.drive_until(time)
+        kept[robot].add(next(steps[robot]))
         done += 1
         progress(done, total)
         touches.show(robot)
-        heappush(waiting, (simulations[robot].next_time, robot))
+        times[robot] = simulations[robot].next_time
     return [each.run() for each in kept]
 
 
@@ -315,10 +302,15 @@ class _Touches:
         self._robots = dict[int, tuple[Driven, CollisionChecker]]()
         self._now = 0.0
 
-    def add(self, robot: int, driven: Driven) -> None:
-        """Take care of the robot of a controller."""
-        self._robots[robot] = driven, self._checker.without(robot)
-        self.show(robot)
+    def add(self, robot: int, drive: Trajectory | ControlledDrive) -> None:
+        """Check the robot of a drive, if it has a controller."""
+        if isinstance(drive, ControlledDrive):
+            if drive.sweep:
+                raise InputError(
+                    "scan_duration: scans of a fleet's controllers take no time; set it to 0"
+                )
+            self._robots[robot] = drive.driven, self._checker.without(robot)
+            self.show(robot)
 
     def show(self, robot: int) -> None:
         """Show the others how a robot drives by its last command."""

@@ -5,7 +5,6 @@ ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.geometry.lines import Float, generator
-from lrf3d.geometry.pose import Pose, as_pose, between, compose
+from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.robot import Trajectory
 from lrf3d.robot.odometry import InertialUnit, WheelOdometry
@@ -24,8 +23,8 @@ from lrf3d.simulation.scenario import Scenario
 from lrf3d.simulation.sensor import Sensor, caster_of
 
 
-class LiveRobot:
-    """A robot from where a scenario with a route or poses starts.
+class LiveRobot(Driven):
+    """A driven body with lasers, wheels and an IMU, from where a scenario starts.
 
     Without errors of the wheels the odometry is exact.
     """
@@ -43,8 +42,9 @@ class LiveRobot:
         self._imu = scenario.imu
         self._rng = generator(rng)
         self._streams = motion_streams(self._rng, wheels, scenario.imu)
-        self._body = Body(scenario.radius, scenario.outline)
-        self._checker = CollisionChecker(scenario.world, self._crowd)
+        body = Body(scenario.radius, scenario.outline)
+        self.start = scenario.beginning
+        super().__init__(self.start, 0.0, body, CollisionChecker(scenario.world, self._crowd))
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
         lasers = [(scenario.lrf, scenario.noise), *scenario.further]
         caster = caster_of("embree", scenario.world)
@@ -58,64 +58,49 @@ class LiveRobot:
             )
             for lrf, noise in lasers
         ]
-        self.start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
-        self.driven = Driven(self.start, 0.0, self._body, self._checker)
         self.restart()
 
     @property
-    def pose(self) -> Pose:
-        """Where the robot is."""
-        return self.driven.pose
-
-    @property
-    def time(self) -> float:
-        """The time [s]."""
-        return self.driven.time
-
-    @time.setter
-    def time(self, time: float) -> None:
-        self.driven.time = time
-
-    @property
     def speed(self) -> float:
-        """Its speed ahead [m/s]."""
-        return self.driven.twist[0]
+        """Speed ahead [m/s]."""
+        return self.twist[0]
 
     @property
     def turning(self) -> float:
-        """Its turn rate [rad/s]."""
-        return self.driven.twist[2]
+        """Turn rate [rad/s]."""
+        return self.twist[2]
 
     @property
     def bumped(self) -> bool:
         """Whether it touched something while it held the last command."""
-        return self.driven.collision is not None
+        return self.collision is not None
 
     def restart(self) -> None:
         """Put the robot and its odometry back to the start; time goes on."""
-        self._put(self.start)
+        self.place(self.start)
         self.odometry = np.array(self.start)
+        self._restart_imu()
 
-    def place(self, pose: Pose) -> None:
+    def carry(self, pose: Pose) -> None:
         """Put the robot elsewhere, at rest; its wheels do not notice unless they are exact.
 
         Raises:
             InputError: The robot would stand in a wall or an obstacle.
         """
-        if self._checker.held(self._body, pose, STILL, self.time, 0.0) is not None:
+        if self.touched(pose, STILL, 0.0) is not None:
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
-        self._put(pose)
+        self.place(pose)
         if self.wheels is None:
             self.odometry = np.array(pose)
+        self._restart_imu()
 
-    def _put(self, pose: Pose) -> None:
-        self.driven.place(pose)
+    def _restart_imu(self) -> None:
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._streams[1])
 
     def drive(self, seconds: float, speed: float, turning: float) -> None:
         """Drive an exact arc for a time, and rest where the body touches something."""
         last = self.pose
-        self.driven.hold((speed, 0.0, turning), seconds)
+        self.hold((speed, 0.0, turning), seconds)
         if self.wheels is None:
             self.odometry = np.array(self.pose)
         elif self.pose != last:

@@ -161,18 +161,18 @@ class Simulation:
         moves = as_drive(drive)
         self.scans, end = _ends(moves, scans, scan_interval)
         self.obstacles, crowd = _surroundings(obstacles, end)
-        body = Body(RADIUS if radius is None else radius, outline)
+        body, solid = _body(radius, outline)
+        # Radius of the robot [m], that around its outline.
         self.radius = body.reach
-        """Radius of the robot [m], that around its outline."""
-        checks = on_collision != "ignore" and (radius is not None or outline is not None)
+        checks = solid and on_collision != "ignore"
         checker = CollisionChecker(world, crowd) if checks else None
         stops = on_collision == "stop"
         self.drive: Trajectory | ControlledDrive
         if not isinstance(moves, Trajectory):
+            sweep = max(self.lasers, key=lambda each: each.scan_duration).scan_duration
             self.drive = ControlledDrive(
-                moves, start, scan_interval, checker, body, stops=stops,
-                sweep=max(each.scan_duration for each in self.lasers), robot=robot,
-            )  # fmt: skip
+                moves, start, scan_interval, checker, body, stops=stops, sweep=sweep, robot=robot
+            )
         else:
             self.drive = moves if checker is None else checker.checked(moves, body, stops)
         shared = caster_of(caster, world)
@@ -180,16 +180,15 @@ class Simulation:
             Sensor(world, each, caster=shared, noise=own, obstacles=crowd, path=self.drive)
             for each, own in zip(self.lasers, noises, strict=True)
         )
+        # The errors of the wheels and of the IMU.
         self.motion_sensors = odometry, imu
-        """The errors of the wheels and of the IMU."""
         wheels, inertial = motion_streams(self.rng, odometry, imu)
         self._odometer = None if odometry is None else Odometer(odometry, wheels)
         self._imu = None if imu is None else InertialUnit(imu, inertial)
+        # The pose by odometry at the last scan, and what the IMU measured before it.
         self.odometry = np.zeros(3)
         self.inertial = np.empty((0, 4))
-        """The pose by odometry at the last scan, and what the IMU measured before it."""
         self.film = film
-        """The default settings of the film."""
         self.done = 0
         self._seconds = 0.0
 
@@ -216,18 +215,13 @@ class Simulation:
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps."""
         drive = self.drive
-        while self.scans is None or self.done < self.scans:
+        while (time := self.next_time) < math.inf:
             index = self.done
             if isinstance(drive, Trajectory):
-                time = float(drive.times[index])
-                pose = drive.poses[index]
-                place = Pose(*pose.tolist())
-            elif drive.goes_on:
-                time = drive.driven.time
-                place = drive.driven.pose
-                pose = np.array(place)
+                place = Pose(*drive.poses[index].tolist())
             else:
-                return
+                place = drive.driven.pose
+            pose = np.array(place)
             truth = tuple(sensor.cast(pose, time) for sensor in self.sensors)
             scans = tuple(
                 sensor.noisy(scan, self.rng)
@@ -309,6 +303,12 @@ def _surroundings(
     known = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
     known = known if end is None else tuple(each.until(end) for each in known)
     return known, Crowd(known)
+
+
+def _body(radius: float | None, outline: ArrayLike | None) -> tuple[Body, bool]:
+    """The body of a robot, and whether it can touch anything: one that is not given cannot."""
+    solid = radius is not None or outline is not None
+    return Body(RADIUS if radius is None else radius, outline), solid
 
 
 def motion_streams(

@@ -21,7 +21,6 @@ class Mapper(Protocol):
 
         A mapper whose attribute ``several`` is true gets those of several lasers as a tuple.
         """
-        ...
 
 
 class FullMapper(Mapper, Protocol):

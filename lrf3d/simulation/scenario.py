@@ -132,6 +132,12 @@ class Scenario(Value):
         return (self.lrf, *(lrf for lrf, _ in self.further))
 
     @property
+    def beginning(self) -> Pose:
+        """Where a robot begins that is driven by commands."""
+        poses = np.zeros((1, 3)) if self.poses is None else self.poses
+        return self.start or as_pose(poses[0])
+
+    @property
     def sigmas(self) -> tuple[float, ...]:
         """Standard deviations [m] at range_max: that of the noise, and those compared with it."""
         _, sigma = spread_of(self.noise) or (0.0, SIGMA)
@@ -290,7 +296,7 @@ class Scenario(Value):
         elif is_controller(drive):
             scans = CONTROLLED_SCANS if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
-            settings = {"start": scenario._beginning, "scan_interval": scenario.scan_interval}
+            settings = {"start": scenario.beginning, "scan_interval": scenario.scan_interval}
             checks = "raise" if on_collision is None else checks
         noises, usual = scenario.measuring(*measured)
         return Simulation(
@@ -299,13 +305,6 @@ class Scenario(Value):
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
             radius=scenario.radius, outline=scenario.outline, on_collision=checks, **settings,
         )  # fmt: skip
-
-    @property
-    def _beginning(self) -> Pose:
-        """Where a controller's robot starts."""
-        if self.start is not None:
-            return self.start
-        return as_pose((0.0, 0.0, 0.0) if self.poses is None else self.poses[0])
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
         """The noises of the lasers, or the one given, and a LineMapper set up for them."""

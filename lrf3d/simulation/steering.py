@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Protocol, TypeGuard
 import numpy as np
 
 from lrf3d.base.errors import CollisionError, InputError, shown
-from lrf3d.casting.collision import Body, Collision, CollisionChecker
+from lrf3d.casting.collision import Body, CollisionChecker
 from lrf3d.geometry.lines import Float, is_finite, number, numbers
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import LaserScan
@@ -24,22 +24,19 @@ class Controller(Protocol):
         The scan is a LaserScan, or a tuple of those of several lasers. Another robot than a
         unicycle has other commands, such as the speeds of its wheels.
         """
-        ...
 
 
 class Robot(Protocol):
     """How a robot moves by its commands: a Unicycle, or one of `lrf3d.robot.kinematics`."""
 
+    # What a command consists of, in words.
     commands: ClassVar[str]
-    """What a command consists of, in words."""
 
     def twist(self, *command: float) -> Twist:
         """Speeds ahead and to the left [m/s], and about itself [rad/s]."""
-        ...
 
     def move(self, pose: Sequence[float], *command_and_duration: float) -> Pose:
         """Where the robot is after it held a command for a time [s]."""
-        ...
 
 
 class ControlledDrive:
@@ -63,7 +60,7 @@ class ControlledDrive:
         sweep: float = 0.0,
         robot: Robot | None = None,
     ) -> None:
-        self._sweep = sweep
+        self.sweep = sweep
         self.robot: Any = Unicycle() if robot is None else robot
         self.controller = controller
         self.body = None if checker is None else body
@@ -75,16 +72,11 @@ class ControlledDrive:
         self.goes_on = True
         self._commands = 0
 
-    @property
-    def collision(self) -> Collision | None:
-        """The collision of the last command, or None."""
-        return self.driven.collision
-
     def after(self, scan: LaserScan | Sequence[LaserScan]) -> None:
         """Get the next command of the controller, and drive."""
         driven = self.driven
-        if self._sweep:
-            driven.go_on(driven.time + self._sweep)
+        if self.sweep:
+            driven.go_on(driven.time + self.sweep)
         command = self.controller.command(driven.time, driven.pose, scan)
         if command is None:
             self.goes_on = False
@@ -93,9 +85,9 @@ class ControlledDrive:
         values, twist = self._understood(command)
         self._commands += 1
         time = self._commands * self.interval
-        seconds = time - driven.time if self._sweep else self.interval
+        seconds = time - driven.time if self.sweep else self.interval
         end = self.robot.move(driven.pose, *values, seconds)
-        collision = driven.hold(twist, seconds, ahead=self._sweep, end=end)
+        collision = driven.hold(twist, seconds, ahead=self.sweep, end=end)
         if collision is not None and not self._stops:
             raise CollisionError(f"{collision}; the controller drove it there")
         # Time is counted, not summed.

@@ -165,7 +165,7 @@ def test_moving_obstacles_touch_robots_that_rest_drive_or_turn():
     assert hit.time == pytest.approx(np.pi / 2 - np.arcsin(0.15), abs=1e-9)
 
 
-def test_a_controller_is_stopped_where_it_touches_or_told_what():
+def test_a_controller_rests_where_it_touches_something_or_it_is_an_error():
     def drive(obstacles=(), controller=None, **body):
         return Simulation(
             WALL, controller or Ahead(), LaserRangeFinder(beams=3), mapper=NoMap(),
@@ -176,7 +176,7 @@ def test_a_controller_is_stopped_where_it_touches_or_told_what():
         list(drive(radius=0.5))
     stopped = drive(radius=0.5, on_collision="stop")
     assert [step.pose.x for step in stopped] == pytest.approx([0, 0.5, 1, 1.5, 1.5, 1.5, 1.5, 1.5])
-    assert stopped.drive.collision.wall == 0
+    assert stopped.drive.driven.collision.wall == 0
     back = [step.pose.x for step in drive(outline=BOX, on_collision="stop")]
     assert back[-1] == pytest.approx(1.7) and max(back) <= 1.7 + 1e-9
     cart = DynamicObstacle(
