@@ -27,6 +27,27 @@ from lrf3d.simulation.scenario import Scenario
 # Simulated time from one line map to the next [s].
 LINES_EVERY = 1.0
 
+# Commands beyond are clipped [m/s], [rad/s]: no robot with a laser is faster.
+FASTEST = 20.0
+
+# Longest tick [s]: clock, transforms and odometry come at 50 Hz of simulated time or more.
+LONGEST_TICK = 0.02
+
+# Least side of a cell of the published grid [m]: a whole city is then some megabytes.
+FINEST_CELL = 0.1
+
+# How far a tick may be behind [s] before the time that is lost counts as a standstill.
+LATE = 0.25
+
+# How long clients are served at a time [s] while the simulated time is paused.
+IDLE = 0.01
+
+# Wall time from one check of the pace to the next [s].
+PACE_CHECKED_EVERY = 2.0
+
+# Share of the asked speed below which a warning says that the robot is behind.
+FULL_SPEED = 0.97
+
 # The command of a robot at rest.
 REST = (0.0, 0.0)
 
@@ -121,10 +142,10 @@ class DrivenRobot:
         self._lines = Topic(f"{prefix}map_objects", marker, depth=1, latched=True)
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
+        # Frames, pose and height [m] of the lasers.
         self.mounts = [
             (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
         ]
-        """Frames, pose and height [m] of the lasers."""
 
     @property
     def odometry(self) -> Pose:
@@ -181,8 +202,7 @@ class DrivenRobot:
             return
         if sideways:
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
-        fastest = 20.0  # Commands beyond are clipped [m/s], [rad/s].
-        speed, turning = (max(-fastest, min(fastest, float(each))) for each in (speed, turning))
+        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
         self._command = speed, turning
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
@@ -233,11 +253,8 @@ class Stream:
         self.paused = False
         self._count = 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
-        # Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or
-        # more.
-        longest_tick = 0.02
-        self.ticks = ceil(self.interval / longest_tick - 1e-9)
-        """Number of ticks from scan to scan."""
+        # Number of ticks from scan to scan; an interval of whole ticks may be rounded up.
+        self.ticks = ceil(self.interval / LONGEST_TICK - 1e-9)
         wheels = scenario.odometry or (WheelOdometry() if settings.wheels else None)
         robots = live_fleet(scenario, settings.robots, rng=settings.rng, wheels=wheels)
         self.robots = [
@@ -248,8 +265,8 @@ class Stream:
         robots[0].scans()
         given = {CLOCK: settings.clock, GRID: settings.give != "none", FIXED: True}
         own = [topic for robot in self.robots for topic in robot.topics]
+        # All topics that are published.
         self.topics = [topic for topic, wanted in given.items() if wanted] + [*dict.fromkeys(own)]
-        """All topics that are published."""
 
     @property
     def stamp(self) -> Stamp:
@@ -272,22 +289,17 @@ class Stream:
         lost = 0.0
         tick = self.interval / self.ticks / speed_up if speed_up else 0.0
         due = checked = monotonic()
-        # How far ticks may be behind before they count as late, how long clients are served at a
-        # time while time is paused, and from one check of the pace to the next [s].
-        late = 0.25
-        idle = 0.01
-        checked_every = 2.0
         while not asked():
             if not self.paused:
                 publish(self.encoded(self.tick()))
-            due = due + (idle if self.paused else tick)
+            due = due + (IDLE if self.paused else tick)
             now = monotonic()
-            if now > due + late:
+            if now > due + LATE:
                 lost = lost + now - due
                 due = now
             serve(due - now)
-            if (passed := now - checked) > checked_every:
-                if speed_up and (share := 1.0 - lost / passed) < 0.97:
+            if (passed := now - checked) > PACE_CHECKED_EVERY:
+                if speed_up and (share := 1.0 - lost / passed) < FULL_SPEED:
                     self.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
                 checked = now
                 lost = 0.0
@@ -296,11 +308,9 @@ class Stream:
         """What is published once: where lasers are mounted, and the map where it is given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
         yield FIXED, {"transforms": [ros.transform(self.stamp, *mount) for mount in mounts]}
-        # Least side of a cell of the published grid [m]: a whole city is then some megabytes.
-        finest_cell = 0.1
         if GRID in self.topics:
             world = self.scenario.world
-            yield GRID, ros.occupancy_grid(world, finest_cell, self.stamp, Path(world.name))
+            yield GRID, ros.occupancy_grid(world, FINEST_CELL, self.stamp, Path(world.name))
 
     def tick(self) -> Messages:
         """Drive on by a tick, and publish where the robots are; scan where an interval ends."""

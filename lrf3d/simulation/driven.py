@@ -101,7 +101,7 @@ class Driven:
 def hold_all(
     checker: CollisionChecker, body: Body, moves: Records, seconds: Float, own: Int
 ) -> tuple[Float, NDArray[np.bool_]]:
-    """Hold moves (k,) for times (k,) [s], each with a body of its own, as `Driven.hold` does.
+    """Hold moves (k,) of unicycles for times (k,) [s], as `Driven.hold` does for each.
 
     Own (k,) are the obstacles that are the bodies themselves, or −1. It returns the poses (k, 3)
     after that time, and which bodies have touched something.

@@ -38,6 +38,15 @@ from lrf3d.world import World
 # Room [m] between two robots at the ends of their parts of a route: they cut corners.
 APART = 0.5
 
+# Largest number of places of a route that are compared with each other.
+MOST_SPOTS = 2000
+
+# Number of scans for which giving way is planned at a time: memory grows with its square.
+WINDOW = 1000
+
+# Time [s] within which two robots touch each other at once: more than rounding.
+TOGETHER = 1e-12
+
 
 @stoppable()
 def simulate_fleet(
@@ -185,8 +194,7 @@ def parts_of(route: Float, count: int, body: Body) -> list[Float]:
     """
     stations = np.append(0.0, np.cumsum(lengths(np.hstack([route[:-1], route[1:]]))))
     gap = 2.0 * body.reach + APART
-    most_spots = 2000  # Places of a route that are compared with each other, at most.
-    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), most_spots))
+    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), MOST_SPOTS))
     places = np.column_stack([np.interp(spots, stations, column) for column in route.T])
     near = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) < gap
     new = ~(near & (spots[:, None] - spots > 2.0 * gap)).any(axis=1)
@@ -213,16 +221,14 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
     far as it can.
     """
     given = list[Trajectory]()
-    # Number of scans for which giving way is planned at a time: memory grows with its square.
-    window = 1000
     for drive in drives:
         path = drive.poses
         rows = [np.zeros(1, np.int64)]
         last = 0
         step = np.hypot(*np.diff(path[:, :2], axis=0).T).max(initial=0.0)
         room = float(np.hypot(2.0 * body.reach, step))
-        for begin in range(0, len(path) - 1, window):
-            part = slice(begin, begin + window + 1)
+        for begin in range(0, len(path) - 1, WINDOW):
+            part = slice(begin, begin + WINDOW + 1)
             others = [other.poses[part, :2] for other in given]
             count = len(drive.times[part])
             rows.append(last + _apart(path[last : last + count, :2], others, room, count))
@@ -265,8 +271,8 @@ def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Traj
         if hit is not None and hit.time < time:
             other = robot + 1 + hit.obstacle
             time = hit.time
-            text = f"robot{robot + 1} and robot{other + 1} would touch after {time:.1f} s, at"
-            text += f" ({hit.x:.2f}, {hit.y:.2f})"
+            names = f"robot{robot + 1} and robot{other + 1}"
+            text = f"{names} would touch after {time:.1f} s, at ({hit.x:.2f}, {hit.y:.2f})"
     most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
     return [Trajectory(d.times[:k], d.poses[:k]) for d, k in zip(drives, most, strict=True)], text
 
@@ -320,13 +326,11 @@ class _Touches:
 
     def drive_until(self, time: float) -> None:
         """Find what is touched up to a time [s], the earliest first."""
-        # Time [s] within which two robots touch each other at once: more than rounding.
-        together = 1e-12
         while self._now < time and self._robots:
             hits = {robot: hit for robot in self._robots if (hit := self._hit(robot, time))}
             self._now = min((hit.time for hit in hits.values()), default=time)
             for robot, hit in hits.items():
-                if hit.time > self._now + together:
+                if hit.time > self._now + TOGETHER:
                     continue
                 if not self._stops:
                     raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")

@@ -84,7 +84,7 @@ class Sensor:
         _check_duration(lrf.scan_duration, path)
 
     def without(self, own: int) -> "Sensor":
-        """The same sensor on a robot that is one of the obstacles itself; −1 is none."""
+        """The same sensor on the robot that is this obstacle of its crowd; −1 for no obstacle."""
         other = copy(self)
         other._crowd = self._crowd.without(own)
         return other
