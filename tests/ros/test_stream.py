@@ -92,7 +92,7 @@ def test_invalid_commands_and_poses_are_reported_and_change_nothing():
             Settings(**wrong)
 
 
-def test_what_is_given_of_the_truth_is_chosen():
+def test_settings_choose_what_topics_give_of_the_truth():
     given, _ = stream(wheels=True, lines=True, rng=3)
     hidden, _ = stream(give="none", clock=False)
     optional = {"map", "/clock", "map_objects"}

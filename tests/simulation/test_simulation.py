@@ -32,7 +32,7 @@ def test_a_run_holds_truth_measurement_and_map():
     assert len(run.map_after(-1)) == 0 and run.map_after(1) is run.maps[1]
 
 
-def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
+def test_the_map_snapshots_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
     monkeypatch.setattr(lrf3d.simulation.run, "MAP_SNAPSHOTS", 7)
     poses = np.repeat(POSES[:1], 50, axis=0)
     run = simulate(ROOM, poses, LaserRangeFinder(beams=31, range_max=20.0))
