@@ -32,7 +32,7 @@ SCAN_INTERVAL = 0.25
 # Fastest turn that the follower commands [rad/s].
 MAX_TURN_RATE = 1.5
 
-# Distance to a way-point at which the robot has arrived [m]: a grain of dust.
+# Distance to a way-point at which the robot has arrived [m]: less than a laser resolves.
 ARRIVAL = 1e-3
 
 # Largest number of commands of a drive: a day at 20 Hz, which takes minutes of computing.

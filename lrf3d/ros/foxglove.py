@@ -83,7 +83,7 @@ class Channels:
         self._clients[client.id, channel.id] = channel
 
     def on_client_unadvertise(self, client: Any, channel: int) -> None:
-        """Forget what a client publishes no more."""
+        """Forget what a client no longer publishes."""
         self._clients.pop((client.id, channel), None)
 
     def on_message_data(self, client: Any, channel: int, data: bytes) -> None:

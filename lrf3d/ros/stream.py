@@ -245,7 +245,7 @@ class Stream:
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
             raise missing_extra("live topics need rosbags", "ros") from None
-        # The messages that are used have been the same ever since.
+        # The messages that are used have not changed since.
         self.types = get_typestore(Stores.ROS2_HUMBLE)
         self.scenario = scenario
         self.settings = settings
@@ -253,7 +253,7 @@ class Stream:
         self.paused = False
         self._count = 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
-        # Number of ticks from scan to scan; an interval of whole ticks may be rounded up.
+        # Number of ticks from scan to scan; rounding must not add one.
         self.ticks = ceil(self.interval / LONGEST_TICK - 1e-9)
         wheels = scenario.odometry or (WheelOdometry() if settings.wheels else None)
         robots = live_fleet(scenario, settings.robots, rng=settings.rng, wheels=wheels)

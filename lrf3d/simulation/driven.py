@@ -1,4 +1,4 @@
-"""Driven bodies: what a robot does that holds a twist among walls and obstacles.
+"""Driven bodies: how a robot moves that holds a twist among walls and obstacles.
 
 Twists enter; poses and collisions leave. Drives of controllers, live robots and fleets each have a
 `Driven`, and environments drive arrays of bodies by `hold_all`: a body that touches something rests
@@ -69,7 +69,7 @@ class Driven:
         return self.collision
 
     def touched(self, pose: Pose, twist: Twist, seconds: float) -> Collision | None:
-        """The first collision if it held a twist from a pose now on for a time [s], or None."""
+        """The first collision in a time [s] in which a twist is held from a pose, or None."""
         if self._checker is None or self._body is None:
             return None
         return self._checker.held(self._body, pose, twist, self.time, seconds)

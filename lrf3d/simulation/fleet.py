@@ -111,8 +111,8 @@ def simulate_fleet(
     ]
     bodies, crowd = robots_among(body, paths, obstacles, height)
     # What they touch is known only when all of them have their commands.
-    settings |= {"radius": body.reach, "on_collision": "ignore", "lrf": lrf}
-    settings["caster"] = caster_of(settings.get("caster", "embree"), world)
+    shared = caster_of(settings.get("caster", "embree"), world)
+    settings |= {"radius": body.reach, "on_collision": "ignore", "lrf": lrf, "caster": shared}
     simulations = [
         Simulation(
             world, drive, rng=own, obstacles=crowd.without(robot), start=start,
@@ -239,7 +239,7 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
 
 def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int:
     """Where on its path (k, 2) a robot is after each step, away from others (n, 2)."""
-    # Where it may be after each step, from where it may be a step earlier.
+    # The places that the robot can have reached after each step.
     may = np.zeros((count, len(path)), np.bool_)
     may[0, 0] = True
     for time in range(1, count):

@@ -306,7 +306,7 @@ def _surroundings(
 
 
 def _body(radius: float | None, outline: ArrayLike | None) -> tuple[Body, bool]:
-    """The body of a robot, and whether it can touch anything: one that is not given cannot."""
+    """The body of a robot, and whether it is solid: without a radius or an outline it is not."""
     solid = radius is not None or outline is not None
     return Body(RADIUS if radius is None else radius, outline), solid
 
@@ -314,7 +314,7 @@ def _body(radius: float | None, outline: ArrayLike | None) -> tuple[Body, bool]:
 def motion_streams(
     rng: np.random.Generator, odometry: WheelOdometry | None, imu: Imu | None
 ) -> Sequence[np.random.Generator]:
-    """The random numbers of the wheels and of the IMU, so that no scan depends on either."""
+    """Random streams of the wheels and of the IMU, so that scans depend on neither."""
     return rng.spawn(2) if odometry or imu else (rng, rng)
 
 

@@ -1,4 +1,4 @@
-"""Mappers: what a simulation asks of one, and a wrapper for those that have only some of it."""
+"""Mappers: what a simulation asks of one, and a wrapper for those that have only part of it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -40,7 +40,7 @@ class FullMapper(Mapper, Protocol):
 
     @property
     def mode(self) -> str | None:
-        """What the summary of a run names it."""
+        """Its name in the summary of a run."""
 
     def drive(self, increment: Float, /) -> Any:
         """Take the odometry increment (3,) before each scan, if there is odometry."""

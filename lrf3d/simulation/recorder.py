@@ -1,4 +1,4 @@
-"""Collecting: a simulation, or a user's own loop, is kept as a Run.
+"""Recording in memory: a simulation, or a user's own loop, is kept as a Run.
 
 A simulation or its parts enter, or the scans of a user's own loop; a Run in memory leaves.
 `lrf3d.recordings.formats.recording` keeps the same rows in a file.
@@ -157,7 +157,7 @@ class Collection(Snapshots):
         self.keep()
 
     def run(self) -> Run:
-        """The run, which has ended."""
+        """The run of the simulation, which has ended."""
         simulation = self._simulation
         imu = self.end()
         return self._rows.run(
@@ -220,7 +220,7 @@ def fill_row(
 
 
 class Rows:
-    """What a run keeps of its scans: arrays with a row for each, which grow beyond their room."""
+    """Arrays with a row for each scan, by the names of a Run's attributes; they grow on demand."""
 
     def __init__(
         self,
@@ -249,7 +249,7 @@ class Rows:
         self.count += 1
 
     def run(self, maps: Mapping[int, LineMap], **parts: Any) -> Run:
-        """The run of the scans so far, with map snapshots by scan; the next scan copies all."""
+        """The run so far, with map snapshots by their scans; a scan after that copies all rows."""
         self._room = self.count
         rows = {name: sealed(values)[: self.count] for name, values in self._arrays.items()}
         return Run(

@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from lrf3d.simulation.sensor import Caster
     from lrf3d.simulation.steering import Controller
 
-# Time between two scans [s] at single poses, between which the robot does not drive.
+# Time between two scans [s] at single poses: a film shows each for some seconds.
 POSE_INTERVAL = 4.0
 
-# Default number of scans of a controller's drive.
+# Default number of scans of a controller's drive, which may have no end.
 CONTROLLED_SCANS = 1000
 
 # Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each.
