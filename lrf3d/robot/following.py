@@ -101,8 +101,9 @@ def follow_route(
             times.append(count * step)
         if arrived:
             return Trajectory(np.array(times), np.array(poses))
-    x, y = path.points[-1]
-    raise InputError(f"route: the robot does not reach ({x:g}, {y:g}); lower the speed")
+    raise InputError(
+        "route: the robot does not reach ({:g}, {:g}); lower the speed".format(*path.end)
+    )
 
 
 def distinct(points: Float, name: str) -> Float:
@@ -120,7 +121,8 @@ class _Path:
         self.points = distinct(as_rows(route, "route", 2, row="point"), "route")
         self.stations = np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
         self.length = float(self.stations[-1])
-        self._known, self._rows = self.stations.tolist(), self.points.tolist()
+        self._known = self.stations.tolist()
+        self._rows = self.points.tolist()
         self.x, self.y = (np.ascontiguousarray(column) for column in self.points.T)
         (x, y), (x2, y2) = self.points[:2].tolist()
         self.start = Pose(x, y, float(np.arctan2(y2 - y, x2 - x)))
@@ -163,23 +165,23 @@ class _Follower:
         self._robot = Unicycle()
         self._path = path
         self._lookahead = lookahead
-        self._stops = path.stops()
-        self._stop = path.at(self._stops[0])
+        self._stops = [(station, path.at(station)) for station in path.stops()]
         self._reach = 0.0
         self._starting = True
 
     def advance(self, speed: float, step: float) -> bool:
         """Hold one command for a time [s]; returns whether the robot has arrived at the end."""
         path = self._path
-        limit = min(self._reach + self._lookahead, self._stops[0])
+        station, stop = self._stops[0]
+        limit = min(self._reach + self._lookahead, station)
         self._reach = path.progress(self.pose, self._reach, limit)
-        goal = path.at(min(self._reach + self._lookahead, self._stops[0]))
+        goal = path.at(min(self._reach + self._lookahead, station))
         v, omega = _command(self.pose, goal, speed, step, self._starting)
         self._starting = self._starting and v == 0.0
         self.pose = self._robot.move(self.pose, v, omega, step)
-        if len(self._stops) > 1 and math.dist(self._stop, self.pose[:2]) < ARRIVAL:
-            self._reach = self._stops.pop(0)
-            self._stop = path.at(self._stops[0])
+        if len(self._stops) > 1 and math.dist(stop, self.pose[:2]) < ARRIVAL:
+            self._reach = station
+            del self._stops[0]
         return len(self._stops) == 1 and math.dist(path.end, self.pose[:2]) < ARRIVAL
 
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 from lrf3d.base.errors import InputError, check_names, expect, missing_extra
 from lrf3d.base.interrupts import asked
 from lrf3d.geometry.lines import is_finite, number, whole_number
-from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import Stamp
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
@@ -67,6 +67,7 @@ class Topic(NamedTuple):
 Messages = Iterator[tuple[Topic, ros.Fields]]
 Encoded = Iterator[tuple[Topic, bytes]]
 
+MARKERS = "visualization_msgs/msg/MarkerArray"
 MOVING = Topic("tf", TRANSFORMS, depth=100)
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
@@ -129,7 +130,8 @@ class DrivenRobot:
         self._mapper = line_mapper(scenario.noise, **scenario.mapper) if settings.lines else None
         self._tracker = ObjectTracker()
         self._lines_due = LINES_EVERY
-        self._command = REST
+        # The command that the robot holds [m/s], [rad/s], and until when [s].
+        self.held = REST
         self._until = inf
         self._scans = [
             Topic(prefix + ("scan" if len(lasers) == 1 else f"scan_{lrf.name}"), SCAN)
@@ -138,8 +140,7 @@ class DrivenRobot:
         self._odom = Topic(f"{prefix}odom", ODOMETRY)
         self._truth = Topic(f"{prefix}ground_truth", ODOMETRY)
         self._imu = Topic(f"{prefix}imu", "sensor_msgs/msg/Imu", depth=50)
-        marker = "visualization_msgs/msg/MarkerArray"
-        self._lines = Topic(f"{prefix}map_objects", marker, depth=1, latched=True)
+        self._lines = Topic(f"{prefix}map_objects", MARKERS, depth=1, latched=True)
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
         # Frames, pose and height [m] of the lasers.
@@ -147,26 +148,17 @@ class DrivenRobot:
             (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
         ]
 
-    @property
-    def odometry(self) -> Pose:
-        """Where the robot is by its wheels."""
-        return Pose(*self.robot.odometry.tolist())
-
     def show(self) -> None:
         """Show the other robots how this one drives from now on."""
         if self.robot.time >= self._until:
             self._stop("no command for a while: the robot stops")
-        self.robot.show(*self._command)
-
-    def drive(self, seconds: float) -> None:
-        """Drive on for a time [s], as the last command says."""
-        self.robot.drive(seconds, *self._command)
+        self.robot.show(*self.held)
 
     def messages(self, stamp: Stamp, *, scan_time: float | None) -> Messages:
         """Where the robot is, and, if the time from scan to scan [s] is given, its scans."""
         robot = self.robot
         prefix = self.prefix
-        odometry = self.odometry
+        odometry = robot.odometry
         moved = [ros.transform(stamp, prefix + ros.WORLD, prefix + ros.BASE, odometry)]
         if self._settings.give == "pose":
             drift = robot.pose @ odometry.inverse()
@@ -203,13 +195,13 @@ class DrivenRobot:
         if sideways:
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
         speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
-        self._command = speed, turning
+        self.held = speed, turning
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
     def _stop(self, why: str) -> None:
-        if any(self._command):
+        if any(self.held):
             self._say("warning", self.prefix + why)
-        self._command = REST
+        self.held = REST
         self._until = inf
 
     def set_pose(self, frame: str, pose: tuple[float, float, float]) -> None:
@@ -221,7 +213,7 @@ class DrivenRobot:
             asked = as_pose(pose)
             if frame == own:
                 # The odometry's frame has drifted.
-                asked = self.robot.pose @ self.odometry.inverse() @ asked
+                asked = self.robot.pose @ self.robot.odometry.inverse() @ asked
             self.robot.carry(asked)
         except InputError as error:
             self._say("error", f"set_pose: {error}; ignored")
@@ -230,7 +222,7 @@ class DrivenRobot:
 
     def reset(self) -> None:
         """Put the robot back to its start."""
-        self._command = REST
+        self.held = REST
         self.robot.restart()
 
 
@@ -318,7 +310,7 @@ class Stream:
             for robot in self.robots:
                 robot.show()
             for robot in self.robots:
-                robot.drive(self.interval / self.ticks)
+                robot.robot.drive(self.interval / self.ticks, *robot.held)
         scans = self._count % self.ticks == 0
         # Time is counted, not summed.
         now = self._count * self.interval / self.ticks

@@ -78,7 +78,7 @@ class LiveRobot(Driven):
     def restart(self) -> None:
         """Put the robot and its odometry back to the start; time goes on."""
         self.place(self.start)
-        self.odometry = np.array(self.start)
+        self.odometry = self.start
         self._restart_imu()
 
     def carry(self, pose: Pose) -> None:
@@ -91,7 +91,7 @@ class LiveRobot(Driven):
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
         self.place(pose)
         if self.wheels is None:
-            self.odometry = np.array(pose)
+            self.odometry = pose
         self._restart_imu()
 
     def _restart_imu(self) -> None:
@@ -102,10 +102,11 @@ class LiveRobot(Driven):
         last = self.pose
         self.hold((speed, 0.0, turning), seconds)
         if self.wheels is None:
-            self.odometry = np.array(self.pose)
+            self.odometry = self.pose
         elif self.pose != last:
             increment = between(np.array(last), np.array(self.pose))
-            self.odometry = compose(self.odometry, self.wheels(increment, self._streams[0]))
+            measured = self.wheels(increment, self._streams[0])
+            self.odometry = Pose(*compose(np.array(self.odometry), measured).tolist())
 
     def scans(self) -> tuple[LaserScan, ...]:
         """Measure with each laser from where the robot is now."""
