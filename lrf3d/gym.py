@@ -283,8 +283,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         A beam without return has range_max, one below range_min has 0: the limits of what can be
         measured.
         """
+        # Measured and true ranges, and walls, of the last step.
         self.scan = self._scan()
-        """Measured and true ranges, and walls, of the last step."""
         away = self.goals - self.poses[:, :2]
         distances = self.distances()
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
@@ -333,8 +333,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode {render_mode!r}: expected 'human', 'rgb_array' or None")
+        # The vector environment with one robot.
         self.robots = DriveVectorEnv(1, world, sigma=sigma, max_steps=max_steps)
-        """The vector environment with one robot."""
         self.observation_space = self.robots.single_observation_space
         self.action_space = self.robots.single_action_space
         self.render_mode = render_mode
