@@ -17,13 +17,13 @@ from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import moves_of
 from lrf3d.geometry.lines import Float, Int, is_finite, numbers, whole_number, wrap_angle
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser import LaserScan, ProportionalNoise
+from lrf3d.laser import LaserScan, Noise, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.laser.scan import ScanBatch
 from lrf3d.planning.free_space import free_places
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import MAX_TURN_RATE
-from lrf3d.robot.kinematics import arcs
+from lrf3d.simulation.driven import hold_all
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario, load_scenario
 from lrf3d.simulation.sensor import Sensor
@@ -43,11 +43,23 @@ ID = "lrf3d/Drive-v0"
 # Default number of steps after which an episode is truncated.
 MAX_STEPS = 500
 
-# Least and largest distance of a goal from the start [m], in a world large enough, and that at
-# which a robot has arrived.
+# Least distance of a goal from the start [m] in a world large enough: some seconds of driving.
 GOAL_NEAR = 5.0
+
+# Largest distance of a goal from the start [m] in a world large enough: it fits into MAX_STEPS.
 GOAL_FAR = 20.0
+
+# Distance from the goal [m] at which a robot has arrived.
 GOAL_RADIUS = 0.5
+
+# Reward at the goal [m of driving].
+GOAL_REWARD = 10.0
+
+# Reward at a wall [m of driving]: it takes back a goal.
+WALL_REWARD = -GOAL_REWARD
+
+# Reward of each step [m of driving], so that fast drives score higher.
+STEP_REWARD = -0.01
 
 # Clearance of a robot from walls at its start, in addition to its radius [m].
 GOAL_MARGIN = 0.1
@@ -95,9 +107,6 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
             )
         self.scenario = scenario = world if isinstance(world, Scenario) else load_scenario(world)
-        noises = [scenario.noise, *(noise for _, noise in scenario.further)]
-        if sigma is not None:
-            noises = [at_sigma(each, sigma) if sigma else ProportionalNoise(0.0) for each in noises]
         self.num_envs = num_envs
         self.max_steps = max_steps
         self.render_mode = None
@@ -113,7 +122,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self._own = np.arange(num_envs) if together else np.full(num_envs, -1)
         self._sensors = [
             Sensor(scenario.world, each, caster=self._caster, noise=noise, obstacles=self._crowd)
-            for each, noise in zip(self.lasers, noises, strict=True)
+            for each, noise in zip(self.lasers, _noises(scenario, sigma), strict=True)
         ]
         self._checker = CollisionChecker(scenario.world, self._crowd)
         self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
@@ -158,7 +167,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
         """Drive with actions (num_envs, 2) for the time between two scans.
 
-        A robot that hits a wall or a dynamic obstacle stays at its last pose.
+        A robot that touches a wall or a dynamic obstacle rests there, as `Driven` does, and the
+        distance to it is not rewarded.
         """
         given = numbers(actions, "actions")
         again = self._ended
@@ -172,23 +182,18 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         # Actions are shares of the scenario's speed and of the fastest turn, left positive.
         v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, MAX_TURN_RATE)).T
         seconds = np.full(self.num_envs, self.dt)
-        moved = arcs(self.poses, v, omega, seconds)
-        moved[:, 2] = wrap_angle(moved[:, 2])
         twists = np.column_stack([v, np.zeros(self.num_envs), omega])
         moves = moves_of(self._times, self.poses, twists)
         if self.together:
             self._crowd.hold(moves)
-        collided = self._checker.touch(self._body, moves, seconds, self._own)[0] < np.inf
+        self.poses, touched = hold_all(self._checker, self._body, moves, seconds, self._own)
+        self.poses[:, 2] = wrap_angle(self.poses[:, 2])
         self._times += self.dt
-        collided &= ~again
-        self.poses = np.where(collided[:, None], self.poses, moved)
+        collided = touched & ~again
         after = self.distances()
         reached = (after < GOAL_RADIUS) & ~collided & ~again
-        # Rewards at the goal, for a collision, and for each step, so that fast drives score higher.
-        at_goal = 10.0
-        at_wall = -10.0
-        each_step = -0.01
-        rewards = before - after + each_step + at_goal * reached + at_wall * collided
+        nearer = np.where(collided, 0.0, before - after)
+        rewards = nearer + STEP_REWARD + GOAL_REWARD * reached + WALL_REWARD * collided
         self._steps += 1
         ended = reached | collided
         cut = (self._steps >= self.max_steps) & ~ended & ~again
@@ -278,8 +283,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         A beam without return has range_max, one below range_min has 0: the limits of what can be
         measured.
         """
+        # Measured and true ranges, and walls, of the last step.
         self.scan = self._scan()
-        """Measured and true ranges, and walls, of the last step."""
         away = self.goals - self.poses[:, :2]
         distances = self.distances()
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
@@ -328,8 +333,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode {render_mode!r}: expected 'human', 'rgb_array' or None")
+        # The vector environment with one robot.
         self.robots = DriveVectorEnv(1, world, sigma=sigma, max_steps=max_steps)
-        """The robot, as many robots that are one."""
         self.observation_space = self.robots.single_observation_space
         self.action_space = self.robots.single_action_space
         self.render_mode = render_mode
@@ -393,6 +398,14 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _info(self) -> dict[str, Any]:
         return {"pose": self.robots.poses[0].copy(), "goal": self.robots.goals[0].copy()}
+
+
+def _noises(scenario: Scenario, sigma: float | None) -> list[Noise]:
+    """The noise of each laser, at a standard deviation [m] if it is given."""
+    noises = [scenario.noise, *(noise for _, noise in scenario.further)]
+    if sigma is None:
+        return noises
+    return [at_sigma(each, sigma) if sigma else ProportionalNoise(0.0) for each in noises]
 
 
 if ID not in gymnasium.registry:

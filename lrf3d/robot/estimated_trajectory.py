@@ -60,19 +60,24 @@ class EstimatedTrajectory(Value):
         known = len(self.known_scans)
         as_poses(self.poses)
         if len(as_poses(self.odometry)) not in (0, count):
-            found = f"odometry of {len(self.odometry)} scans, poses of {count}"
-            raise InputError(f"estimate: {found}; expected as many or none")
+            raise InputError(
+                f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"
+                " many or none"
+            )
         if self.known_scans.ndim != 1 or self.covariances.shape != (known, 3, 3):
-            found = f"covariances {self.covariances.shape} at scans {self.known_scans.shape}"
-            raise InputError(f"estimate: {found}; expected (m, 3, 3) at (m,)")
+            raise InputError(
+                f"estimate: covariances {self.covariances.shape} at scans"
+                f" {self.known_scans.shape}; expected (m, 3, 3) at (m,)"
+            )
         for name in ("closures", "dropped_closures"):
             if getattr(self, name).shape[1:] != (2,):
                 raise InputError(f"estimate: {name} {getattr(self, name).shape}, expected (c, 2)")
         pairs = self.closures.ravel(), self.dropped_closures.ravel()
         named = np.concatenate([self.known_scans, *pairs])
         if (np.diff(self.known_scans) <= 0).any() or (named < 0).any() or (named >= count).any():
-            expected = f"expected ascending scans from 0 to {count - 1}"
-            raise InputError(f"estimate: {expected}, found {named.tolist()}")
+            raise InputError(
+                f"estimate: expected ascending scans from 0 to {count - 1}, found {named.tolist()}"
+            )
 
     def __len__(self) -> int:
         return len(self.poses)

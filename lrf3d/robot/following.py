@@ -32,6 +32,12 @@ SCAN_INTERVAL = 0.25
 # Fastest turn that the follower commands [rad/s].
 MAX_TURN_RATE = 1.5
 
+# Distance to a way-point at which the robot has arrived [m]: less than a laser resolves.
+ARRIVAL = 1e-3
+
+# Largest number of commands of a drive: a day at 20 Hz, which takes minutes of computing.
+MOST_STEPS = 2_000_000
+
 # Samples of the route between which the nearest one to the robot is looked for.
 SAMPLES = np.arange(33.0)
 
@@ -72,46 +78,32 @@ def follow_route(
     number(speed, "speed", positive=True)
     number(lookahead, "lookahead", positive=True)
     number(dt, "dt", "seconds", positive=True, most=1e5)
-    pose = as_pose(path.start if start is None else start)
-    robot = Unicycle()
+    follower = _Follower(path, as_pose(path.start if start is None else start), lookahead)
     per_sample = max(1, round(dt / CONTROL_STEP))
     step = dt / per_sample
-    reach = 0.0
-    poses = [pose]
+    poses = [follower.pose]
     times = [0.0]
-    stops = path.stops()
-    starting = True
-    stop = path.at(stops[0])
     # After ten times the duration at full speed and a minute for turns, it will never arrive.
     limit = int((10.0 * path.length / speed + 60.0) / step)
     straight = path.length / speed / step
     needed = straight if most is None else min(straight, float(most - 1) * per_sample)
-    arrival = 1e-3  # Distance to a way-point at which the robot has arrived [m].
     for count in range(1, limit + 1):
         if len(poses) == most:
             return Trajectory(np.array(times), np.array(poses))
-        # More than a day at 20 Hz takes minutes of computing.
-        if max(needed, count) > 2_000_000:
+        if max(needed, count) > MOST_STEPS:
             raise InputError(
-                f"drive of {path.length:.4g} m at {speed:g} m/s: more than 2,000,000 steps of"
+                f"drive of {path.length:.4g} m at {speed:g} m/s: more than {MOST_STEPS:,} steps of"
                 f" {step:g} s; drive faster, scan less often, or ask for fewer scans"
             )
-        reach = path.progress(pose, reach, min(reach + lookahead, stops[0]))
-        goal = path.at(min(reach + lookahead, stops[0]))
-        v, omega = _command(pose, goal, speed, step, starting)
-        starting = starting and v == 0.0
-        pose = robot.move(pose, v, omega, step)
-        if len(stops) > 1 and math.dist(stop, pose[:2]) < arrival:
-            reach = stops.pop(0)
-            stop = path.at(stops[0])
-        arrived = len(stops) == 1 and math.dist(path.end, pose[:2]) < arrival
+        arrived = follower.advance(speed, step)
         if count % per_sample == 0 or arrived:
-            poses.append(pose)
+            poses.append(follower.pose)
             times.append(count * step)
         if arrived:
             return Trajectory(np.array(times), np.array(poses))
-    x, y = path.points[-1]
-    raise InputError(f"route: the robot does not reach ({x:g}, {y:g}); lower the speed")
+    raise InputError(
+        "route: the robot does not reach ({:g}, {:g}); lower the speed".format(*path.end)
+    )
 
 
 def distinct(points: Float, name: str) -> Float:
@@ -129,7 +121,8 @@ class _Path:
         self.points = distinct(as_rows(route, "route", 2, row="point"), "route")
         self.stations = np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
         self.length = float(self.stations[-1])
-        self._known, self._rows = self.stations.tolist(), self.points.tolist()
+        self._known = self.stations.tolist()
+        self._rows = self.points.tolist()
         self.x, self.y = (np.ascontiguousarray(column) for column in self.points.T)
         (x, y), (x2, y2) = self.points[:2].tolist()
         self.start = Pose(x, y, float(np.arctan2(y2 - y, x2 - x)))
@@ -162,6 +155,34 @@ class _Path:
         x = np.interp(stations, self.stations, self.x) - pose.x
         y = np.interp(stations, self.stations, self.y) - pose.y
         return float(stations[np.hypot(x, y).argmin()])
+
+
+class _Follower:
+    """A unicycle that steers at a point ahead of it on a path, from one stop to the next."""
+
+    def __init__(self, path: _Path, pose: Pose, lookahead: float) -> None:
+        self.pose = pose
+        self._robot = Unicycle()
+        self._path = path
+        self._lookahead = lookahead
+        self._stops = [(station, path.at(station)) for station in path.stops()]
+        self._reach = 0.0
+        self._starting = True
+
+    def advance(self, speed: float, step: float) -> bool:
+        """Hold one command for a time [s]; returns whether the robot has arrived at the end."""
+        path = self._path
+        station, stop = self._stops[0]
+        limit = min(self._reach + self._lookahead, station)
+        self._reach = path.progress(self.pose, self._reach, limit)
+        goal = path.at(min(self._reach + self._lookahead, station))
+        v, omega = _command(self.pose, goal, speed, step, self._starting)
+        self._starting = self._starting and v == 0.0
+        self.pose = self._robot.move(self.pose, v, omega, step)
+        if len(self._stops) > 1 and math.dist(stop, self.pose[:2]) < ARRIVAL:
+            self._reach = station
+            del self._stops[0]
+        return len(self._stops) == 1 and math.dist(path.end, self.pose[:2]) < ARRIVAL
 
 
 def _command(

@@ -282,8 +282,10 @@ def _function(value: Input) -> Callable[[float], float]:
 def _sample_times(duration: float, dt: float) -> Float:
     """Times 0, dt, 2·dt, … and the duration itself [s]."""
     if duration / dt > MOST_POSES:
-        steps = f"duration {duration:g} s in steps of {dt:g} s"
-        raise InputError(f"{steps}: more than {MOST_POSES:,} poses; give a larger dt")
+        raise InputError(
+            f"duration {duration:g} s in steps of {dt:g} s: more than {MOST_POSES:,} poses; give a"
+            " larger dt"
+        )
     # Rounding must neither lose the last sample nor add one just before the end.
     times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
     return np.append(times if duration - times[-1] > 1e-9 * dt else times[:-1], duration)

@@ -12,7 +12,7 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.geometry.lines import Float, Value, as_rows, is_finite, number
 from lrf3d.geometry.pose import between, compose
 
-# [m/s²] What the vertical accelerometer of a robot at rest measures.
+# What the vertical accelerometer of a robot at rest measures [m/s²].
 GRAVITY = 9.80665
 
 

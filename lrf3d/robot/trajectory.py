@@ -35,8 +35,10 @@ class Trajectory(Value):
         instants: Float = read_only(times, "times")
         poses = as_poses(read_only(poses, "poses"))
         if instants.shape != (len(poses),) or len(poses) == 0:
-            found = f"{len(poses)} poses and times {instants.shape}"
-            raise InputError(f"trajectory of {found}: expected one time for each pose")
+            raise InputError(
+                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
+                " for each pose"
+            )
         # Stamps in nanoseconds would be larger after 30,000 years.
         if not (np.abs(instants) <= 1e12).all() or not (np.diff(instants) > 0.0).all():
             raise InputError("trajectory: expected increasing times of at most 1e12 s")

@@ -29,17 +29,14 @@ class Channels:
         self._stream = stream
         # Channels end with their context.
         self._context = context = foxglove.Context()
-        self._latched = set[str]()
         self._channels = dict[str, Any]()
         for topic in stream.topics:
             text, _ = stream.types.generate_msgdef(topic.type, ros_version=2)
             schema = foxglove.Schema(name=topic.type, encoding="ros2msg", data=text.encode())
-            channel = foxglove.Channel(
+            self._channels[topic.name] = foxglove.Channel(
                 f"/{topic.name.strip('/')}", schema=schema, message_encoding="cdr", context=context
             )
-            self._channels[topic.name] = channel
-            if topic.latched:
-                self._latched.add(channel.topic())
+        self._latched = {self._channels[t.name].topic() for t in stream.topics if t.latched}
         self._asked = SimpleQueue[Callable[[], None]]()
         self._clients: dict[tuple[int, int], Any] = {}
         listener: Any = self
@@ -83,7 +80,7 @@ class Channels:
         self._clients[client.id, channel.id] = channel
 
     def on_client_unadvertise(self, client: Any, channel: int) -> None:
-        """Forget what a client publishes no more."""
+        """Forget what a client no longer publishes."""
         self._clients.pop((client.id, channel), None)
 
     def on_message_data(self, client: Any, channel: int, data: bytes) -> None:

@@ -19,9 +19,15 @@ SECOND_CLOCK = (
     f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"
 )
 
-# Wall time from a check of foreign topics to the next, and from a warning to the same one [s].
+# Wall time from one check of foreign topics to the next [s]: they change when programs start.
 CHECKED_EVERY = 2.0
+
+# Wall time from a warning to the same one [s], so that a log stays readable.
 SAID_EVERY = 5.0
+
+# How long another publisher of the clock is looked for [s]. One on this machine is found in a
+# tenth, but what a busy machine loses is repeated after 3 s.
+DISCOVERY = 4.0
 
 # Types of commands that are obeyed.
 COMMANDS = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -55,10 +61,7 @@ class Node:
         self._said = dict[str, float]()
         self._commands = list[str]()
         self._checked = monotonic()
-        # How long another publisher of the clock is looked for [s]. One on this machine is found in
-        # a tenth, but what a busy machine loses is repeated after 3 s.
-        discovery = 4.0
-        self._discovered = self._checked + discovery
+        self._discovered = self._checked + DISCOVERY
 
     def close(self) -> None:
         """Leave the network."""
@@ -78,7 +81,7 @@ class Node:
             log.error(text) if level == "error" else log.warning(text)
 
     def connect(self, stream: Stream) -> None:
-        """Make the publishers of a stream, and let it hear commands and services.
+        """Make the publishers of a stream, and subscribe it to commands and services.
 
         Raises:
             SecondClockError: Somebody else publishes the simulated time.
@@ -99,7 +102,7 @@ class Node:
             publisher = node.create_publisher(_type(topic.type), topic.name, quality)
             self._publishers[topic.name] = publisher
         for robot in stream.robots:
-            self._hear(robot)
+            self._subscribe(robot)
 
         def serve(kind: str, name: str, work: Callable[[Any], object]) -> None:
             def answered(request: Any, answer: Any) -> Any:
@@ -113,7 +116,7 @@ class Node:
         serve("Trigger", "reset", lambda _: stream.reset())
         serve("Trigger", "step", lambda _: self.publish(stream.encoded(stream.step())))
 
-    def _hear(self, robot: DrivenRobot) -> None:
+    def _subscribe(self, robot: DrivenRobot) -> None:
         def place(message: Any) -> None:
             where = message.pose.position
             turn = message.pose.orientation
@@ -122,8 +125,8 @@ class Node:
 
         for node, kind in zip(self._nodes, COMMANDS, strict=True):
             name = f"{robot.prefix}cmd_vel"
-            heard = node.create_subscription(_type(kind), name, robot.obey, 5)
-        self._commands.append(heard.topic_name)
+            subscription = node.create_subscription(_type(kind), name, robot.obey, 5)
+        self._commands.append(subscription.topic_name)
         kind = _type("geometry_msgs/msg/PoseStamped")
         self._nodes[0].create_subscription(kind, f"{robot.prefix}set_pose", place, 1)
 
@@ -144,7 +147,7 @@ class Node:
             self._check_others()
 
     def _check_others(self) -> None:
-        """Warn about another clock, and about commands of a type that nobody hears."""
+        """Warn about another clock, and about commands of a type that is not subscribed to."""
         if CLOCK.name in self._publishers and self._nodes[0].count_publishers(CLOCK.name) > 1:
             self.say("error", SECOND_CLOCK)
         for name in self._commands:

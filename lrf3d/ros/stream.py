@@ -14,18 +14,39 @@ from typing import Any, Literal, NamedTuple
 from lrf3d.base.errors import InputError, check_names, expect, missing_extra
 from lrf3d.base.interrupts import asked
 from lrf3d.geometry.lines import is_finite, number, whole_number
-from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import Stamp
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
 from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.simulation.live import LiveRobot, live_fleet
-from lrf3d.simulation.loop import line_mapper, update_mapper
+from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
 
 # Simulated time from one line map to the next [s].
 LINES_EVERY = 1.0
+
+# Commands beyond are clipped [m/s], [rad/s]: no robot with a laser is faster.
+FASTEST = 20.0
+
+# Longest tick [s]: clock, transforms and odometry come at 50 Hz of simulated time or more.
+LONGEST_TICK = 0.02
+
+# Least side of a cell of the published grid [m]: a whole city is then some megabytes.
+FINEST_CELL = 0.1
+
+# How far a tick may be behind [s] before the time that is lost counts as a standstill.
+LATE = 0.25
+
+# How long clients are served at a time [s] while the simulated time is paused.
+IDLE = 0.01
+
+# Wall time from one check of the pace to the next [s].
+PACE_CHECKED_EVERY = 2.0
+
+# Share of the asked speed below which a warning says that the robot is behind.
+FULL_SPEED = 0.97
 
 # The command of a robot at rest.
 REST = (0.0, 0.0)
@@ -46,6 +67,7 @@ class Topic(NamedTuple):
 Messages = Iterator[tuple[Topic, ros.Fields]]
 Encoded = Iterator[tuple[Topic, bytes]]
 
+MARKERS = "visualization_msgs/msg/MarkerArray"
 MOVING = Topic("tf", TRANSFORMS, depth=100)
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
@@ -108,7 +130,8 @@ class DrivenRobot:
         self._mapper = line_mapper(scenario.noise, **scenario.mapper) if settings.lines else None
         self._tracker = ObjectTracker()
         self._lines_due = LINES_EVERY
-        self._command = REST
+        # The command that the robot holds [m/s], [rad/s], and until when [s].
+        self.held = REST
         self._until = inf
         self._scans = [
             Topic(prefix + ("scan" if len(lasers) == 1 else f"scan_{lrf.name}"), SCAN)
@@ -117,35 +140,25 @@ class DrivenRobot:
         self._odom = Topic(f"{prefix}odom", ODOMETRY)
         self._truth = Topic(f"{prefix}ground_truth", ODOMETRY)
         self._imu = Topic(f"{prefix}imu", "sensor_msgs/msg/Imu", depth=50)
-        marker = "visualization_msgs/msg/MarkerArray"
-        self._lines = Topic(f"{prefix}map_objects", marker, depth=1, latched=True)
+        self._lines = Topic(f"{prefix}map_objects", MARKERS, depth=1, latched=True)
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
+        # Frames, pose and height [m] of the lasers.
         self.mounts = [
             (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
         ]
-        """Frames, pose and height [m] of the lasers."""
-
-    @property
-    def odometry(self) -> Pose:
-        """Where the robot is by its wheels."""
-        return Pose(*self.robot.odometry.tolist())
 
     def show(self) -> None:
         """Show the other robots how this one drives from now on."""
         if self.robot.time >= self._until:
             self._stop("no command for a while: the robot stops")
-        self.robot.show(*self._command)
-
-    def drive(self, seconds: float) -> None:
-        """Drive on for a time [s], as the last command says."""
-        self.robot.drive(seconds, *self._command)
+        self.robot.show(*self.held)
 
     def messages(self, stamp: Stamp, *, scan_time: float | None) -> Messages:
         """Where the robot is, and, if the time from scan to scan [s] is given, its scans."""
         robot = self.robot
         prefix = self.prefix
-        odometry = self.odometry
+        odometry = robot.odometry
         moved = [ros.transform(stamp, prefix + ros.WORLD, prefix + ros.BASE, odometry)]
         if self._settings.give == "pose":
             drift = robot.pose @ odometry.inverse()
@@ -162,7 +175,7 @@ class DrivenRobot:
             yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
         if self._mapper is None:
             return
-        update_mapper(self._mapper, scans)
+        self._mapper.update(scans)
         if robot.time >= self._lines_due:
             lines = self._mapper.map
             self._lines_due = robot.time + LINES_EVERY
@@ -181,15 +194,14 @@ class DrivenRobot:
             return
         if sideways:
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
-        fastest = 20.0  # Commands beyond are clipped [m/s], [rad/s].
-        speed, turning = (max(-fastest, min(fastest, float(each))) for each in (speed, turning))
-        self._command = speed, turning
+        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
+        self.held = speed, turning
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
     def _stop(self, why: str) -> None:
-        if any(self._command):
+        if any(self.held):
             self._say("warning", self.prefix + why)
-        self._command = REST
+        self.held = REST
         self._until = inf
 
     def set_pose(self, frame: str, pose: tuple[float, float, float]) -> None:
@@ -201,8 +213,8 @@ class DrivenRobot:
             asked = as_pose(pose)
             if frame == own:
                 # The odometry's frame has drifted.
-                asked = self.robot.pose @ self.odometry.inverse() @ asked
-            self.robot.place(asked)
+                asked = self.robot.pose @ self.robot.odometry.inverse() @ asked
+            self.robot.carry(asked)
         except InputError as error:
             self._say("error", f"set_pose: {error}; ignored")
         else:
@@ -210,7 +222,7 @@ class DrivenRobot:
 
     def reset(self) -> None:
         """Put the robot back to its start."""
-        self._command = REST
+        self.held = REST
         self.robot.restart()
 
 
@@ -225,7 +237,7 @@ class Stream:
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
             raise missing_extra("live topics need rosbags", "ros") from None
-        # The messages that are used have been the same ever since.
+        # The messages that are used have not changed since.
         self.types = get_typestore(Stores.ROS2_HUMBLE)
         self.scenario = scenario
         self.settings = settings
@@ -233,11 +245,8 @@ class Stream:
         self.paused = False
         self._count = 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
-        # Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or
-        # more.
-        longest_tick = 0.02
-        self.ticks = ceil(self.interval / longest_tick - 1e-9)
-        """Number of ticks from scan to scan."""
+        # Number of ticks from scan to scan; rounding must not add one.
+        self.ticks = ceil(self.interval / LONGEST_TICK - 1e-9)
         wheels = scenario.odometry or (WheelOdometry() if settings.wheels else None)
         robots = live_fleet(scenario, settings.robots, rng=settings.rng, wheels=wheels)
         self.robots = [
@@ -248,8 +257,8 @@ class Stream:
         robots[0].scans()
         given = {CLOCK: settings.clock, GRID: settings.give != "none", FIXED: True}
         own = [topic for robot in self.robots for topic in robot.topics]
+        # All topics that are published.
         self.topics = [topic for topic, wanted in given.items() if wanted] + [*dict.fromkeys(own)]
-        """All topics that are published."""
 
     @property
     def stamp(self) -> Stamp:
@@ -272,22 +281,17 @@ class Stream:
         lost = 0.0
         tick = self.interval / self.ticks / speed_up if speed_up else 0.0
         due = checked = monotonic()
-        # How far ticks may be behind before they count as late, how long clients are served at a
-        # time while time is paused, and from one check of the pace to the next [s].
-        late = 0.25
-        idle = 0.01
-        checked_every = 2.0
         while not asked():
             if not self.paused:
                 publish(self.encoded(self.tick()))
-            due = due + (idle if self.paused else tick)
+            due = due + (IDLE if self.paused else tick)
             now = monotonic()
-            if now > due + late:
+            if now > due + LATE:
                 lost = lost + now - due
                 due = now
             serve(due - now)
-            if (passed := now - checked) > checked_every:
-                if speed_up and (share := 1.0 - lost / passed) < 0.97:
+            if (passed := now - checked) > PACE_CHECKED_EVERY:
+                if speed_up and (share := 1.0 - lost / passed) < FULL_SPEED:
                     self.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
                 checked = now
                 lost = 0.0
@@ -296,11 +300,9 @@ class Stream:
         """What is published once: where lasers are mounted, and the map where it is given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
         yield FIXED, {"transforms": [ros.transform(self.stamp, *mount) for mount in mounts]}
-        # Least side of a cell of the published grid [m]: a whole city is then some megabytes.
-        finest_cell = 0.1
         if GRID in self.topics:
             world = self.scenario.world
-            yield GRID, ros.occupancy_grid(world, finest_cell, self.stamp, Path(world.name))
+            yield GRID, ros.occupancy_grid(world, FINEST_CELL, self.stamp, Path(world.name))
 
     def tick(self) -> Messages:
         """Drive on by a tick, and publish where the robots are; scan where an interval ends."""
@@ -308,7 +310,7 @@ class Stream:
             for robot in self.robots:
                 robot.show()
             for robot in self.robots:
-                robot.drive(self.interval / self.ticks)
+                robot.robot.drive(self.interval / self.ticks, *robot.held)
         scans = self._count % self.ticks == 0
         # Time is counted, not summed.
         now = self._count * self.interval / self.ticks

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from heapq import heapify, heappop, heappush
 from itertools import combinations
 from typing import Any
 
@@ -25,21 +24,28 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.geometry.lines import Float, Int, generator, lengths
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.laser.range_finder import lasers_of
 from lrf3d.robot import Trajectory
-from lrf3d.robot.kinematics import RADIUS, Twist, hold
-from lrf3d.simulation.loop import Mapper, Simulation
+from lrf3d.robot.kinematics import RADIUS
+from lrf3d.simulation.driven import STILL, Driven
+from lrf3d.simulation.loop import Simulation
+from lrf3d.simulation.mappers import Mapper
 from lrf3d.simulation.recorder import Collection
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.sensor import caster_of
-from lrf3d.simulation.steering import ControlledDrive, Controller, trajectory_of
+from lrf3d.simulation.steering import ControlledDrive, Controller, as_drive
 from lrf3d.world import World
 
 # Room [m] between two robots at the ends of their parts of a route: they cut corners.
 APART = 0.5
 
-# The twist of a robot at rest.
-STILL = (0.0, 0.0, 0.0)
+# Largest number of places of a route that are compared with each other.
+MOST_SPOTS = 2000
+
+# Number of scans for which giving way is planned at a time: memory grows with its square.
+WINDOW = 1000
+
+# Time [s] within which two robots touch each other at once: more than rounding.
+TOGETHER = 1e-12
 
 
 @stoppable()
@@ -93,40 +99,24 @@ def simulate_fleet(
     """
     expect(world, World, "world")
     expect(progress, Callable, "progress")
-    if not isinstance(drives, list | tuple):
-        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     if mapper is not None and not callable(mapper):
         raise InputError(f"mapper {shown(mapper)}: expected a function that makes that of a robot")
     check_names("on_collision", [on_collision], ("raise", "stop"))
     obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
     body = Body(radius, outline)
-    stops = on_collision == "stop"
-    places: list[Pose | None] = [None] * len(drives)
-    lasers = () if lrf is None else lasers_of(lrf)
-    if starts is not None:
-        places = [as_pose(start) for start in as_poses(starts)]
-    if len(places) != len(drives):
-        raise InputError(f"{len(places)} starts of {len(drives)} robots: expected as many")
-    paths = list[Trajectory]()
-    kept = list[Any]()
-    for robot, (drive, start) in enumerate(zip(drives, places, strict=True)):
-        controlled = callable(getattr(drive, "command", None))
-        if controlled and any(each.scan_duration for each in lasers):
-            raise InputError(
-                "scan_duration: scans of a fleet's controllers take no time; set it to 0"
-            )
-        if controlled and start is None:
-            raise InputError(
-                f"robot {robot}: a controller without a pose to start at; give starts="
-            )
-        kept.append(drive if controlled else trajectory_of(drive))
-        paths.append(Trajectory([0.0], [start or STILL]) if controlled else kept[-1])
+    kept, places = _started(drives, starts)
+    paths = [
+        drive if isinstance(drive, Trajectory) else Trajectory([0.0], [start])
+        for drive, start in zip(kept, places, strict=True)
+    ]
     bodies, crowd = robots_among(body, paths, obstacles, height)
-    settings |= {"caster": caster_of(settings.get("caster", "embree"), world), "lrf": lrf}
+    # What they touch is known only when all of them have their commands.
+    shared = caster_of(settings.get("caster", "embree"), world)
+    settings |= {"radius": body.reach, "on_collision": "ignore", "lrf": lrf, "caster": shared}
     simulations = [
         Simulation(
-            world, drive, rng=own, obstacles=crowd.without(robot), start=start or STILL,
-            mapper=None if mapper is None else mapper(), on_collision=on_collision, **settings,
+            world, drive, rng=own, obstacles=crowd.without(robot), start=start,
+            mapper=None if mapper is None else mapper(), **settings,
         )
         for robot, (drive, start, own) in enumerate(
             zip(kept, places, generator(rng).spawn(len(kept)), strict=True)
@@ -134,16 +124,43 @@ def simulate_fleet(
     ]  # fmt: skip
     names = [f"robot {k}" for k in range(len(bodies))]
     names += [f"dynamic obstacle {k}" for k in range(len(obstacles))]
-    touches = _Touches(CollisionChecker(world, crowd, names=names), crowd, body, stops)
+    checker = CollisionChecker(world, crowd, names=names)
+    touches = _Touches(checker, crowd, body, on_collision == "stop")
     for robot, simulation in enumerate(simulations):
-        simulation.radius = body.reach
-        if isinstance(simulation.drive, ControlledDrive):
-            touches.add(robot, simulation.drive)
+        touches.add(robot, simulation.drive)
     runs = _drive_all(simulations, touches, progress)
+    return _among_each_other(runs, kept, bodies, obstacles)
+
+
+def _started(
+    drives: Sequence[Any], starts: Sequence[Sequence[float]] | Float | None
+) -> tuple[list[Trajectory | Controller], list[Pose]]:
+    """The drives of a fleet, and the pose at which the robot of each controller starts."""
+    if not isinstance(drives, list | tuple):
+        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
+    kept = [as_drive(drive) for drive in drives]
+    places: Float = np.zeros((len(kept), 3)) if starts is None else as_poses(starts)
+    if len(places) != len(kept):
+        raise InputError(f"{len(places)} starts of {len(kept)} robots: expected as many")
+    for robot, drive in enumerate(kept):
+        if starts is None and not isinstance(drive, Trajectory):
+            raise InputError(
+                f"robot {robot}: a controller without a pose to start at; give starts="
+            )
+    return kept, [as_pose(start) for start in places]
+
+
+def _among_each_other(
+    runs: Sequence[Run],
+    drives: Sequence[Trajectory | Controller],
+    bodies: Sequence[DynamicObstacle],
+    obstacles: Sequence[DynamicObstacle],
+) -> list[Run]:
+    """The runs, each with the other robots and what else moves as its dynamic obstacles."""
     # Controllers end anywhere: what was driven is what the others saw.
     driven = [
-        replace(body, path=run.trajectory) if simulation.drive is not body.path else body
-        for body, run, simulation in zip(bodies, runs, simulations, strict=True)
+        body if isinstance(drive, Trajectory) else replace(body, path=run.trajectory)
+        for body, drive, run in zip(bodies, drives, runs, strict=True)
     ]
     last = max((float(run.trajectory.times[-1]) for run in runs), default=0.0)
     seen = tuple(obstacle.until(last) for obstacle in obstacles)
@@ -177,8 +194,7 @@ def parts_of(route: Float, count: int, body: Body) -> list[Float]:
     """
     stations = np.append(0.0, np.cumsum(lengths(np.hstack([route[:-1], route[1:]]))))
     gap = 2.0 * body.reach + APART
-    most_spots = 2000  # Places of a route that are compared with each other, at most.
-    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), most_spots))
+    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), MOST_SPOTS))
     places = np.column_stack([np.interp(spots, stations, column) for column in route.T])
     near = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) < gap
     new = ~(near & (spots[:, None] - spots > 2.0 * gap)).any(axis=1)
@@ -205,16 +221,14 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
     far as it can.
     """
     given = list[Trajectory]()
-    # Number of scans for which giving way is planned at a time: memory grows with its square.
-    window = 1000
     for drive in drives:
         path = drive.poses
         rows = [np.zeros(1, np.int64)]
         last = 0
         step = np.hypot(*np.diff(path[:, :2], axis=0).T).max(initial=0.0)
         room = float(np.hypot(2.0 * body.reach, step))
-        for begin in range(0, len(path) - 1, window):
-            part = slice(begin, begin + window + 1)
+        for begin in range(0, len(path) - 1, WINDOW):
+            part = slice(begin, begin + WINDOW + 1)
             others = [other.poses[part, :2] for other in given]
             count = len(drive.times[part])
             rows.append(last + _apart(path[last : last + count, :2], others, room, count))
@@ -225,7 +239,7 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
 
 def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int:
     """Where on its path (k, 2) a robot is after each step, away from others (n, 2)."""
-    # Where it may be after each step, from where it may be a step earlier.
+    # The places that the robot can have reached after each step.
     may = np.zeros((count, len(path)), np.bool_)
     may[0, 0] = True
     for time in range(1, count):
@@ -257,8 +271,8 @@ def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Traj
         if hit is not None and hit.time < time:
             other = robot + 1 + hit.obstacle
             time = hit.time
-            text = f"robot{robot + 1} and robot{other + 1} would touch after {time:.1f} s, at"
-            text += f" ({hit.x:.2f}, {hit.y:.2f})"
+            names = f"robot{robot + 1} and robot{other + 1}"
+            text = f"{names} would touch after {time:.1f} s, at ({hit.x:.2f}, {hit.y:.2f})"
     most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
     return [Trajectory(d.times[:k], d.poses[:k]) for d, k in zip(drives, most, strict=True)], text
 
@@ -270,76 +284,63 @@ def _drive_all(
     steps = [iter(simulation) for simulation in simulations]
     kept = [Collection(simulation) for simulation in simulations]
     total = sum(each.total for each in simulations)
+    times = [each.next_time for each in simulations]
     done = 0
-    waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
-    heapify(waiting)
-    while waiting:
-        time, robot = heappop(waiting)
-        if time < math.inf:
-            touches.drive_until(time)
-        if (step := next(steps[robot], None)) is None:
-            continue
-        kept[robot].add(step)
+    while (time := min(times, default=math.inf)) < math.inf:
+        robot = times.index(time)
+        touches.drive_until(time)
+        kept[robot].add(next(steps[robot]))
         done += 1
         progress(done, total)
-        touches.hold(robot)
-        heappush(waiting, (simulations[robot].next_time, robot))
+        touches.show(robot)
+        times[robot] = simulations[robot].next_time
     return [each.run() for each in kept]
 
 
 class _Touches:
-    """What the robots of controllers touch, found when all know how they drive."""
+    """Collisions of controlled robots, computed once every robot has its command."""
 
     def __init__(self, checker: CollisionChecker, crowd: Crowd, body: Body, stops: bool) -> None:
         self._checker = checker
         self._crowd = crowd
         self._body = body
         self._stops = stops
-        self._drives = dict[int, tuple[ControlledDrive, CollisionChecker]]()
-        self._held = dict[int, tuple[float, Pose, Twist]]()
+        self._robots = dict[int, tuple[Driven, CollisionChecker]]()
         self._now = 0.0
 
-    def add(self, robot: int, drive: ControlledDrive) -> None:
-        """Take care of the robot of a controller."""
-        self._drives[robot] = drive, self._checker.without(robot)
-        self._hold(robot, 0.0, drive.pose, STILL)
+    def add(self, robot: int, drive: Trajectory | ControlledDrive) -> None:
+        """Check the robot of a drive, if it has a controller."""
+        if isinstance(drive, ControlledDrive):
+            if drive.sweep:
+                raise InputError(
+                    "scan_duration: scans of a fleet's controllers take no time; set it to 0"
+                )
+            self._robots[robot] = drive.driven, self._checker.without(robot)
+            self.show(robot)
 
-    def hold(self, robot: int) -> None:
-        """Let a robot drive as its controller said last."""
-        if robot in self._drives:
-            drive, _ = self._drives[robot]
-            self._hold(robot, *drive.since, drive.twist)
+    def show(self, robot: int) -> None:
+        """Show the others how a robot drives by its last command."""
+        if robot in self._robots:
+            driven, _ = self._robots[robot]
+            self._crowd.hold(move_of(*driven.since, driven.twist), robot)
 
     def drive_until(self, time: float) -> None:
         """Find what is touched up to a time [s], the earliest first."""
-        # Time [s] within which two robots touch each other at once: more than rounding.
-        together = 1e-12
-        while self._now < time and self._drives:
-            hits = {robot: hit for robot in self._drives if (hit := self._hit(robot, time))}
+        while self._now < time and self._robots:
+            hits = {robot: hit for robot in self._robots if (hit := self._hit(robot, time))}
             self._now = min((hit.time for hit in hits.values()), default=time)
             for robot, hit in hits.items():
-                if hit.time > self._now + together:
+                if hit.time > self._now + TOGETHER:
                     continue
                 if not self._stops:
                     raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")
-                drive, _ = self._drives[robot]
-                drive.collision = hit
-                drive.pose = self._at(robot, hit.time)
-                self._hold(robot, hit.time, drive.pose, STILL)
+                self._robots[robot][0].stop(hit)
+                self.show(robot)
 
     def _hit(self, robot: int, time: float) -> Collision | None:
         """What a robot touches up to a time [s]; one that rests may be driven into."""
-        twist = self._held[robot][2]
-        if self._stops and twist == STILL:
+        driven, checker = self._robots[robot]
+        if self._stops and driven.twist == STILL:
             return None
-        pose = self._at(robot, self._now)
-        _, checker = self._drives[robot]
-        return checker.held(self._body, pose, twist, self._now, time - self._now)
-
-    def _at(self, robot: int, time: float) -> Pose:
-        begin, pose, twist = self._held[robot]
-        return hold(pose, twist, time - begin) if time > begin else pose
-
-    def _hold(self, robot: int, time: float, pose: Pose, twist: Twist) -> None:
-        self._held[robot] = time, pose, twist
-        self._crowd.hold(move_of(time, pose, twist), robot)
+        pose = driven.passed(self._now)
+        return checker.held(self._body, pose, driven.twist, self._now, time - self._now)

@@ -5,7 +5,6 @@ ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 
@@ -13,18 +12,19 @@ from lrf3d.base.errors import InputError
 from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.geometry.lines import Float, generator
-from lrf3d.geometry.pose import Pose, as_pose, between, compose
+from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.robot import Trajectory
-from lrf3d.robot.kinematics import Twist, hold
 from lrf3d.robot.odometry import InertialUnit, WheelOdometry
+from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
+from lrf3d.simulation.loop import motion_streams
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.simulation.sensor import Sensor, caster_of
 
 
-class LiveRobot:
-    """A robot from where a scenario with a route or poses starts.
+class LiveRobot(Driven):
+    """A driven body with lasers, wheels and an IMU, from where a scenario starts.
 
     Without errors of the wheels the odometry is exact.
     """
@@ -41,8 +41,10 @@ class LiveRobot:
         self.wheels = wheels
         self._imu = scenario.imu
         self._rng = generator(rng)
-        self._body = Body(scenario.radius, scenario.outline)
-        self._checker = CollisionChecker(scenario.world, self._crowd)
+        self._streams = motion_streams(self._rng, wheels, scenario.imu)
+        body = Body(scenario.radius, scenario.outline)
+        self.start = scenario.beginning
+        super().__init__(self.start, 0.0, body, CollisionChecker(scenario.world, self._crowd))
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
         lasers = [(scenario.lrf, scenario.noise), *scenario.further]
         caster = caster_of("embree", scenario.world)
@@ -56,64 +58,55 @@ class LiveRobot:
             )
             for lrf, noise in lasers
         ]
-        self.start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
-        self.time = 0.0
-        self.speed = 0.0
-        self.turning = 0.0
-        self.bumped = False
         self.restart()
+
+    @property
+    def speed(self) -> float:
+        """Speed ahead [m/s]."""
+        return self.twist[0]
+
+    @property
+    def turning(self) -> float:
+        """Turn rate [rad/s]."""
+        return self.twist[2]
+
+    @property
+    def bumped(self) -> bool:
+        """Whether it touched something while it held the last command."""
+        return self.collision is not None
 
     def restart(self) -> None:
         """Put the robot and its odometry back to the start; time goes on."""
-        self.pose = self.start
-        self.speed = 0.0
-        self.turning = 0.0
-        self.odometry = np.array(self.start)
-        self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
+        self.place(self.start)
+        self.odometry = self.start
+        self._restart_imu()
 
-    def place(self, pose: Pose) -> None:
+    def carry(self, pose: Pose) -> None:
         """Put the robot elsewhere, at rest; its wheels do not notice unless they are exact.
 
         Raises:
             InputError: The robot would stand in a wall or an obstacle.
         """
-        if self._touched(pose, (0.0, 0.0, 0.0), 0.0) is not None:
+        if self.touched(pose, STILL, 0.0) is not None:
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
-        self.pose = pose
-        self.speed = 0.0
-        self.turning = 0.0
-        self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
+        self.place(pose)
         if self.wheels is None:
-            self.odometry = np.array(pose)
+            self.odometry = pose
+        self._restart_imu()
+
+    def _restart_imu(self) -> None:
+        self._carried = None if self._imu is None else InertialUnit(self._imu, self._streams[1])
 
     def drive(self, seconds: float, speed: float, turning: float) -> None:
-        """Drive an exact arc for a time, at most to where the body touches something.
-
-        There a round robot still turns.
-        """
+        """Drive an exact arc for a time, and rest where the body touches something."""
         last = self.pose
-        twist = (speed, 0.0, turning)
-        hit = self._touched(last, twist, seconds)
-        self.bumped = hit is not None
-        gap = 1e-6  # How long before a touch the robot stops [s], so that it can drive away again.
-        if hit is None:
-            self.pose = hold(last, twist, seconds)
-        else:
-            free = max(0.0, hit - gap)
-            self.pose = hold(last, twist, free)
-            speed = 0.0
-            if self._body.outline is None:
-                self.pose = hold(self.pose, (0.0, 0.0, turning), seconds - free)
-            else:
-                turning = 0.0
-        self.speed = speed
-        self.turning = turning
-        self.time += seconds
-        increment = between(np.array(last), np.array(self.pose))
+        self.hold((speed, 0.0, turning), seconds)
         if self.wheels is None:
-            self.odometry = np.array(self.pose)
-        elif increment.any():
-            self.odometry = compose(self.odometry, self.wheels(increment, self._rng))
+            self.odometry = self.pose
+        elif self.pose != last:
+            increment = between(np.array(last), np.array(self.pose))
+            measured = self.wheels(increment, self._streams[0])
+            self.odometry = Pose(*compose(np.array(self.odometry), measured).tolist())
 
     def scans(self) -> tuple[LaserScan, ...]:
         """Measure with each laser from where the robot is now."""
@@ -133,11 +126,6 @@ class LiveRobot:
         if self._carried is None:
             return np.empty((0, 4))
         return self._carried.drive(self.time, np.array(self.pose))
-
-    def _touched(self, pose: Pose, twist: Twist, seconds: float) -> float | None:
-        """After what time [s] the body first touches something; None if it does not."""
-        hit = self._checker.held(self._body, pose, twist, self.time, seconds)
-        return None if hit is None else hit.time - self.time
 
 
 def live_fleet(

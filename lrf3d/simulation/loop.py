@@ -7,12 +7,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.base.errors import InputError, check_names, each_of, expect, shown
+from lrf3d.base.errors import InputError, check_names, each_of, expect
 from lrf3d.casting.collision import Body, CollisionChecker
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -26,26 +26,15 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
+from lrf3d.simulation.mappers import Mapper, OptionalParts
 from lrf3d.simulation.sensor import Caster, Sensor, caster_of
-from lrf3d.simulation.steering import ControlledDrive, Controller, Robot, trajectory_of
+from lrf3d.simulation.steering import ControlledDrive, Controller, Robot, as_drive
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
-
-class Mapper(Protocol):
-    """Anything that builds a map from scans.
-
-    The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
-    without it returns the map from `update`. A mapper that estimates the poses may have the
-    attribute ``estimate``, an EstimatedTrajectory, which pictures and films show next to the truth.
-    One with a method ``drive(increment)`` gets the odometry increment before each scan, if there is
-    odometry. It gets the scans of several lasers one by one, or, if its attribute ``several`` is
-    true, those of a moment as a tuple.
-    """
-
-    def update(self, scan: LaserScan) -> Any:
-        """Add a scan; a return value other than None is the map."""
-        ...
+# What a body does that touches something: the drive is an error, the body rests there, or nothing
+# happens and it drives through.
+ON_COLLISION = ("raise", "stop", "ignore")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,12 +112,14 @@ class Simulation:
             it and an outline it drives through them.
         outline: (n, 2) its outline [m] instead, x ahead.
         on_collision: ``raise``, or ``stop`` for a robot that rests where it touches something, a
-            controller's up to the next scan, any other for good.
+            controller's up to the next scan, any other for good, or ``ignore`` for one that drives
+            through.
         odometry: The errors of the wheels, if odometry is to be measured.
         imu: The errors of the IMU, if the robot has one. Both draw random numbers of their own, so
             that scans stay the same.
         robot: How a controller's robot moves: a Unicycle if not given, a DifferentialDrive, an
             AckermannDrive or an OmniDrive.
+        film: The default settings of the film.
 
     Examples:
         >>> import lrf3d
@@ -158,68 +149,48 @@ class Simulation:
         odometry: WheelOdometry | None = None,
         imu: Imu | None = None,
         robot: Robot | None = None,
+        film: FilmPlan = USUAL_FILM,
     ) -> None:
-        check_names("on_collision", [on_collision], ("raise", "stop"))
-        scans = None if scans is None else whole_number(scans, "scans")
+        check_names("on_collision", [on_collision], ON_COLLISION)
         expect(world, World, "world")
         self.world = world
-        self.lasers = lasers_of(LaserRangeFinder() if lrf is None else lrf)
-        noises = noises_of(ProportionalNoise(0.0) if noise is None else noise, self.lasers)
+        self.lasers, noises = _equipped(lrf, noise)
         self.mapper: Mapper = line_mapper(noises[0]) if mapper is None else mapper
-        if not callable(getattr(self.mapper, "update", None)):
-            raise InputError(f"mapper {shown(self.mapper)}: expected an object with update(scan)")
+        self._mapper = OptionalParts(self.mapper)
         self.rng = generator(rng)
-        path = None
-        controlled = callable(getattr(drive, "command", None))
-        if controlled:
-            end = None if scans is None else scans * scan_interval
-        else:
-            path = trajectory_of(drive)
-            scans = min(scans or len(path), len(path))
-            end = float(path.times[-1])
-        self.obstacles = tuple[DynamicObstacle, ...]()
-        crowd = obstacles
-        if not isinstance(crowd, Crowd):
-            crowd = tuple(each_of(crowd, DynamicObstacle, "obstacle"))
-            # A run stores the paths of its obstacles as poses, up to its end; an endless drive is
-            # not stored.
-            self.obstacles = tuple(each if end is None else each.until(end) for each in crowd)
-            crowd = Crowd(self.obstacles)
-        solid = radius is not None or outline is not None
+        moves = as_drive(drive)
+        self.scans, end = _ends(moves, scans, scan_interval)
+        self.obstacles, crowd = _surroundings(obstacles, end)
+        body, solid = _body(radius, outline)
+        # Radius of the robot [m], that around its outline.
+        self.radius = body.reach
+        checks = solid and on_collision != "ignore"
+        checker = CollisionChecker(world, crowd) if checks else None
         stops = on_collision == "stop"
-        body = Body(RADIUS if radius is None else radius, outline) if solid else None
-        checker = CollisionChecker(world, crowd) if body else None
-        if path is not None and body is not None and checker is not None:
-            path = checker.checked(path, body, stops)
-        if path is None:
-            self.drive: Trajectory | ControlledDrive = ControlledDrive(
-                drive,  # type: ignore[arg-type]
-                start, scan_interval, checker, body, stops=stops,
-                sweep=max(each.scan_duration for each in self.lasers), robot=robot,
-            )  # fmt: skip
+        self.drive: Trajectory | ControlledDrive
+        if not isinstance(moves, Trajectory):
+            sweep = max(self.lasers, key=lambda each: each.scan_duration).scan_duration
+            self.drive = ControlledDrive(
+                moves, start, scan_interval, checker, body, stops=stops, sweep=sweep, robot=robot
+            )
         else:
-            self.drive = path
+            self.drive = moves if checker is None else checker.checked(moves, body, stops)
         shared = caster_of(caster, world)
         self.sensors = tuple(
             Sensor(world, each, caster=shared, noise=own, obstacles=crowd, path=self.drive)
             for each, own in zip(self.lasers, noises, strict=True)
         )
-        wheels, inertial = self.rng.spawn(2) if odometry or imu else (self.rng, self.rng)
+        # The errors of the wheels and of the IMU.
+        self.motion_sensors = odometry, imu
+        wheels, inertial = motion_streams(self.rng, odometry, imu)
         self._odometer = None if odometry is None else Odometer(odometry, wheels)
         self._imu = None if imu is None else InertialUnit(imu, inertial)
-        self.motion_sensors = odometry, imu
-        """The errors of the wheels and of the IMU."""
+        # The pose by odometry at the last scan, and what the IMU measured before it.
         self.odometry = np.zeros(3)
         self.inertial = np.empty((0, 4))
-        """The pose by odometry at the last scan, and what the IMU measured before it."""
-        self.film: FilmPlan = USUAL_FILM
-        """The default settings of the film."""
-        self.radius = RADIUS if radius is None else radius
-        """Radius of the robot [m]."""
-        self.scans = scans
+        self.film = film
         self.done = 0
         self._seconds = 0.0
-        self._returned: Any = None
 
     @property
     def lrf(self) -> LaserRangeFinder:
@@ -234,29 +205,23 @@ class Simulation:
     @property
     def map(self) -> Any:
         """The map after all scans so far, of whatever kind; None if the mapper makes none."""
-        return getattr(self.mapper, "map", None) if self._returned is None else self._returned
+        return self._mapper.map
 
     @property
     def estimate(self) -> EstimatedTrajectory | None:
         """The trajectory that the mapper estimates, if it does."""
-        estimate = getattr(self.mapper, "estimate", None)
-        return estimate if isinstance(estimate, EstimatedTrajectory) else None
+        return self._mapper.estimate
 
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps."""
         drive = self.drive
-        while self.scans is None or self.done < self.scans:
+        while (time := self.next_time) < math.inf:
             index = self.done
             if isinstance(drive, Trajectory):
-                time = float(drive.times[index])
-                pose = drive.poses[index]
-                place = Pose(*pose.tolist())
-            elif drive.goes_on:
-                time = drive.time
-                pose = np.array(drive.pose)
-                place = drive.pose
+                place = Pose(*drive.poses[index].tolist())
             else:
-                return
+                place = drive.driven.pose
+            pose = np.array(place)
             truth = tuple(sensor.cast(pose, time) for sensor in self.sensors)
             scans = tuple(
                 sensor.noisy(scan, self.rng)
@@ -272,12 +237,12 @@ class Simulation:
         """
         if self._odometer is not None:
             self.odometry = sealed(self._odometer.drive(pose))
-            if callable(getattr(self.mapper, "drive", None)):
-                self.mapper.drive(self._odometer.increment)  # type: ignore[attr-defined]
+            if self._mapper.drive is not None:
+                self._mapper.drive(self._odometer.increment)
         if self._imu is not None:
             self.inertial = sealed(self._imu.drive(scans[0].time, pose))
         begin = perf_counter()
-        self._returned = update_mapper(self.mapper, scans)
+        self._mapper.update(scans)
         # The first update is not counted: it may compile or load the mapper.
         if self.done:
             self._seconds += perf_counter() - begin
@@ -293,7 +258,7 @@ class Simulation:
             return math.inf
         if isinstance(drive, Trajectory):
             return float(drive.times[self.done])
-        return drive.time if drive.goes_on else math.inf
+        return drive.driven.time if drive.goes_on else math.inf
 
     @property
     def total(self) -> int:
@@ -308,17 +273,49 @@ class Simulation:
         return 1e3 * self._seconds / (self.done - 1) if self.done > 1 else None
 
 
-def update_mapper(mapper: Any, scans: Sequence[LaserScan]) -> Any:
-    """Update a mapper by the scans of a moment: one by one, or all at once where it takes several.
+def _equipped(
+    lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None, noise: Noise | Sequence[Noise] | None
+) -> tuple[tuple[LaserRangeFinder, ...], Sequence[Noise]]:
+    """The lasers of a robot, and the noise of each."""
+    lasers = lasers_of(LaserRangeFinder() if lrf is None else lrf)
+    return lasers, noises_of(ProportionalNoise(0.0) if noise is None else noise, lasers)
 
-    It returns what the mapper does.
+
+def _ends(
+    drive: Trajectory | Controller, scans: int | None, interval: float
+) -> tuple[int | None, float | None]:
+    """Number of scans of a drive, and its end [s]; None where it may go on for ever."""
+    scans = None if scans is None else whole_number(scans, "scans")
+    if isinstance(drive, Trajectory):
+        return min(scans or len(drive), len(drive)), float(drive.times[-1])
+    return scans, None if scans is None else scans * interval
+
+
+def _surroundings(
+    obstacles: Sequence[DynamicObstacle] | Crowd, end: float | None
+) -> tuple[tuple[DynamicObstacle, ...], Crowd]:
+    """The obstacles as a run stores them, with poses up to its end [s], and their crowd.
+
+    An endless drive is not stored.
     """
-    if len(scans) > 1 and getattr(mapper, "several", False):
-        return mapper.update(tuple(scans))
-    returned = None
-    for scan in scans:
-        returned = mapper.update(scan)
-    return returned
+    if isinstance(obstacles, Crowd):
+        return (), obstacles
+    known = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
+    known = known if end is None else tuple(each.until(end) for each in known)
+    return known, Crowd(known)
+
+
+def _body(radius: float | None, outline: ArrayLike | None) -> tuple[Body, bool]:
+    """The body of a robot, and whether it is solid: without a radius or an outline it is not."""
+    solid = radius is not None or outline is not None
+    return Body(RADIUS if radius is None else radius, outline), solid
+
+
+def motion_streams(
+    rng: np.random.Generator, odometry: WheelOdometry | None, imu: Imu | None
+) -> Sequence[np.random.Generator]:
+    """Random streams of the wheels and of the IMU, so that scans depend on neither."""
+    return rng.spawn(2) if odometry or imu else (rng, rng)
 
 
 def line_mapper(noise: object, **settings: Any) -> LineMapper:

@@ -1,12 +1,14 @@
-"""Collecting: a simulation, or a user's own loop, is kept as a Run.
+"""Recording in memory: a simulation, or a user's own loop, is kept as a Run.
 
 A simulation or its parts enter, or the scans of a user's own loop; a Run in memory leaves.
 `lrf3d.recordings.formats.recording` keeps the same rows in a file.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from inspect import signature
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,19 +30,21 @@ from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.simulation.steering import Controller
 from lrf3d.world import World
 
+# The earliest time of a scan [s]: nanoseconds of times farther from 0 do not fit into stamps.
+EARLIEST = -1e12
+
 
 class Runnable(Protocol):
     """Anything that can be simulated, such as a Scenario."""
 
     def simulation(self, **changes: Any) -> Simulation:
         """Its simulation, with the given changes."""
-        ...
 
 
 def simulate(
     world: World | Runnable,
     drive: Trajectory | ArrayLike | Controller | None = None,
-    lrf: LaserRangeFinder | None = None,
+    lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None = None,
     *,
     snapshots: int | None = None,
     progress: Progress = silent,
@@ -55,7 +59,7 @@ def simulate(
     Args:
         world: A Scenario, or the walls alone, for which a drive is required.
         drive: A Trajectory, poses (k, 3) a second apart, or a controller.
-        lrf: The laser range finder.
+        lrf: The laser range finder, or several.
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
         progress: Called with the number of finished scans, and of all.
@@ -145,42 +149,25 @@ class Collection(Snapshots):
     def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
         super().__init__(simulation, snapshots)
         wheels = simulation.motion_sensors[0] is not None
-        self._rows = rows_of(row_type(simulation.world, simulation.lasers, wheels), self._total)
+        self._rows = Rows(simulation.world, simulation.lasers, wheels=wheels, room=self._total)
 
     def add(self, step: Step) -> None:
         """Keep a step."""
-        fill_row(self._rows, step.index, step)
+        self._rows.add(step.time, step.pose, step.scans, step.true_scans, step.odometry)
         self.keep()
 
     def run(self) -> Run:
-        """The run, which has ended."""
+        """The run of the simulation, which has ended."""
         simulation = self._simulation
         imu = self.end()
-        rows = {name: sealed(values)[: simulation.done] for name, values in self._rows.items()}
-        return Run(
-            simulation.world,
-            simulation.lrf,
-            Trajectory(rows.pop("times"), rows.pop("poses")),
-            snapshot_scans=tuple(self.maps),
-            maps=tuple(self.maps.values()),
+        return self._rows.run(
+            self.maps,
             obstacles=simulation.obstacles,
             film=simulation.film,
             radius=simulation.radius,
             estimate=simulation.estimate,
-            further=simulation.lasers[1:],
             imu=imu,
-            **rows,
         )
-
-
-class _Taken(NamedTuple):
-    """What the loop of a user gave of a moment, in the fields of a step."""
-
-    time: float
-    pose: Pose
-    scans: tuple[LaserScan, ...]
-    true_scans: tuple[LaserScan, ...]
-    odometry: None = None
 
 
 def row_type(
@@ -204,19 +191,22 @@ def row_type(
     return np.dtype(fields)
 
 
-def rows_of(row: np.dtype[Any], count: int) -> dict[str, Any]:
-    """Arrays with so many rows, by the fields of a row."""
-    return {name: np.empty((count, *row[name].shape), row[name].base) for name in row.names or ()}
-
-
-def fill_row(rows: Mapping[str, Any], index: int, step: Step | _Taken) -> None:
-    """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
-    rows["times"][index] = step.time
-    rows["poses"][index] = step.pose
+def fill_row(
+    rows: Mapping[str, Any],
+    index: int,
+    time: float,
+    pose: Pose,
+    scans: Sequence[LaserScan],
+    true_scans: Sequence[LaserScan],
+    odometry: Float | None = None,
+) -> None:
+    """Write what a step measured into a row of arrays with the fields of `row_type`."""
+    rows["times"][index] = time
+    rows["poses"][index] = pose
     if "wheels" in rows:
-        rows["wheels"][index] = step.odometry
+        rows["wheels"][index] = odometry
     begin = 0
-    for laser, (scan, truth) in enumerate(zip(step.scans, step.true_scans, strict=True)):
+    for laser, (scan, truth) in enumerate(zip(scans, true_scans, strict=True)):
         beams = slice(begin, begin := begin + len(scan.ranges))
         rows["ranges"][index, beams] = scan.ranges
         rows["truth"][index, beams] = truth.ranges
@@ -227,6 +217,51 @@ def fill_row(rows: Mapping[str, Any], index: int, step: Step | _Taken) -> None:
             # Scans of users' own parts may have no intensities.
             light = getattr(scan, name)
             rows[name][index, beams] = np.nan if light is None else light
+
+
+class Rows:
+    """Arrays with a row for each scan, by the names of a Run's attributes; they grow on demand."""
+
+    def __init__(
+        self,
+        world: World,
+        lasers: tuple[LaserRangeFinder, ...],
+        *,
+        wheels: bool = False,
+        room: int = 1,
+    ) -> None:
+        self._world = world
+        self._lasers = lasers
+        row = row_type(world, lasers, wheels)
+        self._arrays: dict[str, Any] = {
+            name: np.empty((room, *row[name].shape), row[name].base) for name in row.names or ()
+        }
+        self._room = room
+        self.count = 0
+
+    def add(self, *measured: Any) -> None:
+        """Keep what a step measured: the arguments of `fill_row`, from the time on."""
+        if self.count == self._room:
+            self._room = 2 * self.count
+            kept = {name: values[: self.count] for name, values in self._arrays.items()}
+            self._arrays = {name: np.concatenate([each, each]) for name, each in kept.items()}
+        fill_row(self._arrays, self.count, *measured)
+        self.count += 1
+
+    def run(self, maps: Mapping[int, LineMap], **parts: Any) -> Run:
+        """The run so far, with map snapshots by their scans; a scan after that copies all rows."""
+        self._room = self.count
+        rows = {name: sealed(values)[: self.count] for name, values in self._arrays.items()}
+        return Run(
+            self._world,
+            self._lasers[0],
+            Trajectory(rows.pop("times"), rows.pop("poses")),
+            snapshot_scans=tuple(maps),
+            maps=tuple(maps.values()),
+            further=self._lasers[1:],
+            **rows,
+            **parts,
+        )
 
 
 class Recorder:
@@ -259,15 +294,15 @@ class Recorder:
         obstacles: Sequence[DynamicObstacle] = (),
     ) -> None:
         expect(world, World, "recorder: world")
-        self._world = world
         self._lasers = lasers_of(lrf)
         self._obstacles = tuple(each_of(obstacles, DynamicObstacle, "recorder: obstacle"))
-        self._taken = list[_Taken]()
+        self._rows = Rows(world, self._lasers)
+        self._last = -math.inf
         self._estimates = list[Pose]()
         self._maps: dict[int, LineMap] = {}
 
     def __len__(self) -> int:
-        return len(self._taken)
+        return self._rows.count
 
     def add(
         self,
@@ -296,18 +331,18 @@ class Recorder:
         true = self._scans(scan if truth is None else truth)
         if map is not None:
             expect(map, LineMap, "recorder: map")
-        last = self._taken[-1].time if self._taken else -np.inf
-        if time is None:
-            time = scans[0].time if scans[0].time > last else last + SCAN_INTERVAL
-        elif number(time, "recorder: time", "seconds", least=-1e12) <= last:
-            raise InputError(f"recorder: time {time:g} s; expected one after {last:g} s")
-        if self._taken and (estimate is None) != (not self._estimates):
+        later = scans[0].time if scans[0].time > self._last else self._last + SCAN_INTERVAL
+        time = later if time is None else time
+        if number(time, "recorder: time", "seconds", least=EARLIEST) <= self._last:
+            raise InputError(f"recorder: time {time:g} s; expected one after {self._last:g} s")
+        if len(self) and (estimate is None) != (not self._estimates):
             raise InputError("recorder: estimate: give one for every scan or for none")
         if estimate is not None:
             self._estimates.append(as_pose(estimate))
         if map is not None:
             self._maps[len(self)] = map
-        self._taken.append(_Taken(float(time), scans[0].robot, scans, true))
+        self._last = float(time)
+        self._rows.add(self._last, scans[0].robot, scans, true)
 
     def run(self) -> Run:
         """The run so far.
@@ -317,27 +352,21 @@ class Recorder:
         """
         if not len(self):
             raise InputError("recorder: no scans; add(scan) first")
-        kept = {scan: self._maps[scan] for scan in self._maps if is_snapshot(scan, len(self))}
-        if self._maps:
-            newest = max(self._maps)
-            kept[newest] = self._maps[newest]
-        estimates = np.array(self._estimates)
-        rows = rows_of(row_type(self._world, self._lasers), len(self))
-        for index, taken in enumerate(self._taken):
-            fill_row(rows, index, taken)
-        times = rows.pop("times")
-        poses = rows.pop("poses")
+        newest = max(self._maps, default=0)
+        kept = {
+            scan: line_map
+            for scan, line_map in sorted(self._maps.items())
+            if scan == newest or is_snapshot(scan, len(self))
+        }
+        run = self._rows.run(kept)
+        poses = run.trajectory.poses.copy()
         poses[:, 2] = np.unwrap(poses[:, 2])
-        return Run(
-            self._world,
-            self._lasers[0],
-            Trajectory(times, poses),
-            **rows,
-            snapshot_scans=tuple(sorted(kept)),
-            maps=tuple(kept[scan] for scan in sorted(kept)),
-            obstacles=tuple(each.until(times[-1]) for each in self._obstacles),
+        estimates = np.array(self._estimates)
+        return replace(
+            run,
+            trajectory=Trajectory(run.trajectory.times, poses),
+            obstacles=tuple(each.until(self._last) for each in self._obstacles),
             estimate=EstimatedTrajectory(estimates) if len(estimates) else None,
-            further=self._lasers[1:],
         )
 
     def _scans(self, given: Any) -> tuple[LaserScan, ...]:

@@ -94,13 +94,12 @@ class Run(Value, Pictured):
 
     def __post_init__(self) -> None:
         number(self.radius, "run: radius", "metres")
-        others = [name for name in ("motions", "wheels") if getattr(self, name) is not None]
-        self._hold("ranges", "truth", *self.light, *others)
+        scans = len(self.trajectory)
+        beams = sum(each.beams for each in self.lasers)
+        shapes = self._shapes(scans, beams)
+        self._hold(*(name for name in shapes if name != "walls"))
         self._hold("walls", dtype=np.int64)
-        scans, beams = shape = len(self.trajectory), sum(each.beams for each in self.lasers)
-        echoes = (*shape, *self.echoes.shape[2:3]) if self.echoes is not None else shape
-        for name in ("ranges", "truth", "walls", *self.light):
-            expected = echoes if name.startswith("echo") else shape
+        for name, expected in shapes.items():
             if (found := getattr(self, name).shape) != expected:
                 raise InputError(
                     f"run: {name} {found}; expected {expected}, for {scans} poses and {beams} beams"
@@ -112,12 +111,19 @@ class Run(Value, Pictured):
                 f"run: snapshot_scans {shown(self.snapshot_scans)} of {len(self.maps)} maps;"
                 f" expected an ascending scan from 0 to {scans - 1} for each"
             )
-        shapes = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
-        for name in others:
-            if (found := getattr(self, name).shape) != shapes[name]:
-                raise InputError(f"run: {name} {found}; expected {shapes[name]}")
         if self.estimate is not None and len(self.estimate) != scans:
             raise InputError(f"run: estimate of {len(self.estimate)} scans; expected {scans}")
+
+    def _shapes(self, scans: int, beams: int) -> dict[str, tuple[int, ...]]:
+        """The shapes of the arrays that it has, by the names of its attributes."""
+        shape = (scans, beams)
+        echoes = shape if self.echoes is None else (*shape, *np.shape(self.echoes)[2:3])
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("ranges", "truth", "walls"), shape)
+        shapes |= {name: echoes if "echo" in name else shape for name in self.light}
+        further = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
+        return shapes | {
+            name: expected for name, expected in further.items() if getattr(self, name) is not None
+        }
 
     def __repr__(self) -> str:
         name = f"{self.world.name!r}, " if self.world.name else ""

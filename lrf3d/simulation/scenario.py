@@ -16,7 +16,7 @@ from lrf3d.base.files import own_name
 from lrf3d.base.interrupts import Progress, silent
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.geometry.lines import Float, Value, whole_number
-from lrf3d.geometry.pose import Pose
+from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.mapping import LineMapper
@@ -34,10 +34,18 @@ from lrf3d.world.schema import TABLES, read_settings
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
-    from lrf3d.simulation.loop import Mapper, Simulation
+    from lrf3d.casting.collision import Body
+    from lrf3d.simulation.loop import Simulation
+    from lrf3d.simulation.mappers import Mapper
     from lrf3d.simulation.run import Run
     from lrf3d.simulation.sensor import Caster
     from lrf3d.simulation.steering import Controller
+
+# Time between two scans [s] at single poses: a film shows each for some seconds.
+POSE_INTERVAL = 4.0
+
+# Default number of scans of a controller's drive, which may have no end.
+CONTROLLED_SCANS = 1000
 
 # Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each.
 MOST_SCANS = 10_000_000
@@ -124,6 +132,12 @@ class Scenario(Value):
         return (self.lrf, *(lrf for lrf, _ in self.further))
 
     @property
+    def beginning(self) -> Pose:
+        """Where a robot begins that is driven by commands."""
+        poses = np.zeros((1, 3)) if self.poses is None else self.poses
+        return self.start or as_pose(poses[0])
+
+    @property
     def sigmas(self) -> tuple[float, ...]:
         """Standard deviations [m] at range_max: that of the noise, and those compared with it."""
         _, sigma = spread_of(self.noise) or (0.0, SIGMA)
@@ -196,38 +210,46 @@ class Scenario(Value):
         ``say`` is called with the first collision with a dynamic obstacle, which ends no drive.
         """
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
-        # Time between two scans [s] at single poses, between which the robot does not drive.
-        pose_interval = 4.0
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
-            return Trajectory(pose_interval * stops, self.poses[stops % len(self.poses)])
-        if self.route is None:
-            raise InputError(f"{self.name}: neither poses nor a route to drive")
-        commands = self._commands
-        dt = self.scan_interval / commands
-        settings: dict[str, Any] = {"speed": self.speed, "lookahead": self.lookahead, "dt": dt}
-        if scans is None:
-            laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **settings),)
-        else:
-            most = (scans - 1) * commands + 1
-            laps = following.drive_laps(self.route, start=self.start, most=most, **settings)
+            return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
         # Imported here, so that films and figures do not load the compiler.
-        from lrf3d.casting.collision import Body, check_drive, find_collision
+        from lrf3d.casting.collision import Body, find_collision
 
         body = Body(self.radius, self.outline)
-        for lap in laps:
-            if on_collision is None:
-                check_drive(lap, self.world, body)
-            elif (collision := find_collision(lap, self.world, body)) is not None:
-                on_collision(str(collision))
-                break
-        laps = tuple(lap.every(commands) for lap in laps)
+        laps = self._laps(scans)
+        self._check_walls(laps, body, on_collision)
+        laps = tuple(lap.every(self._commands) for lap in laps)
         path = laps[0] if scans is None else following.chain_laps(laps, scans)
         if self.obstacles:
             nothing = World(np.empty((0, 4)))
             if (collision := find_collision(path, nothing, body, self.obstacles)) is not None:
                 say(f"{collision}; the robot's route takes no notice of it")
         return path
+
+    def _laps(self, scans: int | None) -> tuple[Trajectory, ...]:
+        """The drive along the route, or for a number of scans two laps that are repeated."""
+        if self.route is None:
+            raise InputError(f"{self.name}: neither poses nor a route to drive")
+        dt = self.scan_interval / self._commands
+        settings: dict[str, Any] = {"speed": self.speed, "lookahead": self.lookahead, "dt": dt}
+        if scans is None:
+            return (follow_route(self.route, start=self.start, **settings),)
+        most = (scans - 1) * self._commands + 1
+        return following.drive_laps(self.route, start=self.start, most=most, **settings)
+
+    def _check_walls(
+        self, laps: Iterable[Trajectory], body: "Body", note: Callable[[str], None] | None
+    ) -> None:
+        """Note the first collision of laps with a wall; without a function to call, raise it."""
+        from lrf3d.casting.collision import check_drive, find_collision
+
+        for lap in laps:
+            if note is None:
+                check_drive(lap, self.world, body)
+            elif (collision := find_collision(lap, self.world, body)) is not None:
+                note(str(collision))
+                return
 
     def simulation(
         self,
@@ -258,41 +280,31 @@ class Scenario(Value):
         """
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.simulation.loop import Simulation
+        from lrf3d.simulation.steering import is_controller
 
         if isinstance(mapper, Mapping):
             changes = {**changes, "mapper": mapper}
             mapper = None
         measured = [changes.pop(name, None) for name in ("sigma", "noise", "mode")]
         scenario = self.changed(**changes)
-        controlled = dict[str, Any]()
-        checks = isinstance(on_collision, str)
-        controlled_scans = 1000  # Default number of scans of a controller's drive.
+        settings = dict[str, Any]()
+        checks = on_collision if isinstance(on_collision, str) else "ignore"
         if drive is None:
             scenario = scenario.with_route()
-            ignored = (lambda note: None) if isinstance(on_collision, str) else on_collision
-            drive = scenario.trajectory(scans=scans, on_collision=ignored)
-        elif callable(getattr(drive, "command", None)):
-            scans = controlled_scans if scans is None else scans
+            noted = (lambda note: None) if isinstance(on_collision, str) else on_collision
+            drive = scenario.trajectory(scans=scans, on_collision=noted)
+        elif is_controller(drive):
+            scans = CONTROLLED_SCANS if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
-            start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
-            controlled = {
-                "start": start if scenario.start is None else scenario.start,
-                "scan_interval": scenario.scan_interval,
-            }
-            checks = checks or on_collision is None
-        if checks:
-            controlled |= {"radius": scenario.radius, "outline": scenario.outline}
-            controlled["on_collision"] = "raise" if on_collision is None else on_collision
+            settings = {"start": scenario.beginning, "scan_interval": scenario.scan_interval}
+            checks = "raise" if on_collision is None else checks
         noises, usual = scenario.measuring(*measured)
-        made = Simulation(
+        return Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
-            noise=noises, mapper=usual if mapper is None else mapper,
+            noise=noises, mapper=usual if mapper is None else mapper, film=scenario.film,
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
-            **controlled,
+            radius=scenario.radius, outline=scenario.outline, on_collision=checks, **settings,
         )  # fmt: skip
-        made.film = scenario.film
-        made.radius = scenario.radius
-        return made
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
         """The noises of the lasers, or the one given, and a LineMapper set up for them."""

@@ -18,7 +18,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.kernels.scans import laser_of, rays_from
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import Float, Records
 from lrf3d.geometry.pose import Pose, as_pose, between
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.scan import LIGHT, ScanBatch
@@ -31,7 +31,6 @@ class Caster(Protocol):
 
     def cast(self, lrf: LaserRangeFinder, pose: Float) -> LaserScan:
         """Return the true scan from a pose."""
-        ...
 
 
 class Moving(Protocol):
@@ -41,7 +40,6 @@ class Moving(Protocol):
 
     def at(self, times: Float) -> Float:
         """Poses (n, 3) of the robot at times (n,) [s] of the scan that it begins."""
-        ...
 
 
 # Casters by name.
@@ -72,32 +70,21 @@ class Sensor:
         self.noise = noise
         self.caster = caster_of(caster, world)
         self._noisy = Chain([noise])
-        self._legs = None
-        self._moving = None if isinstance(path, Trajectory) or not lrf.time_increment else path
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
+        self._lit = len(world.materials) > 0 < len(self._crowd)
         # What casts single rays; other casters know no light of obstacles.
         self._rays = self.caster if isinstance(self.caster, PlanarCaster) else None
-        self._lit = len(world.materials) > 0 < len(self._crowd)
         if self._rays is None and self._lit:
             self._rays = PlanarCaster(world)
-        if path is None:
-            return
-        interval = getattr(path, "interval", np.inf)
-        rounding = 0.0
-        if isinstance(path, Trajectory):
-            if lrf.time_increment:
-                self._legs = moves_of(path.times, path.poses)
-            interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
-            # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
-            rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
-        if lrf.scan_duration > interval + rounding:
-            raise InputError(
-                f"scan_duration {lrf.scan_duration:g} s: longer than the {interval:g} s between two"
-                " scans; scan less often or faster"
-            )
+        # The path, if the robot moves on while it scans, and its legs, if they are known.
+        self._path = path if lrf.time_increment else None
+        self._legs: Records | None = None
+        if isinstance(self._path, Trajectory):
+            self._legs = moves_of(self._path.times, self._path.poses)
+        _check_duration(lrf.scan_duration, path)
 
     def without(self, own: int) -> "Sensor":
-        """The same sensor on a robot that is one of the obstacles itself; −1 is none."""
+        """The same sensor on the robot that is this obstacle of its crowd; −1 for no obstacle."""
         other = copy(self)
         other._crowd = self._crowd.without(own)
         return other
@@ -124,7 +111,7 @@ class Sensor:
         return self._far_enough(self._noisy(true_scans, rng).ranges)
 
     def _far_enough(self, ranges: Float) -> Float:
-        """Ranges, in which what noise carried below range_min is too near, −inf."""
+        """Set ranges that noise moved below range_min to −inf."""
         near = (ranges < self.lrf.range_min) & (ranges > -np.inf)
         return np.where(near, -np.inf, ranges) if near.any() else ranges
 
@@ -136,19 +123,18 @@ class Sensor:
         they are of dark cloth.
         """
         lrf = self.lrf
-        moving = self._legs is not None or self._moving is not None
-        if not moving and not self._lit:
+        if self._path is None and not self._lit:
             return self._among(lrf.placed(pose), time)
         place = as_pose(lrf.placed(pose))
         motion = None
         poses = np.array([place])
         times = np.array([time])
-        if moving:
+        if self._path is not None:
             times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-            if self._legs is not None:
+            if self._legs is None:
+                poses = self._path.at(times)
+            else:
                 poses = poses_along(self._legs, times, np.array(as_pose(pose)))
-            elif self._moving is not None:
-                poses = self._moving.at(times)
             motion = between(poses[0], poses[-1])
             poses = lrf.placed(poses)
         if self._rays is not None:
@@ -182,8 +168,8 @@ class Sensor:
         lit = lighting.empty(lrf)
         lit.ranges[:] = ranges
         lit.walls[:] = walls
-        crowd = self._crowd.plain, self._crowd.own
-        lighting.light(lrf, caster.tree(lrf.height), rays, lit, *crowd)
+        tree = caster.tree(lrf.height)
+        lighting.light(lrf, tree, rays, lit, self._crowd.plain, self._crowd.own)
         lit.walls[lit.walls >= count] = -1
         return LaserScan.unchecked(lrf, place, *lit.arrays(lrf.echoes))
 
@@ -196,6 +182,21 @@ class Sensor:
         walls = scan.walls.copy()
         self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
         return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
+
+
+def _check_duration(duration: float, path: "Trajectory | Moving | None") -> None:
+    """Check that a scan takes no longer [s] than the path gives it."""
+    interval = getattr(path, "interval", np.inf)
+    rounding = 0.0
+    if isinstance(path, Trajectory):
+        interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
+        # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
+        rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
+    if duration > interval + rounding:
+        raise InputError(
+            f"scan_duration {duration:g} s: longer than the {interval:g} s between two scans; scan"
+            " less often or faster"
+        )
 
 
 def caster_of(caster: Caster | str, world: World) -> Caster:

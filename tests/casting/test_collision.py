@@ -113,7 +113,7 @@ def test_a_body_on_an_arc_touches_a_wall_where_bisection_finds_it(seed):
         ([[0.1, -1.0, 0.1, 1.0]], Body(outline=BOX), (0.0, 0, 0), 0.0),
     ],
 )  # fmt: skip
-def test_what_grazes_does_not_touch_and_what_cuts_does(walls, body, twist, wanted):
+def test_a_body_touches_a_wall_that_it_cuts_but_not_one_that_it_grazes(walls, body, twist, wanted):
     hit = held(walls, body, (0.0, 0.0, 0.0), twist)
     assert (hit is None) == (wanted is None)
     assert hit is None or hit.time == pytest.approx(wanted, abs=1e-3)
@@ -165,7 +165,7 @@ def test_moving_obstacles_touch_robots_that_rest_drive_or_turn():
     assert hit.time == pytest.approx(np.pi / 2 - np.arcsin(0.15), abs=1e-9)
 
 
-def test_a_controller_is_stopped_where_it_touches_or_told_what():
+def test_a_controller_rests_where_it_touches_something_or_it_is_an_error():
     def drive(obstacles=(), controller=None, **body):
         return Simulation(
             WALL, controller or Ahead(), LaserRangeFinder(beams=3), mapper=NoMap(),
@@ -176,7 +176,7 @@ def test_a_controller_is_stopped_where_it_touches_or_told_what():
         list(drive(radius=0.5))
     stopped = drive(radius=0.5, on_collision="stop")
     assert [step.pose.x for step in stopped] == pytest.approx([0, 0.5, 1, 1.5, 1.5, 1.5, 1.5, 1.5])
-    assert stopped.drive.collision.wall == 0
+    assert stopped.drive.driven.collision.wall == 0
     back = [step.pose.x for step in drive(outline=BOX, on_collision="stop")]
     assert back[-1] == pytest.approx(1.7) and max(back) <= 1.7 + 1e-9
     cart = DynamicObstacle(
@@ -187,7 +187,7 @@ def test_a_controller_is_stopped_where_it_touches_or_told_what():
     assert [step.pose.x for step in drive([cart], radius=None)][-1] == 3.5
 
 
-def test_a_given_drive_with_a_body_is_checked_or_halts():
+def test_a_trajectory_with_a_body_is_checked_or_ends_at_the_wall():
     walk = Trajectory([0.0, 1.0, 2.0], [(0, 0, 0), (1, 0, 0), (3, 0, 0)])
     lrf = LaserRangeFinder(beams=3)
     with pytest.raises(CollisionError, match=r"wall 0 at t = 1\.35"):
@@ -260,7 +260,7 @@ def test_controllers_of_a_fleet_see_and_touch_each_other_where_they_meet():
     assert away[0].trajectory.poses[-1, 0] == 2.5
 
 
-def test_a_fleet_of_controllers_given_drives_and_obstacles_is_one_scene():
+def test_controllers_trajectories_and_obstacles_of_a_fleet_touch_each_other():
     walk = Trajectory([0.0, 4.0], [(3.0, -2.0, 1.57), (3.0, 2.0, 1.57)])
     post = DynamicObstacle(round_outline(0.2), Trajectory([0.0], [(6.0, 0, 0)]))
     given = [Trajectory(0.5 * np.arange(9), np.tile([(3.0, 9.0, 0)], (9, 1))), Ahead(1.0)]

@@ -24,7 +24,7 @@ def test_a_covariance_that_rounding_made_negative_has_an_ellipse_without_width()
     assert np.isfinite(ellipse).all() and ellipse[1].tolist() == [0.0, 0.0]
 
 
-def test_a_part_keeps_what_both_ends_of_are_in_it():
+def test_a_part_keeps_the_closures_between_its_own_scans():
     covariances = np.arange(2.0)[:, None, None] * np.eye(3)
     estimate = lrf3d.EstimatedTrajectory(
         POSES, [1, 3], covariances, [[0, 3], [1, 2]], [[1, 3]], POSES + 1.0

@@ -61,7 +61,7 @@ def test_the_gyro_adds_up_to_the_turn_and_the_accelerometers_to_the_speed():
     assert rows[150, 3] == pytest.approx(2.0 * -1.0)
 
 
-def test_a_run_keeps_both_and_its_scans_stay_the_same(tmp_path):
+def test_a_run_keeps_its_odometry_and_imu_and_its_scans_stay_the_same(tmp_path):
     def simulation(**sensors):
         noise = lrf3d.ProportionalNoise(0.02)
         return lrf3d.Simulation(ROOM, LAPS, FEW, noise=noise, rng=1, **sensors)
@@ -91,7 +91,7 @@ def test_slam_drives_by_the_measured_odometry():
     assert mapper.errors().max() < 0.1
 
 
-def test_a_world_file_asks_for_both(tmp_path):
+def test_a_world_file_asks_for_odometry_and_an_imu(tmp_path):
     text = "[[object]]\npoints = [[0, 0], [5, 0]]\n[odometry]\n[imu]\nrate = 50\n"
     (tmp_path / "a.toml").write_text(text)
     scenario = lrf3d.load_scenario(tmp_path / "a.toml", ["odometry.scale=0.2"])

@@ -59,19 +59,21 @@ def test_the_robot_drives_an_exact_arc_and_stops_without_commands():
     assert made.robots[0].robot.pose == (x, y, theta) and said[0][0] == "warning"
 
 
-def test_a_wall_stops_the_robot_but_not_its_turn():
+def test_a_robot_rests_at_a_wall_and_can_turn_and_drive_away():
     made, _ = stream(cmd_timeout=0.0)
     [*made.tick()]
+    robot = made.robots[0].robot
     made.robots[0].command(2.0, 0.1)
     for _ in range(40):
         [*made.step()]
-    assert (
-        made.robots[0].robot.bumped
-        and made.robots[0].robot.speed == 0.0
-        and made.robots[0].robot.turning == 0.1
-    )
-    x, y, _ = made.robots[0].robot.pose
+    assert robot.bumped and robot.speed == robot.turning == 0.0
+    x, y, theta = robot.pose
     assert 2.5 < math.hypot(x, y) and x < 3.0 - 0.35 + 1e-9
+    for command in ((0.0, 1.0), (-1.0, 0.0)):
+        made.robots[0].command(*command)
+        [*made.step()]
+        assert not robot.bumped
+    assert robot.pose.theta == pytest.approx(theta + 0.1) and robot.pose.x < x - 0.09
 
 
 def test_invalid_commands_and_poses_are_reported_and_change_nothing():
@@ -90,7 +92,7 @@ def test_invalid_commands_and_poses_are_reported_and_change_nothing():
             Settings(**wrong)
 
 
-def test_what_is_given_of_the_truth_is_chosen():
+def test_settings_choose_what_topics_give_of_the_truth():
     given, _ = stream(wheels=True, lines=True, rng=3)
     hidden, _ = stream(give="none", clock=False)
     optional = {"map", "/clock", "map_objects"}

@@ -74,7 +74,7 @@ def test_two_lasers_map_as_one_that_sees_all_around(run):
     assert two.perpendicular_rms < single.perpendicular_rms + 0.002
 
 
-def test_scans_of_a_moment_are_one_from_the_middle_of_the_robot(run):
+def test_scans_of_a_moment_are_joined_at_the_centre_of_the_robot(run):
     scans = run.scans_at(3)
     whole = together(scans)
     points = np.vstack([unrolled(scan).points() for scan in scans])

@@ -21,7 +21,7 @@ def recorded(**extra):
     return recorder
 
 
-def test_it_is_the_run_of_the_same_drive(tmp_path):
+def test_a_recorder_gives_the_run_of_the_same_simulation(tmp_path):
     run = recorded().run()
     same = lrf3d.simulate(ROOM, DRIVE, LRF, caster="planar", mapper=lrf3d.LineMapper(sigma=0.0))
     assert np.array_equal(run.ranges, same.ranges) and np.array_equal(run.walls, same.walls)
@@ -49,7 +49,7 @@ def test_light_and_motion_of_each_scan_are_kept():
         assert np.array_equal(getattr(run, name), getattr(same, name), equal_nan=True)
 
 
-def test_what_it_cannot_keep_is_reported():
+def test_a_recorder_reports_what_it_cannot_keep():
     recorder = recorded(estimate=(0, 0, 0))
     assert recorder.run().estimate.poses.shape == (len(recorder), 3)
     scan = lrf3d.PlanarCaster(ROOM).cast(LRF, (1, 1, 0))

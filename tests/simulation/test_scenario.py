@@ -152,7 +152,7 @@ def test_what_does_not_go_together_is_refused_with_its_line(text, message, tmp_p
 
 
 @pytest.mark.parametrize("interval", [0.05, 2.3, 10.0])
-def test_how_seldom_is_scanned_does_not_change_the_way(interval):
+def test_the_scan_interval_does_not_change_the_path(interval):
     corridor = load_scenario("corridor")
     seldom = replace(corridor, scan_interval=interval).trajectory()
     step = interval / max(1, round(interval / 0.05))
@@ -164,7 +164,7 @@ def test_how_seldom_is_scanned_does_not_change_the_way(interval):
     )
 
 
-def test_a_wall_between_two_scans_is_met():
+def test_a_wall_between_two_scans_is_touched():
     wall = World(np.array([[5.0, -1.0, 5.0, 1.0]]))
     around = np.array([[0.0, 0.0], [5.0, 6.0], [10.0, 0.0]])
     scenario = Scenario(wall, start=start_of(around), route=around, speed=1.0, scan_interval=60.0)

@@ -77,7 +77,7 @@ def test_a_recording_of_the_command_line_goes_on_in_python(tmp_path):
     assert (tmp_path / "part/run.npz").read_bytes() == whole
 
 
-def test_the_default_mapper_reckons_with_the_noise_that_it_is_given():
+def test_the_default_mapper_is_set_up_for_the_noise_that_is_given():
     room = lrf3d.load_world("paper_room")
 
     def mapper(noise):

@@ -32,7 +32,7 @@ def test_a_run_holds_truth_measurement_and_map():
     assert len(run.map_after(-1)) == 0 and run.map_after(1) is run.maps[1]
 
 
-def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
+def test_the_map_snapshots_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
     monkeypatch.setattr(lrf3d.simulation.run, "MAP_SNAPSHOTS", 7)
     poses = np.repeat(POSES[:1], 50, axis=0)
     run = simulate(ROOM, poses, LaserRangeFinder(beams=31, range_max=20.0))
@@ -101,6 +101,27 @@ def test_a_seed_is_called_rng_and_a_name_is_no_world():
         simulate(ROOM, POSES, seed=1)
     with pytest.raises(InputError, match="simulate: 'corridor': expected a World or a Scenario"):
         simulate("corridor")
+
+
+def test_a_simulation_is_built_with_the_radius_that_it_collides_with_and_its_film():
+    box = [(-0.3, -0.4), (0.3, -0.4), (0.3, 0.4), (-0.3, 0.4)]
+    lrf = LaserRangeFinder(beams=3)
+    for checks in ("raise", "stop", "ignore"):
+        made = lrf3d.Simulation(ROOM, POSES, lrf, outline=box, on_collision=checks)
+        assert made.radius == pytest.approx(0.5)
+    assert lrf3d.Simulation(ROOM, POSES, lrf, radius=0.7).radius == 0.7
+    (run,) = lrf3d.simulate_fleet(ROOM, [POSES], lrf, outline=box)
+    assert run.radius == pytest.approx(0.5)
+    film = lrf3d.load_scenario("city").film
+    assert simulate(ROOM, POSES, lrf, film=film).film is film
+    scenario = lrf3d.load_scenario("paper_room").changed(outline=box, film=film)
+    made = scenario.simulation()
+    assert made.radius == scenario.radius and made.film is film
+    # Poses outside of the room are driven to where collisions are ignored.
+    through = np.vstack([POSES, POSES[0] + [9.0, 0.0, 0.0]])
+    with pytest.raises(lrf3d.CollisionError):
+        lrf3d.Simulation(ROOM, through, lrf, radius=0.5)
+    assert list(lrf3d.Simulation(ROOM, through, lrf, radius=0.5, on_collision="ignore"))
 
 
 def test_a_file_with_objects_of_python_is_refused(tmp_path):

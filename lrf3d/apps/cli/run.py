@@ -26,7 +26,8 @@ from lrf3d.recordings import record, save_run
 from lrf3d.scoring import seen_share
 from lrf3d.scoring.map_score import drawn_part, judged_part, summarise
 from lrf3d.simulation.fleet import before_touching, giving_way, parts_of, simulate_fleet
-from lrf3d.simulation.loop import Simulation, update_mapper
+from lrf3d.simulation.loop import Simulation
+from lrf3d.simulation.mappers import OptionalParts
 from lrf3d.simulation.recorder import collect
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
@@ -135,21 +136,21 @@ def _pictures(run: Run, scenario: Scenario, args: Namespace, report: Report) -> 
 
 def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     """The figures of a run, and what a user's mapper reports of it, in JSON's types."""
-    mapper: Any = main.mapper
+    mapper = OptionalParts(main.mapper)
     seen = seen_share(judged_part(run))
-    figures = {"mode": getattr(mapper, "mode", None), **summarise(run), "seen_share": seen}
-    if not callable(getattr(mapper, "report", None)):
+    figures = {"mode": mapper.mode, **summarise(run), "seen_share": seen}
+    if mapper.report is None:
         return figures
     if not main.done:
         # The run was finished before, so this mapper has no scans yet.
         for index in range(len(run)):
-            update_mapper(mapper, run.scans_at(index))
+            mapper.update(run.scans_at(index))
     report = mapper.report(run, folder)
     try:
         return {**figures, "report": dict(json.loads(json.dumps(report, allow_nan=False)))}
     except (TypeError, ValueError) as error:
         raise InputError(
-            f"{mapper!r}: report: {error}; expected a dict of texts and finite numbers"
+            f"{main.mapper!r}: report: {error}; expected a dict of texts and finite numbers"
         ) from None
 
 

@@ -183,7 +183,8 @@ class Journal:
 
     def add(self, step: Step) -> None:
         """Append a scan, and the state of the random numbers after it."""
-        fill_row(self._fields, 0, step)
+        measured = step.time, step.pose, step.scans, step.true_scans, step.odometry
+        fill_row(self._fields, 0, *measured)
         self._row["number"], self._row["rng"] = self.scans + 1, _rng_state(self._rng)
         self._file.write(self._row.tobytes())
         self.scans += 1

@@ -12,7 +12,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.simulation.live import LiveRobot
-from lrf3d.simulation.loop import line_mapper, update_mapper
+from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
@@ -159,7 +159,7 @@ class HandDrive:
         return max(self.maps, default=-1)
 
     def _map_scan(self) -> None:
-        update_mapper(self._mapper, self.latest)
+        self._mapper.update(self.latest)
         number = len(self.trajectory.times)
         self._scans[number] = self.latest
         self._scans.pop(number - _KEPT_SCANS, None)
