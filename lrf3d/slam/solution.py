@@ -6,7 +6,7 @@ The scans of a log and their poses enter; a `Run` leaves, whose world is the map
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,7 +24,9 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.matching.key_scans import Key, Moment
 from lrf3d.recordings import LaserLog
 from lrf3d.recordings.log import on_one_fan
-from lrf3d.recordings.repair.odometry import Repairs
+from lrf3d.recordings.repair.mirror import MIRROR
+from lrf3d.recordings.repair.recording import Recording
+from lrf3d.recordings.repair.repairs import figures_of
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.slam import Slam
@@ -42,21 +44,14 @@ MOST_UNSURE = 0.4
 class SolvedLog:
     """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
 
-    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
-    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
-    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
-    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
-    them are in its frame, and the run is that of both.
+    ``poses`` (k, 3) are those at the scans (k,) of the recording, which says what was repaired. The
+    drive was solved ``passes`` times: again where its wheels' errors turned out to differ. If it
+    was joined with an earlier drive, all poses are in its frame, and the run is that of both.
     """
 
-    log: LaserLog
+    recording: Recording
     slam: Slam
-    scans: list[LaserScan]
     poses: Float
-    line_poses: Float
-    lag: float
-    repairs: Repairs
-    check: SelfCheck
     passes: int
     joined: Joined | None = None
 
@@ -64,9 +59,29 @@ class SolvedLog:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
 
     @property
+    def log(self) -> LaserLog:
+        """The log as it was read, with the scans of several lasers at one moment as one."""
+        return self.recording.log
+
+    @property
+    def scans(self) -> list[LaserScan]:
+        """The scans (k,) in the order in which they were taken, each once, and repaired."""
+        return self.recording.scans
+
+    @cached_property
+    def line_poses(self) -> Float:
+        """Poses (n, 3) of the robot at the odometry lines, as logged."""
+        return self.recording.line_poses(self.poses)
+
+    @cached_property
+    def check(self) -> SelfCheck:
+        """How the scans agree where the robot came by again."""
+        return self.slam.self_check() if self.joined is None else self.joined.check
+
+    @property
     def warnings(self) -> list[str]:
         """What users should know of the solution, a sentence each."""
-        mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
+        mirrored = [MIRROR.sentence(True)] * (MIRROR.name in self.recording.found)
         mount = doubtful_mount(self.log.scans, mirrored=False)
         doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
         return [*mirrored, *doubts, *self.tried]
@@ -151,7 +166,7 @@ class SolvedLog:
         Those of lasers that turn on their robot, or clockwise, stay together.
         """
         mounts = {tuple(scan.mount for scan in moment) for moment in self.log.parts}
-        if len(mounts) != 1 or self.repairs.mirrored:
+        if len(mounts) != 1 or MIRROR.name in self.recording.found:
             return [(scan,) for scan in self.scans]
         taken = dict(zip([scan.time for scan in self.log.scans], self.log.parts, strict=True))
         return [taken[scan.time] for scan in self.scans]
@@ -190,11 +205,11 @@ class SolvedLog:
                 **log.counts,
                 "odometry_lines": len(self.line_poses),
                 "odometry": self.odometry,
-                **asdict(self.repairs),
+                **figures_of(self.recording),
             },
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {
-                "lag_lines": self.lag,
+                "lag_lines": float(self.recording.lags.mean()),
                 **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
                 "solved_times": self.passes,
             },

@@ -25,11 +25,12 @@ from lrf3d.recordings.degrade import degrade_log
 from lrf3d.recordings.formats.carmen_writer import write_log
 from lrf3d.recordings.formats.trajectory import load_relations, save_tum
 from lrf3d.recordings.reading import CARMEN_ENDINGS
+from lrf3d.recordings.repair.repairs import repaired_log
 from lrf3d.scoring import score_log, score_trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.slam.checks import LATER
-from lrf3d.slam.offline import map_scans, punctual, solve_log
+from lrf3d.slam.offline import map_scans, solve_log
 from lrf3d.slam.places import OdometryNoise
 from lrf3d.slam.places.monte_carlo import score_localisation
 from lrf3d.slam.places.sessions import localise_log
@@ -40,7 +41,7 @@ from lrf3d.world import World
 def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     """Map a log whose poses are known, and test the map."""
     settings = {"mode": args.mode or "robust", "sigma": args.sigma}
-    log = punctual(log)
+    log = repaired_log(log, args.without_repair or ())
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
         run = map_scans(log, **settings, all_scans=args.all, progress=progress)
@@ -81,7 +82,10 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     pairs = [[(min(pair), max(pair)) for pair in given or ()] for given in (args.close, args.not_)]
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(log, on=on, close=pairs[0], apart=pairs[1], progress=progress, **chosen)
+        solved = solve_log(
+            log, on=on, close=pairs[0], apart=pairs[1], progress=progress,
+            without_repairs=args.without_repair or (), **chosen,
+        )  # fmt: skip
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
@@ -152,7 +156,9 @@ def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> N
 def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        found = localise_log(known, log, progress=progress)
+        found = localise_log(
+            known, log, without_repairs=args.without_repair or (), progress=progress
+        )
     if not found.stretches:
         warn(f"{args.log}: nowhere on the map with certainty; the likeliest place has a"
              f" probability of {found.probability:.2g}")  # fmt: skip
@@ -280,7 +286,7 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
     rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
     if not solved.log.placed:
         rows.append(("odometry", f"{solved.odometry}; if that is mirrored, so is the map"))
-    rows += [("", sentence) for sentence in solved.repairs.sentences()]
+    rows += [("", sentence) for sentence in solved.recording.sentences]
     closed = counted(found["loop_closures"], "loop closure")
     rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
     if lost := found["scans_by_odometry_alone"]:

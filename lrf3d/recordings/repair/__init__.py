@@ -1,1 +1,1 @@
-"""Repairs of recordings: what is wrong with a log is found, and corrected."""
+"""Repairs of recordings: what is wrong with a log is found, corrected and reported."""

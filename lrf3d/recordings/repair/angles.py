@@ -1,0 +1,30 @@
+"""Angles: those of a laser's beams differ by rounding from scan to scan, as drivers write them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lrf3d.laser import LaserScan
+from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.repair.repair import Repair
+
+# Largest difference of angles [rad] that is taken for rounding.
+JITTER = 1e-4
+
+
+def find(log: LaserLog) -> list[LaserScan] | None:
+    """The scans of a log with the angles of the first one where they hardly differ from these."""
+    first = log.scans[0].angles
+    scans = [
+        replace(scan, angles=first)
+        if scan.angles is not first
+        and scan.angles.shape == first.shape
+        and np.abs(scan.angles - first).max() <= JITTER
+        else scan
+        for scan in log.scans
+    ]
+    changed = any(new is not old for new, old in zip(scans, log.scans, strict=True))
+    return scans if changed else None
+
+
+ANGLES = Repair[LaserLog]("angles", find, lambda log, scans: replace(log, scans=scans))
