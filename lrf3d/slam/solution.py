@@ -15,7 +15,7 @@ import numpy as np
 from lrf3d.base.errors import InputError
 from lrf3d.base.interrupts import Progress, check, silent
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, lengths, usual_step
+from lrf3d.geometry.lines import Float, Int, lengths, usual_step
 from lrf3d.geometry.pose import Pose, compose
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
@@ -28,6 +28,7 @@ from lrf3d.recordings.repair.mirror import MIRROR
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.repairs import figures_of
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.estimated_trajectory import NO_COVARIANCES, NO_SCANS
 from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import SelfCheck, doubtful_mount
@@ -38,6 +39,19 @@ from lrf3d.world import World
 # Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
 # along the walls grows with each scan.
 MOST_UNSURE = 0.4
+
+# Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach 0.03, one
+# that was bent by 20° without a contradiction reached 0.14.
+BENT_SHARE = 0.1
+
+# Largest distance [m] along bare walls on a drive by the laser alone.
+MOST_UNSEEN = 1.0
+
+# Key scans whose covariances are kept, at most: each takes a step over the whole pose graph.
+MOST_COVARIANCES = 128
+
+# Time [s] between two drives in their joint run.
+PAUSE = 1.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,8 +106,7 @@ class SolvedLog:
             return self._unsure()
         weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
         steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        most_unseen = 1.0  # Largest distance [m] along bare walls on a drive by the laser alone.
-        if weak.sum() * steps.mean() < most_unseen:
+        if weak.sum() * steps.mean() < MOST_UNSEEN:
             return self._unsure()
         starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
         longest = int((ends - starts).argmax())
@@ -107,10 +120,7 @@ class SolvedLog:
         axes = np.linalg.norm(estimate.ellipses, 2, axis=(1, 2))
         extent = float(np.hypot(*np.ptp(self.poses[:, :2], axis=0)))
         placed = self.log.placed
-        # Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach
-        # 0.03, and one that was bent by 20° without a contradiction reached 0.14.
-        bent_share = 0.1
-        if (most := axes.max()) < max(MOST_UNSURE, bent_share * extent * placed):
+        if (most := axes.max()) < max(MOST_UNSURE, BENT_SHARE * extent * placed):
             return []
         where = f"the position at scan {estimate.known_scans[axes.argmax()]}"
         if placed:
@@ -183,10 +193,7 @@ class SolvedLog:
         poses[:, 2] = np.unwrap(poses[:, 2])
         if self.joined is not None:
             return joint_run(self.joined, slam, self.moments, poses, self.log.name)
-        # Key scans whose covariances are kept, at most: each takes a step over the whole pose
-        # graph.
-        most_covariances = 128
-        chosen = np.unique(np.linspace(0, len(keys) - 1, most_covariances).astype(np.int64))
+        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.moments, poses, maps, estimate)
@@ -319,31 +326,32 @@ def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float,
     the other drive are mounted otherwise.
     """
     first = both.run
-    count = len(both.run)
     before = both.first_poses
-    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
     if len(first.lasers) == 1:
         before = compose(before, np.array(first.lrf.mount))
     whole = np.vstack([before, poses])
     whole[:, 2] = np.unwrap(whole[:, 2])
-    pause = 1.0  # Time [s] between two drives in their joint run.
-    later = first.trajectory.times[-1] + pause - moments[0][0].time
-    shown = [first.scans_at(k) for k in range(count)]
+    later = first.trajectory.times[-1] + PAUSE - moments[0][0].time
+    shown = [first.scans_at(k) for k in range(len(first))]
     shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
-    whole_scans = [together(moment) for moment in shown]
+    scans = [together(moment) for moment in shown]
+    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
     if one.shape != other.shape or not np.allclose(one, other):
-        shown = [(scan,) for scan in whole_scans]
-    nothing = np.empty(0, np.int64), np.empty((0, 3, 3))
-    own = slam.estimate(poses, *nothing)
-    earlier = first.estimate or EstimatedTrajectory(before, *nothing)
-    estimate = EstimatedTrajectory(
-        whole, *nothing,
-        np.vstack([earlier.closures, count + own.closures, both.ties + np.array([0, count])]),
-        np.vstack([earlier.dropped_closures, count + own.dropped_closures]),
-    )  # fmt: skip
-    keys = [*both.keys.tolist(), *(count + slam.key_scans).tolist()]
-    maps = maps_of(whole_scans, whole, keys, LineMapper())
-    return run_of(name, shown, whole, maps, estimate)
+        shown = [(scan,) for scan in scans]
+    keys = [*both.keys.tolist(), *(len(first) + slam.key_scans).tolist()]
+    own = slam.estimate(poses, NO_SCANS, NO_COVARIANCES)
+    estimate = _joint_estimate(first.estimate or EstimatedTrajectory(before), own, whole, both.ties)
+    return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
+
+
+def _joint_estimate(
+    earlier: EstimatedTrajectory, own: EstimatedTrajectory, poses: Float, ties: Int
+) -> EstimatedTrajectory:
+    """The estimates of two drives as one, with the ties (c, 2) between their scans."""
+    count = len(earlier.poses)
+    dropped = np.vstack([earlier.dropped_closures, count + own.dropped_closures])
+    closures = np.vstack([earlier.closures, count + own.closures, ties + np.array([0, count])])
+    return EstimatedTrajectory(poses, closures=closures, dropped_closures=dropped)
 
 
 def rising(stamps: Float) -> Float:

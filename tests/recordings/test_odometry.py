@@ -215,7 +215,7 @@ def test_without_stamps_nothing_is_taken_for_a_copy(recorded):
     log, _ = recorded
     still = WheelRecord(np.zeros(COUNT), np.zeros((COUNT, 3)), EVERY)
     [found] = repair(replace(log, wheels=still), SOLVING)
-    assert len(found.path) == COUNT and "copies" not in found.found
+    assert len(found.poses) == COUNT and "copies" not in found.found
 
 
 @pytest.mark.parametrize(

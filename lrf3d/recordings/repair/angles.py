@@ -6,7 +6,7 @@ import numpy as np
 
 from lrf3d.laser import LaserScan
 from lrf3d.recordings.log import LaserLog
-from lrf3d.recordings.repair.repair import Repair
+from lrf3d.recordings.repair import Repair
 
 # Largest difference of angles [rad] that is taken for rounding.
 JITTER = 1e-4
@@ -27,4 +27,4 @@ def find(log: LaserLog) -> list[LaserScan] | None:
     return scans if changed else None
 
 
-ANGLES = Repair[LaserLog]("angles", find, lambda log, scans: replace(log, scans=scans))
+ANGLES = Repair("angles", find, lambda log, scans: replace(log, scans=scans))

@@ -1,7 +1,7 @@
 """Jumps: odometry that leaps, or goes out and back, goes on as around it."""
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.geometry.pose import between, compose
+from lrf3d.recordings.repair import Found, Repair
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.repair import Found, Repair
 
 # Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
 # [rad/s] where there is more than a second between them; all else is a jump.
@@ -95,25 +95,20 @@ def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
     return smooth, lines
 
 
-def sentence(jumps: Jumps) -> str:
-    """How many jumps there were."""
-    return f"{counted(jumps.number, 'jump')} of the odometry left out: the rest may be misplaced"
-
-
-def figures(jumps: Jumps | None) -> dict[str, Any]:
-    """The number of jumps."""
-    return {"odometry_jumps": jumps.number if jumps else 0}
-
-
-JUMPS = Repair[Recording](
-    "jumps", find, lambda recording, jumps: replace(recording, poses=jumps.poses), sentence, figures
+JUMPS = Repair(
+    "jumps",
+    find,
+    lambda recording, jumps: replace(recording, poses=jumps.poses),
+    lambda jumps: (
+        f"{counted(jumps.number, 'jump')} of the odometry left out: the rest may be misplaced"
+    ),
+    lambda jumps: {"odometry_jumps": jumps.number if jumps else 0},
 )
 
 
-def with_more_jumps(recording: Recording, count: int) -> Recording:
+def with_more_jumps(recording: Recording, number: int) -> Recording:
     """The recording with the number of jumps that its scans have shown beside those found here."""
-    if not count:
-        return recording
-    before = figures(recording.found[JUMPS.name].finding if JUMPS.name in recording.found else None)
-    jumps = Jumps(recording.poses, count + before["odometry_jumps"])
-    return replace(recording, found={**recording.found, JUMPS.name: Found(JUMPS, jumps, recording)})
+    found = recording.found.get(JUMPS.name)
+    number += found.finding.number if found else 0
+    jumps = {JUMPS.name: Found(JUMPS, Jumps(recording.poses, number), recording)}
+    return replace(recording, found={**recording.found, **jumps}) if number else recording

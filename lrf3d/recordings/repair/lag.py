@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lrf3d.geometry.lines import Float, Int
+from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import LATE, SURE, Recording
-from lrf3d.recordings.repair.repair import Repair
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
@@ -29,12 +29,11 @@ def find(recording: Recording) -> Lag | None:
     if not recording.log.placed:
         return None
     path = recording.path
-    sure = recording.purpose.sure
-    lags = fitted_lag(recording.turns, path, recording.places, sure)
+    lags = fitted_lag(recording.turns, path, recording.places, recording.purpose.sure)
     first, last = (path.interval * lags[[0, -1]]).tolist()
-    largest = max(abs(first), abs(last))
-    known = lags.any() and largest >= recording.purpose.least_lag
-    return Lag(lags, (first, last)) if known else None
+    if not lags.any() or max(abs(first), abs(last)) < recording.purpose.least_lag:
+        return None
+    return Lag(lags, (first, last))
 
 
 def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -> Float:
@@ -79,24 +78,18 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
     return lags(*best.x[2:])
 
 
-def apply(recording: Recording, lag: Lag) -> Recording:
-    """The recording with the scans where the odometry was when they were taken."""
-    return replace(recording, lags=lag.lags)
-
-
 def fitted_again(recording: Recording, turns: Float | None = None) -> Recording:
     """The recording with the lag that other turns (k − 1,) [rad] show, or those of its scans."""
     found = {name: each for name, each in recording.found.items() if name != LAG.name}
-    fresh = replace(recording, found=found, lags=0.0 * recording.lags, seen_turns=turns)
-    return fresh.repaired(LAG)
+    return replace(recording, found=found, lags=np.zeros(1), seen_turns=turns).repaired(LAG)
 
 
 def sentence(lag: Lag) -> str:
     """How late scans are at the beginning and at the end; empty for less than blurs a map."""
     first, last = lag.late
-    when = f"{first:.2f} s late"
     if max(abs(first), abs(last)) < LATE:
         return ""
+    when = f"{first:.2f} s late"
     if abs(last - first) >= LATE:
         when = f"late, by {first:.2f} s at the beginning and {last:.2f} s at the end"
     elif first < 0.0:
@@ -105,5 +98,9 @@ def sentence(lag: Lag) -> str:
 
 
 LAG = Repair(
-    "lag", find, apply, sentence, lambda lag: {"late": list(lag.late) if lag else [0.0, 0.0]}
+    "lag",
+    find,
+    lambda recording, lag: replace(recording, lags=lag.lags),
+    sentence,
+    lambda lag: {"late": list(lag.late) if lag else [0.0, 0.0]},
 )

@@ -7,8 +7,8 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, Lrf3dWarning
 from lrf3d.geometry.lines import Float, sealed
+from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.repair import Repair
 from lrf3d.recordings.repair.turns import CLEARLY, LEAST_PAIRS, LEAST_TURN
 
 # Largest turn between most scans [rad] of odometry in radians. Scans that seem to stand still may

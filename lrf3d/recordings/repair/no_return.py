@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float
 from lrf3d.laser import LaserScan
-from lrf3d.recordings.repair.repair import Repair
+from lrf3d.recordings.repair import Repair
 
 # The largest range stands out if it is read this many times as often as all ranges within a
 # distance below it [m]. A wall at the end of a corridor does not: it is read at many ranges.

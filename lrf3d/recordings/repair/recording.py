@@ -5,7 +5,7 @@ A log enters, for a purpose. Repairs make one recording of another; `repair` run
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +15,8 @@ from lrf3d.geometry.pose import Pose, bent, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.repair import Found, Repair
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
-from lrf3d.recordings.repair.repair import Found, Repair
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
@@ -50,8 +50,8 @@ class Recording:
     """Scans (k,) of a log, and the path of their robot through poses (n, 3) at times (n,) [s].
 
     Places (k,) are for each scan the index of the last pose before it, and rows (lines,) for each
-    odometry line of the log that of its pose. Scans are late by lags (k,) [lines]. Of each repair
-    that was made, what it found is kept, by its name; turns (k − 1,) [rad] are those that it saw.
+    odometry line of the log that of its pose. Scans are late by lags (k,) or (1,) [lines]. What
+    repairs found is kept by their names; they have seen turns (k − 1,) [rad] between the scans.
     """
 
     log: LaserLog
@@ -61,9 +61,9 @@ class Recording:
     times: Float
     places: Int
     rows: Int
-    lags: Float
     stamped: bool
     converter: ScanConverter
+    lags: Float = field(default_factory=partial(np.zeros, 1))
     found: Mapping[str, Found] = field(default_factory=dict)
     seen_turns: Float | None = None
 
@@ -92,17 +92,13 @@ class Recording:
         said = [each.repair.sentence(each.finding) for each in self.found.values()]
         return [sentence for sentence in said if sentence and sentence not in self.log.notes]
 
-    def repaired(self, repair: Repair["Recording"]) -> "Recording":
+    def repaired(self, repair: Repair) -> "Recording":
         """The recording after a repair; itself if that is left out or finds nothing."""
         finding = None if repair.name in self.purpose.left_out else repair.find(self)
         if finding is None:
             return self
-        after = repair.apply(self, finding)
+        after: Recording = repair.apply(self, finding)
         return replace(after, found={**after.found, repair.name: Found(repair, finding, self)})
-
-    def before(self, name: str) -> "Recording":
-        """The recording before a repair, which is taken back with all that came after it."""
-        return self.found[name].before if name in self.found else self
 
     def shown_share(self, least: Float | float = 0.0) -> float:
         """How much of the robot's turns over a least one [rad] the scans show; inf if unknown."""
@@ -128,8 +124,9 @@ class Recording:
         The pose of a line that a scan follows is that of the scan: the poses are by the clock of
         the laser, for it is the laser's measurements that they are compared with.
         """
-        numbers = np.arange(len(self.path))
-        wheels = self.path.at(numbers - np.interp(numbers, self.places, self.lags))
+        numbers = np.arange(len(self.poses))
+        lags = np.broadcast_to(self.lags, self.places.shape)
+        wheels = self.path.at(numbers - np.interp(numbers, self.places, lags))
         known, last = np.unique(self.places[::-1], return_index=True)
         # The difference between odometry and scans is spread by the motion, and a little by lines.
         steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + 1e-3
@@ -156,6 +153,5 @@ def _begun(log: LaserLog, purpose: Purpose) -> Recording:
     stamped = len(np.unique(line.times)) >= STAMPED * len(line.times)
     return Recording(
         log, purpose, list(log.scans), line.poses, line.times, np.maximum(line.places, 0),
-        np.arange(len(line.times)), np.zeros(len(log)), stamped or purpose.known,
-        ScanConverter(line.laser_offset),
+        np.arange(len(line.times)), stamped or purpose.known, ScanConverter(line.laser_offset),
     )  # fmt: skip

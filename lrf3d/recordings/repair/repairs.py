@@ -5,6 +5,7 @@ A log enters; recordings leave, which keep what was found. A repair is left out 
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from lrf3d.base.errors import InputError, check_names, each_of
@@ -18,19 +19,16 @@ from lrf3d.recordings.repair.mirror import MIRROR
 from lrf3d.recordings.repair.no_return import NO_RETURN
 from lrf3d.recordings.repair.recording import LATE, Purpose, Recording, recordings_of
 from lrf3d.recordings.repair.refusal import refuse_useless
-from lrf3d.recordings.repair.repair import Repair
 from lrf3d.recordings.repair.stamps import STAMPS
 from lrf3d.recordings.repair.standing import STANDING
 from lrf3d.recordings.repair.sweep import SWEEP
 from lrf3d.recordings.repair.turns import CLEARLY
 
 # Repairs of recordings, in their order.
-RECORDINGS: tuple[Repair[Recording], ...] = (
-    COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, SWEEP,
-)  # fmt: skip
+RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, SWEEP)
 
 # All repairs. The first is made as a log is read, the second before lasers are taken together.
-REPAIRS: tuple[Repair[Any], ...] = (NO_RETURN, ANGLES, *RECORDINGS)
+REPAIRS = (NO_RETURN, ANGLES, *RECORDINGS)
 
 # SLAM makes all repairs.
 SOLVING = Purpose()
@@ -84,5 +82,5 @@ def repaired_log(log: LaserLog, without: Sequence[str] = ()) -> LaserLog:
 def figures_of(recording: Recording) -> dict[str, Any]:
     """What was found, for summaries."""
     found = {name: each.finding for name, each in recording.found.items()}
-    parts = [each.figures(found.get(each.name)) for each in REPAIRS]
-    return {name: value for part in parts for name, value in part.items()}
+    figures = (each.figures(found.get(each.name)).items() for each in REPAIRS)
+    return dict(chain.from_iterable(figures))

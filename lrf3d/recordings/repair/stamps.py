@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.geometry.lines import Float, Int
+from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.repair import Repair
 
 # The order of the stamps is taken where the path is shorter in it by more than this [m], or where
 # most stamps fall.
@@ -17,9 +17,10 @@ def find(recording: Recording) -> Int | None:
     """The order (n,) of the stamps, if the odometry lines belong in it."""
     times = recording.times
     order = np.argsort(times, kind="stable")
-    shorter = _length(recording.poses[order]) < _length(recording.poses) - DETOUR
+    driven, shortest = (_length(poses) for poses in (recording.poses, recording.poses[order]))
     falls = int((np.diff(times) < 0.0).sum())
-    return order if shorter or 2 * falls > max(len(times) - 1, 1) else None
+    sort = shortest < driven - DETOUR or 2 * falls > max(len(times) - 1, 1)
+    return order if sort else None
 
 
 def apply(recording: Recording, order: Int) -> Recording:
@@ -34,7 +35,6 @@ def apply(recording: Recording, order: Int) -> Recording:
         times=recording.times[order],
         places=places[scans],
         rows=rank[recording.rows],
-        lags=recording.lags[scans],
     )
 
 

@@ -17,9 +17,9 @@ from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.search import Submap
+from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.lag import fitted_again
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.repair import Repair
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
 
 # Longest turn of a mirror [s]: slower lasers are those that are turned as a whole.

@@ -20,9 +20,6 @@ class WheelPath:
         self._whole = poses.copy()
         self._whole[:, 2] = np.unwrap(poses[:, 2])
 
-    def __len__(self) -> int:
-        return len(self._whole)
-
     @property
     def stands(self) -> bool:
         """Whether the odometry never moves."""
