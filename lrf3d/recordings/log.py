@@ -141,8 +141,7 @@ class LaserLog(Value):
         """
         lasers = len(self.lasers)
         rows = self._moments()
-        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
-        if lasers == 1 or rolling or 2 * len(rows) * lasers < len(self):
+        if not rows or 2 * len(rows) * lasers < len(self):
             return self.of_laser(self.lasers[0])
         note = f"scans of {lasers} lasers at one moment taken together"
         if left_out := len(self) - len(rows) * lasers:
@@ -157,12 +156,15 @@ class LaserLog(Value):
         return replace(self, scans=scans, wheels=wheels, notes=notes, parts=parts)
 
     def _moments(self) -> list[list[int]]:
-        """The numbers of the scans of each moment at which there are scans of all lasers."""
+        """The numbers of the scans of each moment of all lasers, if they are flat, and several."""
+        names = self.lasers
+        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
+        if len(names) == 1 or rolling:
+            return []
         moments = dict[int, dict[str, int]]()
         at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
         for row, scan in enumerate(self.scans):
             moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
-        names = self.lasers
         return [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
 
     @property
@@ -195,8 +197,11 @@ def log_name(path: Path) -> str:
     return own_name(path, stem=name.rsplit(".", 1)[0] or name)
 
 
-# Least step [rad] and most beams of a fan on which scans are resampled.
+# Least difference of angles [rad], as drivers round them: also the least step of a fan on which
+# scans are resampled.
 FINEST = 1e-4
+
+# Largest number of beams of such a fan.
 MOST_BEAMS = 100_000
 
 
@@ -206,7 +211,8 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     Then it is the finest fan of all, and a range lies at the nearest of its bearings. What a scan
     did not measure is −inf.
     """
-    fans = [(scan.angles[row], scan.ranges[row]) for scan, row in map(_rising, scans)]
+    rows = [scan.angles.argsort(kind="stable") for scan in scans]
+    fans = [(scan.angles[row], scan.ranges[row]) for scan, row in zip(scans, rows, strict=True)]
     angles = fans[0][0]
     if all(np.array_equal(own, angles) for own, _ in fans):
         return angles, np.array([ranges for _, ranges in fans])
@@ -215,11 +221,6 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     wide = float(np.ptp(ends))
     angles = np.linspace(ends.min(), ends.max(), min(round(wide / step) + 1, MOST_BEAMS))
     return angles, np.array([_resampled(*fan, angles, 0.51 * step) for fan in fans])
-
-
-def _rising(scan: LaserScan) -> tuple[LaserScan, Int]:
-    """A scan and its beams (beams,) in the order of their angles."""
-    return scan, scan.angles.argsort(kind="stable")
 
 
 def _resampled(own: Float, ranges: Float, angles: Float, reach: float) -> Float:

@@ -40,8 +40,8 @@ from lrf3d.world import World
 # along the walls grows with each scan.
 MOST_UNSURE = 0.4
 
-# Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach 0.03, one
-# that was bent by 20° without a contradiction reached 0.14.
+# Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach 0.03,
+# and one that was bent by 20° without a contradiction reached 0.14.
 BENT_SHARE = 0.1
 
 # Largest distance [m] along bare walls on a drive by the laser alone.
@@ -185,7 +185,7 @@ class SolvedLog:
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam = self.slam
-        keys = self.slam.key_scans
+        keys = slam.key_scans
         mount = self.scans[0].mount
         if mount == CENTRE:
             mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
@@ -203,7 +203,7 @@ class SolvedLog:
         log = self.log
         slam = self.slam
         line_map = self.run.map
-        tracked = self.slam.tracked[1:]
+        tracked = slam.tracked[1:]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
         return {
@@ -335,13 +335,20 @@ def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float,
     shown = [first.scans_at(k) for k in range(len(first))]
     shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
     scans = [together(moment) for moment in shown]
-    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
+    one = _mounts(first.lasers)
+    other = _mounts(moments[0])
     if one.shape != other.shape or not np.allclose(one, other):
         shown = [(scan,) for scan in scans]
     keys = [*both.keys.tolist(), *(len(first) + slam.key_scans).tolist()]
+    earlier = first.estimate or EstimatedTrajectory(before)
     own = slam.estimate(poses, NO_SCANS, NO_COVARIANCES)
-    estimate = _joint_estimate(first.estimate or EstimatedTrajectory(before), own, whole, both.ties)
+    estimate = _joint_estimate(earlier, own, whole, both.ties)
     return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
+
+
+def _mounts(lasers: Sequence[LaserRangeFinder] | Moment) -> Float:
+    """The mounts (k, 3) of lasers, or of those of scans."""
+    return np.array([each.mount for each in lasers])
 
 
 def _joint_estimate(

@@ -22,8 +22,8 @@ class Repair:
     figures: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
-class Found(NamedTuple):
-    """What a repair found, and the recording before it, to take the repair back."""
+class Applied(NamedTuple):
+    """A repair that was applied, what it found, and the recording before it: to take it back."""
 
     repair: Repair
     finding: Any

@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.laser import LaserScan
-from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.log import FINEST, LaserLog
 from lrf3d.recordings.repair import Repair
-
-# Largest difference of angles [rad] that is taken for rounding.
-JITTER = 1e-4
 
 
 def find(log: LaserLog) -> list[LaserScan] | None:
@@ -19,7 +16,7 @@ def find(log: LaserLog) -> list[LaserScan] | None:
         replace(scan, angles=first)
         if scan.angles is not first
         and scan.angles.shape == first.shape
-        and np.abs(scan.angles - first).max() <= JITTER
+        and np.abs(scan.angles - first).max() <= FINEST
         else scan
         for scan in log.scans
     ]

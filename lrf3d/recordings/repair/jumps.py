@@ -9,7 +9,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.geometry.pose import between, compose
-from lrf3d.recordings.repair import Found, Repair
+from lrf3d.recordings.repair import Applied, Repair
 from lrf3d.recordings.repair.recording import Recording
 
 # Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
@@ -110,5 +110,5 @@ def with_more_jumps(recording: Recording, number: int) -> Recording:
     """The recording with the number of jumps that its scans have shown beside those found here."""
     found = recording.found.get(JUMPS.name)
     number += found.finding.number if found else 0
-    jumps = {JUMPS.name: Found(JUMPS, Jumps(recording.poses, number), recording)}
+    jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number), recording)}
     return replace(recording, found={**recording.found, **jumps}) if number else recording

@@ -30,7 +30,7 @@ LEAST_SHARE = 0.001
 ADJACENT = 0.3
 
 
-class Limits(NamedTuple):
+class NoReturn(NamedTuple):
     """Readings up to ``near`` [m] and from ``far`` [m] on mean no return; the user may give far."""
 
     near: float
@@ -38,8 +38,8 @@ class Limits(NamedTuple):
     given: bool
 
 
-def find(scans: Sequence[LaserScan], limit: float | None = None) -> Limits | None:
-    """Limits of the readings of a laser: the one that is given, or those that stand out.
+def find(scans: Sequence[LaserScan], limit: float | None = None) -> NoReturn | None:
+    """NoReturn of the readings of a laser: the one that is given, or those that stand out.
 
     Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing; a
     log does not name it. Taken for walls, such readings are an arc that moves with the robot. So
@@ -47,20 +47,19 @@ def find(scans: Sequence[LaserScan], limit: float | None = None) -> Limits | Non
     """
     far = limit or _outstanding([scan.ranges for scan in scans])
     near = -_outstanding([-scan.ranges for scan in scans])
-    return None if max(near, -far) == -np.inf else Limits(near, far, limit is not None)
+    return None if max(near, -far) == -np.inf else NoReturn(near, far, limit is not None)
 
 
-def apply(scans: Sequence[LaserScan], limits: Limits) -> list[LaserScan]:
+def apply(scans: Sequence[LaserScan], limits: NoReturn) -> list[LaserScan]:
     """The scans with −inf for readings that are too near, and +inf for those that are too far."""
-    near, far, _ = limits
-    changed = [np.where(scan.ranges <= near, -np.inf, scan.ranges) for scan in scans]
+    changed = [np.where(scan.ranges <= limits.near, -np.inf, scan.ranges) for scan in scans]
     return [
-        replace(scan, ranges=np.where(ranges >= far, np.inf, ranges))
+        replace(scan, ranges=np.where(ranges >= limits.far, np.inf, ranges))
         for scan, ranges in zip(scans, changed, strict=True)
     ]
 
 
-def sentence(limits: Limits) -> str:
+def sentence(limits: NoReturn) -> str:
     """What was assumed; a limit that the user gave is no news."""
     far = f"readings from {limits.far:.4g} m on mean no return; --largest-range sets another limit"
     near = f"readings up to {limits.near:.4g} m mean no return"

@@ -15,7 +15,7 @@ from lrf3d.geometry.pose import Pose, bent, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.recordings.log import LaserLog
-from lrf3d.recordings.repair import Found, Repair
+from lrf3d.recordings.repair import Applied, Repair
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
@@ -64,7 +64,7 @@ class Recording:
     stamped: bool
     converter: ScanConverter
     lags: Float = field(default_factory=partial(np.zeros, 1))
-    found: Mapping[str, Found] = field(default_factory=dict)
+    found: Mapping[str, Applied] = field(default_factory=dict)
     seen_turns: Float | None = None
 
     @cached_property
@@ -75,16 +75,15 @@ class Recording:
     @cached_property
     def turns(self) -> Float:
         """Turns (k − 1,) [rad] between following scans as they show them; NaN where unknown."""
-        if self.seen_turns is not None:
-            return self.seen_turns
-        return turns_between(self.converter, self.scans, self.path, self.places)
+        if self.seen_turns is None:
+            return turns_between(self.converter, self.scans, self.path, self.places)
+        return self.seen_turns
 
     @property
     def increments(self) -> list[Float] | list[None]:
         """How the robot moved (k, 3) to each scan by odometry; None each if there is none."""
-        if not self.log.placed:
-            return [None] * len(self.scans)
-        return list(self.path.increments(self.places - self.lags))
+        steps = self.path.increments(self.places - self.lags)
+        return list(steps) if self.log.placed else [None] * len(steps)
 
     @property
     def sentences(self) -> list[str]:
@@ -98,7 +97,7 @@ class Recording:
         if finding is None:
             return self
         after: Recording = repair.apply(self, finding)
-        return replace(after, found={**after.found, repair.name: Found(repair, finding, self)})
+        return replace(after, found={**after.found, repair.name: Applied(repair, finding, self)})
 
     def shown_share(self, least: Float | float = 0.0) -> float:
         """How much of the robot's turns over a least one [rad] the scans show; inf if unknown."""

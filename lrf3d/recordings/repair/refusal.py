@@ -35,19 +35,22 @@ def refuse_unsolvable(log: LaserLog) -> None:
     scans = log.scans
     line = log.odometry
     if len(scans) < 2 or not len(line.poses):
-        count = f"{counted(len(scans), 'scan')} and {counted(len(line.poses), 'odometry line')}"
-        raise InputError(f"{count}; expected at least two scans and one line")
+        raise InputError(
+            f"{counted(len(scans), 'scan')} and {counted(len(line.poses), 'odometry line')};"
+            " expected at least two scans and one line"
+        )
     first = scans[0].angles
     if len(first) < LEAST_BEAMS:
         raise InputError(f"scans of {len(first)} beams; expected at least {LEAST_BEAMS}")
     # With room for the rounding of drivers.
     if np.abs(first).max() > 2.1 * np.pi:
-        angle = first[np.abs(first).argmax()]
-        raise InputError(f"a beam at {angle:g} rad; expected angles of at most a turn")
+        largest = first[np.abs(first).argmax()]
+        raise InputError(f"a beam at {largest:g} rad; expected angles of at most a turn")
     finite = np.isfinite(line.poses).all(axis=1) & np.isfinite(line.times)
     for number in np.flatnonzero(~finite).tolist():
-        at = f"odometry line {number} at {line.times[number]} s"
-        found = line.poses[number].tolist()
-        raise InputError(f"{at} has the pose {found}; expected finite numbers")
+        raise InputError(
+            f"odometry line {number} at {line.times[number]} s has the pose"
+            f" {line.poses[number].tolist()}; expected finite numbers"
+        )
     if doubt := doubtful_ranges(scans):
         raise InputError(doubt)

@@ -42,11 +42,8 @@ SURE = 3.0
 
 def find(recording: Recording) -> list[LaserScan] | None:
     """The scans with the motion during each, if they agree better so."""
-    scans = recording.scans
-    interval = usual_step(np.array([scan.time for scan in scans]))
-    said = any(scan.time_increment or scan.motion is not None for scan in scans)
-    odometry = recording.log.placed and not recording.log.parts
-    if said or not odometry or not 0.0 < interval <= LONGEST:
+    interval = _interval(recording)
+    if not interval:
         return None
     places = recording.places - recording.lags
     pairs = _uneven_pairs(recording.path.at(places))
@@ -61,7 +58,16 @@ def find(recording: Recording) -> list[LaserScan] | None:
     for change in (gains[sense], -gains[-sense]):
         if change.mean() < sure * change.std():
             return None
-    return [rolled(sense, number) for number in range(len(scans))]
+    return [rolled(sense, number) for number in range(len(recording.scans))]
+
+
+def _interval(recording: Recording) -> float:
+    """The time between scans [s] during which they may sweep unsaid; 0 if they do not."""
+    scans = recording.scans
+    said = any(scan.time_increment or scan.motion is not None for scan in scans)
+    interval = usual_step(np.array([scan.time for scan in scans]))
+    followed = recording.log.placed and not recording.log.parts
+    return interval if followed and not said and interval <= LONGEST else 0.0
 
 
 def _rolled(
