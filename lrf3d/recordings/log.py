@@ -237,15 +237,21 @@ LARGEST_RANGE = 50.0
 # Largest number of readings in memory: 400 MB. Scans and poses count as some more.
 MOST_READINGS = 50_000_000
 
-# Memory of a message as an object, of a packed pose, and of a value of a line, in readings: a
-# gigabyte of a text with a reading a line is two million lines.
+# Memory of a message as an object [readings].
 A_MESSAGE = 64
+
+# Memory of a packed pose [readings].
 A_POSE = 8
+
+# Memory of a value of a line [readings]: a gigabyte of a text with a reading a line is two million
+# lines.
 A_VALUE = 4
 
-# Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
-# for each of its own; a day's log has a tenth.
+# Largest number of lines of a text log; a day's log has a tenth.
 MOST_LINES = 10_000_000
+
+# Largest number of bytes of a text log, of which a gzipped one may hold a thousand for each of its
+# own.
 LARGEST_LOG = 1 << 31
 
 # Time between scans that have no stamp [s].

@@ -35,12 +35,14 @@ from lrf3d.slam.solution import SolvedLog, maps_of, run_of
 # of 460 m, driven with wheels 15 % off, closes with a tenth of the error.
 CALIBRATED = 400
 
-# Largest change of the scales of turns and of distances from their first estimates: beyond it the
-# beginning is misplaced, and the drive is solved again. Around blocks of 400 to 640 m of corridor
-# that takes half to three quarters of the error away. Scans show turns, but hardly the distance
-# along a corridor, so that only large errors of turns matter.
-TURN_CHANGE = 0.15
+# Largest change of the scale of distances from its first estimate: beyond it the beginning is
+# misplaced, and the drive is solved again. Around blocks of 400 to 640 m of corridor that takes
+# half to three quarters of the error away.
 DISTANCE_CHANGE = 0.012
+
+# The same of the scale of turns: scans show turns, but hardly the distance along a corridor, so
+# that only large errors of turns matter.
+TURN_CHANGE = 0.15
 
 # Number of times that a drive is solved, at most.
 MOST_PASSES = 3

@@ -22,8 +22,10 @@ FASTER = 3.0
 # Speed of a vehicle [m/s], up to which steps are no jumps if others are alike.
 VEHICLE = 15.0
 
-# Least step to a corrupted line [m], [rad], and largest share of it that remains at the next line.
+# Least step to a corrupted line [m], [rad].
 OUT = 0.25
+
+# Largest share of that step that remains at the next line.
 BACK = 0.3
 
 # Share of the lines that may be jumps: in other units than metres and radians all are.

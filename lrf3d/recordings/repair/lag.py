@@ -12,8 +12,10 @@ from lrf3d.recordings.repair.recording import LATE, SURE, Recording
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
-# Bounds of the lag, in lines and [s], whichever is wider.
+# Bounds of the lag [lines].
 LAGS = np.array([-1.0, 2.0])
+
+# Bound of the lag either way [s], where that is wider.
 LATEST = 0.5
 
 

@@ -18,9 +18,10 @@ HUGE = 0.5
 # Least share of the turns of a robot that show in scans of a level plane.
 LEAST_SHOWN = 0.1
 
-# Turn per metre [rad/m] from which on it is no error of the wheels, and the whole of such turns
-# [rad] from which on scans must show them.
+# Turn per metre [rad/m] from which on it is no error of the wheels.
 BENT = 0.1
+
+# Sum of such turns [rad] from which on scans must show them.
 WHOLE = np.pi
 
 

@@ -13,16 +13,20 @@ from lrf3d.geometry.lines import Float
 from lrf3d.laser import LaserScan
 from lrf3d.recordings.repair import Repair
 
-# The largest range stands out if it is read this many times as often as all ranges within a
-# distance below it [m]. A wall at the end of a corridor does not: it is read at many ranges.
+# The largest range stands out if it is read this many times as often as all ranges just below it. A
+# wall at the end of a corridor does not: it is read at many ranges.
 CROWDED = 5.0
+
+# How far below the largest range these ranges are [m].
 BELOW = 0.5
 
 # Readings that differ by less are the same [m]: logs are written in centimetres.
 EQUAL = 0.011
 
-# Readings of the largest range, and their share of all, from which on they mean no return.
+# Least number of readings of the largest range that mean no return.
 LEAST_READINGS = 50
+
+# Least share of all readings that these are.
 LEAST_SHARE = 0.001
 
 # Least share of these readings next to another one: open space is seen by several adjacent beams,

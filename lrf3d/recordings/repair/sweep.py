@@ -25,12 +25,16 @@ from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
 # Longest turn of a mirror [s]: slower lasers are those that are turned as a whole.
 LONGEST = 0.25
 
-# Scans from the first to the second of a pair, and the largest number of pairs.
+# Scans from the first to the second of a pair: the robot must have changed its rate of turn.
 APART = 4
+
+# Largest number of pairs that are compared: more take longer and prove no more.
 MOST_PAIRS = 120
 
-# Least difference of the turns from scan to scan [rad], and largest turn [rad], of a pair.
+# Least difference between the turns from scan to scan [rad] at the ends of a pair.
 LEAST_CHANGE = 0.03
+
+# Largest turn from the first to the second of a pair [rad], so that both see the same walls.
 WIDEST = 1.0
 
 # Information of the window in which the second scan of a pair is matched.

@@ -15,8 +15,10 @@ from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
-# Most and least pairs of scans whose turns are found: those that turn most.
+# Largest number of pairs of scans whose turns are found: those that turn most.
 PAIRS = 200
+
+# Least number of pairs from which anything is concluded.
 LEAST_PAIRS = 20
 
 # Least turn of a pair [rad] by odometry; smaller ones drown in its noise.

@@ -25,10 +25,13 @@ from lrf3d.slam.offline import read
 from lrf3d.slam.places.place_search import KnownPlaces, PlaceSearch
 from lrf3d.world import World, load_world
 
-# A robot was carried if it is found farther than this [m], and this share of its path, from where
-# its steps lead, or turned by more than this [rad].
+# A robot was carried if it is found farther than this [m] from where its steps lead.
 CARRIED = 1.0
+
+# Share of the step that is added to that distance, as odometry drifts.
 CARRIED_SHARE = 0.1
+
+# A robot was carried if it is found turned by more than this [rad] from where its steps lead.
 CARRIED_TURN = 0.5
 
 
