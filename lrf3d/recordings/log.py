@@ -21,6 +21,7 @@ from lrf3d.geometry.lines import Bool, Float, Int, Value, sealed
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import together, with_motions
+from lrf3d.recordings.repair.no_return import NO_RETURN
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,17 +139,12 @@ class LaserLog(Value):
         It is that of the first laser where most scans have no others at their moment, or would have
         to be unrolled first. What is left out is counted in a note.
         """
-        names = self.lasers
-        moments = dict[int, dict[str, int]]()
-        at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
-        for row, scan in enumerate(self.scans):
-            moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
-        rows = [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
-        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
-        if len(names) == 1 or rolling or 2 * len(rows) * len(names) < len(self):
-            return self.of_laser(names[0])
-        note = f"scans of {len(names)} lasers at one moment taken together"
-        if left_out := len(self) - len(rows) * len(names):
+        lasers = len(self.lasers)
+        rows = self._moments()
+        if not rows or 2 * len(rows) * lasers < len(self):
+            return self.of_laser(self.lasers[0])
+        note = f"scans of {lasers} lasers at one moment taken together"
+        if left_out := len(self) - len(rows) * lasers:
             note += f", {counted(left_out, 'scan')} without all others left out"
         wheels = self.wheels
         if wheels is not None:
@@ -158,6 +154,18 @@ class LaserLog(Value):
         scans = [together(moment) for moment in parts]
         notes = (*self.notes, note)
         return replace(self, scans=scans, wheels=wheels, notes=notes, parts=parts)
+
+    def _moments(self) -> list[list[int]]:
+        """The numbers of the scans of each moment of all lasers, if they are flat, and several."""
+        names = self.lasers
+        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
+        if len(names) == 1 or rolling:
+            return []
+        moments = dict[int, dict[str, int]]()
+        at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
+        for row, scan in enumerate(self.scans):
+            moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
+        return [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
 
     @property
     def counts(self) -> dict[str, Any]:
@@ -189,6 +197,14 @@ def log_name(path: Path) -> str:
     return own_name(path, stem=name.rsplit(".", 1)[0] or name)
 
 
+# Least difference of angles [rad], as drivers round them: also the least step of a fan on which
+# scans are resampled.
+FINEST = 1e-4
+
+# Largest number of beams of such a fan.
+MOST_BEAMS = 100_000
+
+
 def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     """Rising angles (beams,) [rad] and ranges (k, beams) [m] of scans, whose own angles may differ.
 
@@ -196,25 +212,22 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     did not measure is −inf.
     """
     rows = [scan.angles.argsort(kind="stable") for scan in scans]
-    sorted_rows = [(s.angles[row], s.ranges[row]) for s, row in zip(scans, rows, strict=True)]
-    angles = sorted_rows[0][0]
-    if all(own is angles or np.array_equal(own, angles) for own, _ in sorted_rows):
-        return angles, np.array([ranges for _, ranges in sorted_rows])
-    first = min(own[0] for own, _ in sorted_rows)
-    last = max(own[-1] for own, _ in sorted_rows)
-    step = min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in sorted_rows)
-    # Least step [rad] and most beams of a fan on which scans are resampled.
-    finest = 1e-4
-    most_beams = 100_000
-    count = min(round((last - first) / max(step, finest)) + 1, most_beams)
-    angles = np.linspace(first, last, count)
-    resampled = np.full((len(scans), count), -np.inf)
-    for row, (own, ranges) in zip(resampled, sorted_rows, strict=True):
-        at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
-        nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
-        near = np.abs(own[nearest] - angles) <= 0.51 * max(step, finest)
-        row[near] = ranges[nearest][near]
-    return angles, resampled
+    fans = [(scan.angles[row], scan.ranges[row]) for scan, row in zip(scans, rows, strict=True)]
+    angles = fans[0][0]
+    if all(np.array_equal(own, angles) for own, _ in fans):
+        return angles, np.array([ranges for _, ranges in fans])
+    step = max(min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in fans), FINEST)
+    ends = np.array([own[[0, -1]] for own, _ in fans])
+    wide = float(np.ptp(ends))
+    angles = np.linspace(ends.min(), ends.max(), min(round(wide / step) + 1, MOST_BEAMS))
+    return angles, np.array([_resampled(*fan, angles, 0.51 * step) for fan in fans])
+
+
+def _resampled(own: Float, ranges: Float, angles: Float, reach: float) -> Float:
+    """Ranges (beams,) at rising angles [rad], of a scan with its own within reach; else −inf."""
+    at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
+    nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
+    return np.where(np.abs(own[nearest] - angles) <= reach, ranges[nearest], -np.inf)
 
 
 # Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
@@ -224,15 +237,21 @@ LARGEST_RANGE = 50.0
 # Largest number of readings in memory: 400 MB. Scans and poses count as some more.
 MOST_READINGS = 50_000_000
 
-# Memory of a message as an object, of a packed pose, and of a value of a line, in readings: a
-# gigabyte of a text with a reading a line is two million lines.
+# Memory of a message as an object [readings].
 A_MESSAGE = 64
+
+# Memory of a packed pose [readings].
 A_POSE = 8
+
+# Memory of a value of a line [readings]: a gigabyte of a text with a reading a line is two million
+# lines.
 A_VALUE = 4
 
-# Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
-# for each of its own; a day's log has a tenth.
+# Largest number of lines of a text log; a day's log has a tenth.
 MOST_LINES = 10_000_000
+
+# Largest number of bytes of a text log, of which a gzipped one may hold a thousand for each of its
+# own.
 LARGEST_LOG = 1 << 31
 
 # Time between scans that have no stamp [s].
@@ -246,11 +265,13 @@ GZIPPED = b"\x1f\x8b"
 class Intake:
     """What was noted and refused while a log was read, and how many readings are in memory.
 
-    ``largest_range`` is the least reading that means no return [m], if the user gave it.
+    ``largest_range`` is the least reading that means no return [m], if the user gave it. Repairs
+    are left out by their names.
     """
 
     path: Path
     largest_range: float | None = None
+    without: Sequence[str] = ()
     notes: list[str] = field(default_factory=list)
     bad: list[BadLine] = field(default_factory=list)
     bad_count: int = 0
@@ -307,66 +328,16 @@ class Intake:
 
     def log(self, scans: Sequence[LaserScan], **more: Any) -> LaserLog:
         """The log of these scans; what means no return becomes +inf, for each laser by itself."""
-        found = list(scans)
+        found = dict(enumerate(scans))
         for laser in dict.fromkeys(scan.laser for scan in scans):
-            own = [k for k, scan in enumerate(scans) if scan.laser == laser]
-            changed, note = without_no_returns([scans[k] for k in own], self.largest_range)
-            self.notes += [note] * bool(note)
-            for k, scan in zip(own, changed, strict=True):
-                found[k] = scan
+            numbers = [k for k, scan in enumerate(scans) if scan.laser == laser]
+            own = [scans[k] for k in numbers]
+            limits = NO_RETURN.find(own, self.largest_range)
+            if limits is not None and NO_RETURN.name not in self.without:
+                self.notes += filter(None, [NO_RETURN.sentence(limits)])
+                found |= zip(numbers, NO_RETURN.apply(own, limits), strict=True)
         notes = tuple(self.notes)
         return LaserLog(
-            log_name(self.path), found, self.bad_count, tuple(self.bad), notes=notes, **more
-        )
-
-
-def without_no_returns(
-    scans: Sequence[LaserScan], limit: float | None = None
-) -> tuple[list[LaserScan], str]:
-    """The scans of a laser with ±inf for readings that mean no return, and a sentence on these.
-
-    They are those from the limit on, if it is given; else those of the largest reading, if it
-    stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
-    met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
-    the robot. So are those of the smallest reading, which others write; these are −inf.
-    """
-    far = limit or _usual_no_return([scan.ranges for scan in scans])
-    said = list[str]()
-    if limit is None and far < np.inf:
-        said = [f"readings from {far:.4g} m on mean no return; --largest-range sets another limit"]
-    if (near := -_usual_no_return([-scan.ranges for scan in scans])) > -np.inf:
-        said.append(f"readings up to {near:.4g} m mean no return")
-    if max(near, -far) == -np.inf:
-        return list(scans), ""
-    changed = [np.where(scan.ranges <= near, -np.inf, scan.ranges) for scan in scans]
-    changed = [np.where(ranges >= far, np.inf, ranges) for ranges in changed]
-    found = [replace(s, ranges=ranges) for s, ranges in zip(scans, changed, strict=True)]
-    return found, ", ".join(said)
-
-
-def _usual_no_return(scans: Sequence[Float]) -> float:
-    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
-    finite = [ranges[np.isfinite(ranges)] for ranges in scans]
-    largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
-    # The largest range stands out if it is read this many times as often (the second number) as all
-    # ranges within a distance [m] below it (the first). A wall at the end of a corridor does not:
-    # it is read at many ranges.
-    below = 0.5
-    crowded = 5.0
-    near = np.concatenate([np.empty(0), *(r[r > largest - below] for r in finite)])
-    equal = 0.011  # Readings that differ by less are the same [m]: logs are written in centimetres.
-    most = int((near > largest - equal).sum())
-    # Readings of the largest range, and their share of all readings, from which on it means no
-    # return.
-    least_readings = 50
-    least_share = 0.001
-    least = max(least_readings, least_share * sum(map(len, finite)))
-    if most < least or most < crowded * (len(near) - most):
-        return np.inf
-    without = [np.isfinite(ranges) & (ranges > largest - equal) for ranges in scans]
-    # Share of these readings next to another one: open space is seen by several adjacent beams, but
-    # a robot at rest reads the corner of a room again and again.
-    beside = 0.3
-    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < beside * most:
-        return np.inf
-    return float(near[near > largest - equal].min())
+            log_name(self.path), [*found.values()], self.bad_count, tuple(self.bad), notes=notes,
+            **more,
+        )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import re
 import zlib
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -61,6 +62,7 @@ def load_log(
     scan_topic: str | None = None,
     part: int | None = None,
     format: str | None = None,
+    without_repairs: Sequence[str] = (),
 ) -> LaserLog:
     """Read the scans of a log; the ending of its name gives the format.
 
@@ -75,6 +77,7 @@ def load_log(
             of ``/scan``, or of the first one.
         format: Text: its columns, or a preset; found if not given. Arrays: units and bearings.
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
+        without_repairs: With ``no_return`` the largest and smallest readings are kept as they are.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -94,7 +97,7 @@ def load_log(
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
     in_columns = format and not path.name.lower().endswith(ARRAYS)
-    intake = Intake(path, largest_range)
+    intake = Intake(path, largest_range, without_repairs)
     kind = "text" if in_columns else _kind(path)
     if kind != "bag" and (scan_topic or part):
         name = "scan topic" if scan_topic else "part"

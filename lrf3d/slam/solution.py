@@ -6,7 +6,7 @@ The scans of a log and their poses enter; a `Run` leaves, whose world is the map
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from lrf3d.base.errors import InputError
 from lrf3d.base.interrupts import Progress, check, silent
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, lengths, usual_step
+from lrf3d.geometry.lines import Float, Int, lengths, usual_step
 from lrf3d.geometry.pose import Pose, compose
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
@@ -24,8 +24,11 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.matching.key_scans import Key, Moment
 from lrf3d.recordings import LaserLog
 from lrf3d.recordings.log import on_one_fan
-from lrf3d.recordings.repair.odometry import Repairs
+from lrf3d.recordings.repair.mirror import MIRROR
+from lrf3d.recordings.repair.recording import Recording
+from lrf3d.recordings.repair.repairs import figures_of
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.estimated_trajectory import NO_COVARIANCES, NO_SCANS
 from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import SelfCheck, doubtful_mount
@@ -37,26 +40,32 @@ from lrf3d.world import World
 # along the walls grows with each scan.
 MOST_UNSURE = 0.4
 
+# Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach 0.03,
+# and one that was bent by 20° without a contradiction reached 0.14.
+BENT_SHARE = 0.1
+
+# Largest distance [m] along bare walls on a drive by the laser alone.
+MOST_UNSEEN = 1.0
+
+# Key scans whose covariances are kept, at most: each takes a step over the whole pose graph.
+MOST_COVARIANCES = 128
+
+# Time [s] between two drives in their joint run.
+PAUSE = 1.0
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolvedLog:
     """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
 
-    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
-    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
-    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
-    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
-    them are in its frame, and the run is that of both.
+    ``poses`` (k, 3) are those at the scans (k,) of the recording, which says what was repaired. The
+    drive was solved ``passes`` times: again where its wheels' errors turned out to differ. If it
+    was joined with an earlier drive, all poses are in its frame, and the run is that of both.
     """
 
-    log: LaserLog
+    recording: Recording
     slam: Slam
-    scans: list[LaserScan]
     poses: Float
-    line_poses: Float
-    lag: float
-    repairs: Repairs
-    check: SelfCheck
     passes: int
     joined: Joined | None = None
 
@@ -64,9 +73,29 @@ class SolvedLog:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
 
     @property
+    def log(self) -> LaserLog:
+        """The log as it was read, with the scans of several lasers at one moment as one."""
+        return self.recording.log
+
+    @property
+    def scans(self) -> list[LaserScan]:
+        """The scans (k,) in the order in which they were taken, each once, and repaired."""
+        return self.recording.scans
+
+    @cached_property
+    def line_poses(self) -> Float:
+        """Poses (n, 3) of the robot at the odometry lines, as logged."""
+        return self.recording.line_poses(self.poses)
+
+    @cached_property
+    def check(self) -> SelfCheck:
+        """How the scans agree where the robot came by again."""
+        return self.slam.self_check() if self.joined is None else self.joined.check
+
+    @property
     def warnings(self) -> list[str]:
         """What users should know of the solution, a sentence each."""
-        mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
+        mirrored = [MIRROR.sentence(True)] * (MIRROR.name in self.recording.found)
         mount = doubtful_mount(self.log.scans, mirrored=False)
         doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
         return [*mirrored, *doubts, *self.tried]
@@ -77,8 +106,7 @@ class SolvedLog:
             return self._unsure()
         weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
         steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        most_unseen = 1.0  # Largest distance [m] along bare walls on a drive by the laser alone.
-        if weak.sum() * steps.mean() < most_unseen:
+        if weak.sum() * steps.mean() < MOST_UNSEEN:
             return self._unsure()
         starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
         longest = int((ends - starts).argmax())
@@ -92,10 +120,7 @@ class SolvedLog:
         axes = np.linalg.norm(estimate.ellipses, 2, axis=(1, 2))
         extent = float(np.hypot(*np.ptp(self.poses[:, :2], axis=0)))
         placed = self.log.placed
-        # Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach
-        # 0.03, and one that was bent by 20° without a contradiction reached 0.14.
-        bent_share = 0.1
-        if (most := axes.max()) < max(MOST_UNSURE, bent_share * extent * placed):
+        if (most := axes.max()) < max(MOST_UNSURE, BENT_SHARE * extent * placed):
             return []
         where = f"the position at scan {estimate.known_scans[axes.argmax()]}"
         if placed:
@@ -151,7 +176,7 @@ class SolvedLog:
         Those of lasers that turn on their robot, or clockwise, stay together.
         """
         mounts = {tuple(scan.mount for scan in moment) for moment in self.log.parts}
-        if len(mounts) != 1 or self.repairs.mirrored:
+        if len(mounts) != 1 or MIRROR.name in self.recording.found:
             return [(scan,) for scan in self.scans]
         taken = dict(zip([scan.time for scan in self.log.scans], self.log.parts, strict=True))
         return [taken[scan.time] for scan in self.scans]
@@ -160,7 +185,7 @@ class SolvedLog:
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam = self.slam
-        keys = self.slam.key_scans
+        keys = slam.key_scans
         mount = self.scans[0].mount
         if mount == CENTRE:
             mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
@@ -168,10 +193,7 @@ class SolvedLog:
         poses[:, 2] = np.unwrap(poses[:, 2])
         if self.joined is not None:
             return joint_run(self.joined, slam, self.moments, poses, self.log.name)
-        # Key scans whose covariances are kept, at most: each takes a step over the whole pose
-        # graph.
-        most_covariances = 128
-        chosen = np.unique(np.linspace(0, len(keys) - 1, most_covariances).astype(np.int64))
+        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.moments, poses, maps, estimate)
@@ -181,7 +203,7 @@ class SolvedLog:
         log = self.log
         slam = self.slam
         line_map = self.run.map
-        tracked = self.slam.tracked[1:]
+        tracked = slam.tracked[1:]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
         return {
@@ -190,11 +212,11 @@ class SolvedLog:
                 **log.counts,
                 "odometry_lines": len(self.line_poses),
                 "odometry": self.odometry,
-                **asdict(self.repairs),
+                **figures_of(self.recording),
             },
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {
-                "lag_lines": self.lag,
+                "lag_lines": float(self.recording.lags.mean()),
                 **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
                 "solved_times": self.passes,
             },
@@ -304,31 +326,39 @@ def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float,
     the other drive are mounted otherwise.
     """
     first = both.run
-    count = len(both.run)
     before = both.first_poses
-    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
     if len(first.lasers) == 1:
         before = compose(before, np.array(first.lrf.mount))
     whole = np.vstack([before, poses])
     whole[:, 2] = np.unwrap(whole[:, 2])
-    pause = 1.0  # Time [s] between two drives in their joint run.
-    later = first.trajectory.times[-1] + pause - moments[0][0].time
-    shown = [first.scans_at(k) for k in range(count)]
+    later = first.trajectory.times[-1] + PAUSE - moments[0][0].time
+    shown = [first.scans_at(k) for k in range(len(first))]
     shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
-    whole_scans = [together(moment) for moment in shown]
+    scans = [together(moment) for moment in shown]
+    one = _mounts(first.lasers)
+    other = _mounts(moments[0])
     if one.shape != other.shape or not np.allclose(one, other):
-        shown = [(scan,) for scan in whole_scans]
-    nothing = np.empty(0, np.int64), np.empty((0, 3, 3))
-    own = slam.estimate(poses, *nothing)
-    earlier = first.estimate or EstimatedTrajectory(before, *nothing)
-    estimate = EstimatedTrajectory(
-        whole, *nothing,
-        np.vstack([earlier.closures, count + own.closures, both.ties + np.array([0, count])]),
-        np.vstack([earlier.dropped_closures, count + own.dropped_closures]),
-    )  # fmt: skip
-    keys = [*both.keys.tolist(), *(count + slam.key_scans).tolist()]
-    maps = maps_of(whole_scans, whole, keys, LineMapper())
-    return run_of(name, shown, whole, maps, estimate)
+        shown = [(scan,) for scan in scans]
+    keys = [*both.keys.tolist(), *(len(first) + slam.key_scans).tolist()]
+    earlier = first.estimate or EstimatedTrajectory(before)
+    own = slam.estimate(poses, NO_SCANS, NO_COVARIANCES)
+    estimate = _joint_estimate(earlier, own, whole, both.ties)
+    return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
+
+
+def _mounts(lasers: Sequence[LaserRangeFinder] | Moment) -> Float:
+    """The mounts (k, 3) of lasers, or of those of scans."""
+    return np.array([each.mount for each in lasers])
+
+
+def _joint_estimate(
+    earlier: EstimatedTrajectory, own: EstimatedTrajectory, poses: Float, ties: Int
+) -> EstimatedTrajectory:
+    """The estimates of two drives as one, with the ties (c, 2) between their scans."""
+    count = len(earlier.poses)
+    dropped = np.vstack([earlier.dropped_closures, count + own.dropped_closures])
+    closures = np.vstack([earlier.closures, count + own.closures, ties + np.array([0, count])])
+    return EstimatedTrajectory(poses, closures=closures, dropped_closures=dropped)
 
 
 def rising(stamps: Float) -> Float:

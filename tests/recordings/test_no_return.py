@@ -3,7 +3,7 @@ import pytest
 
 from lrf3d.laser import LaserScan
 from lrf3d.recordings import load_log
-from lrf3d.recordings.log import without_no_returns
+from lrf3d.recordings.repair.no_return import NO_RETURN
 
 ANGLES = np.linspace(-1.0, 1.0, 21)
 
@@ -32,9 +32,7 @@ def open_ahead(rng):
 )
 def test_ranges_of_walls_are_kept(ranges):
     scans = scans_of(np.random.default_rng(0), ranges)
-    kept, note = without_no_returns(scans)
-    assert not note
-    assert all(a.ranges.tolist() == b.ranges.tolist() for a, b in zip(scans, kept, strict=True))
+    assert NO_RETURN.find(scans) is None
 
 
 def test_a_smallest_reading_that_many_adjacent_beams_have_is_no_return():
@@ -43,8 +41,10 @@ def test_a_smallest_reading_that_many_adjacent_beams_have_is_no_return():
         ranges[8:12] = 0.12
         return ranges
 
-    scans, note = without_no_returns(scans_of(np.random.default_rng(0), near))
-    assert note == "readings up to 0.12 m mean no return"
+    scans = scans_of(np.random.default_rng(0), near)
+    limits = NO_RETURN.find(scans)
+    scans = NO_RETURN.apply(scans, limits)
+    assert NO_RETURN.sentence(limits) == "readings up to 0.12 m mean no return"
     assert all((scan.ranges == -np.inf).nonzero()[0].tolist() == [8, 9, 10, 11] for scan in scans)
 
 
@@ -55,5 +55,6 @@ def test_a_log_that_writes_8_metres_for_beams_that_met_nothing(tmp_path):
             ranges = " ".join(f"{r:.2f}" for r in open_ahead(rng))
             file.write(f"FLASER 21 {ranges} 0 0 0 0 0 0 {number} host {number}\n")
     assert np.isinf([scan.ranges[8:12] for scan in load_log(path).scans]).all()
-    told = load_log(path, largest_range=80.0)
-    assert (np.array([scan.ranges[8:12] for scan in told.scans]) == 8.0).all()
+    for options in ({"largest_range": 80.0}, {"without_repairs": ["no_return"]}):
+        kept = load_log(path, **options)
+        assert (np.array([scan.ranges[8:12] for scan in kept.scans]) == 8.0).all()

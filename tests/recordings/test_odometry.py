@@ -10,9 +10,12 @@ import lrf3d
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.log import LaserLog, WheelRecord
-from lrf3d.recordings.repair.odometry import Repairs, WheelPath, fitted_lag, in_order, without_jumps
+from lrf3d.recordings.repair.jumps import without_jumps
+from lrf3d.recordings.repair.lag import fitted_lag
+from lrf3d.recordings.repair.repairs import SOLVING, figures_of, repair, repaired_log
+from lrf3d.recordings.repair.wheel_path import WheelPath
 from lrf3d.slam.checks import SelfCheck
-from lrf3d.slam.offline import punctual, solve_log
+from lrf3d.slam.offline import solve_log
 
 COUNT = 100
 
@@ -47,33 +50,46 @@ def errors(solution, true, first=0):
     return np.hypot(*(solution.line_poses - start)[:, :2].T)
 
 
+def repairs(**found):
+    """The figures of a recording in which nothing was wrong but this."""
+    return {
+        "doubled_scans": 0,
+        "doubled_odometry_lines": 0,
+        "put_in_order": False,
+        "odometry_jumps": 0,
+        "mirrored": False,
+        "late": [0.0, 0.0],
+        "sweep": 0.0,
+        **found,
+    }
+
+
 EVERY = np.arange(COUNT)
 HALF = COUNT // 2
 ORDERS = {
-    "as it is": (EVERY, Repairs()),
+    "as it is": (EVERY, repairs()),
     "each line twice": (
         np.repeat(EVERY, 2),
-        Repairs(doubled_scans=COUNT, doubled_odometry_lines=COUNT),
+        repairs(doubled_scans=COUNT, doubled_odometry_lines=COUNT),
     ),
     "a part of it twice": (
         np.concatenate([EVERY[:80], EVERY[40:]]),
-        Repairs(doubled_scans=40, doubled_odometry_lines=40),
+        repairs(doubled_scans=40, doubled_odometry_lines=40),
     ),
-    "the end first": (np.concatenate([EVERY[HALF:], EVERY[:HALF]]), Repairs(put_in_order=True)),
-    "backwards in time": (EVERY[::-1], Repairs(put_in_order=True)),
+    "the end first": (np.concatenate([EVERY[HALF:], EVERY[:HALF]]), repairs(put_in_order=True)),
+    "backwards in time": (EVERY[::-1], repairs(put_in_order=True)),
 }
 
 
 @pytest.mark.parametrize("name", ORDERS)
 def test_a_log_that_is_doubled_or_out_of_order_is_solved_as_if_it_were_not(recorded, name):
     log, true = recorded
-    order, repairs = ORDERS[name]
+    order, found = ORDERS[name]
     solution = solve_log(rearranged(log, order))
-    assert solution.repairs == repairs
+    assert figures_of(solution.recording) == found
     assert len(solution.line_poses) == len(order)
     assert errors(solution, true[order], int(np.argmin(order))).max() < 0.05
-    sentences = repairs.sentences()
-    assert len(sentences) == (name != "as it is")
+    assert len(solution.recording.sentences) == (name != "as it is")
 
 
 @pytest.mark.parametrize("lines", [[60], [60, 61]])
@@ -86,9 +102,9 @@ def test_odometry_that_jumps_goes_on_as_before(recorded, lines):
     jumping = replace(log, wheels=replace(log.wheels, poses=wheels))
     solution = solve_log(jumping)
     # A line that is out and back is one.
-    assert solution.repairs.odometry_jumps == 1
+    assert figures_of(solution.recording)["odometry_jumps"] == 1
     assert errors(solution, true).max() < 0.05
-    assert "jump" in solution.repairs.sentences()[0]
+    assert "jump" in solution.recording.sentences[0]
 
 
 def test_corrupt_lines_leave_the_others_as_they_were():
@@ -107,7 +123,7 @@ def test_a_robot_that_drove_on_unrecorded_has_not_jumped(recorded):
     kept = np.concatenate([EVERY[:24], EVERY[44:]])
     solution = solve_log(rearranged(log, kept))
     assert np.hypot(*(true[44] - true[23])[:2]) > 3.0
-    assert solution.repairs == Repairs()
+    assert figures_of(solution.recording) == repairs()
 
 
 def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():
@@ -123,10 +139,10 @@ def test_a_laser_that_turns_clockwise_unsaid_is_found_out(recorded):
     log, true = recorded
     scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in log.scans]
     solution = solve_log(replace(log, scans=scans))
-    assert solution.repairs == Repairs(mirrored=True)
+    assert figures_of(solution.recording) == repairs(mirrored=True)
     assert "clockwise" in solution.warnings[0]
     assert errors(solution, true).max() < 0.05
-    assert not solve_log(log).repairs.mirrored
+    assert "mirror" not in solve_log(log).recording.found
 
 
 def test_odometry_in_degrees_is_refused(recorded):
@@ -143,7 +159,7 @@ def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
     times[50:60] -= 4.0
     scans = [replace(s, time=float(t)) for s, t in zip(log.scans, times, strict=True)]
     solution = solve_log(replace(log, scans=scans, wheels=replace(log.wheels, times=times)))
-    assert solution.repairs == Repairs()
+    assert figures_of(solution.recording) == repairs()
     assert errors(solution, true).max() < 0.05
 
 
@@ -177,14 +193,14 @@ def test_scans_that_are_stamped_late_get_the_poses_of_when_they_were_taken(recor
     poses = WheelPath(true).at(EVERY + np.linspace(first, last, COUNT) / np.diff(log.times)[0])
     scans = [replace(s, pose=tuple(p)) for s, p in zip(log.scans, poses, strict=True)]
     late = LaserLog("late", scans)
-    found = punctual(late)
+    found = repaired_log(late)
     [said] = found.notes
     assert ("late" in said) == (first > 0.0) and ("at the end" in said) == (first < last)
     assert np.abs(between(true, found.poses)).max() < 0.1 < np.abs(between(true, poses)).max()
     solution = solve_log(late)
-    assert solution.repairs.late == pytest.approx((first, last), abs=0.05)
-    assert "scans are stamped" in solution.repairs.sentences()[0]
-    assert punctual(LaserLog("true", log.scans)).notes == ()
+    assert figures_of(solution.recording)["late"] == pytest.approx([first, last], abs=0.05)
+    assert "scans are stamped" in solution.recording.sentences[0]
+    assert repaired_log(LaserLog("true", log.scans)).notes == ()
 
 
 def test_odometry_that_jumps_everywhere_is_refused(recorded):
@@ -197,9 +213,9 @@ def test_odometry_that_jumps_everywhere_is_refused(recorded):
 
 def test_without_stamps_nothing_is_taken_for_a_copy(recorded):
     log, _ = recorded
-    still = np.zeros((COUNT, 3))
-    put = in_order(log.scans, still, np.zeros(COUNT), np.arange(COUNT))
-    assert len(put.path) == COUNT and put.repairs.doubled_odometry_lines == 0
+    still = WheelRecord(np.zeros(COUNT), np.zeros((COUNT, 3)), EVERY)
+    [found] = repair(replace(log, wheels=still), SOLVING)
+    assert len(found.poses) == COUNT and "copies" not in found.found
 
 
 @pytest.mark.parametrize(

@@ -7,16 +7,16 @@ import pytest
 
 import lrf3d
 from lrf3d.geometry.pose import between
-from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.recordings.log import LaserLog, WheelRecord
-from lrf3d.recordings.repair.odometry import WheelPath
-from lrf3d.recordings.repair.sweep import swept
+from lrf3d.recordings.repair.recording import recordings_of
+from lrf3d.recordings.repair.repairs import SOLVING, figures_of
+from lrf3d.recordings.repair.sweep import SWEEP as REPAIR
 from lrf3d.slam.offline import solve_log
 
 INTERVAL = 0.1
 
+# Time [s] of four radians of a mirror that turns once for each scan.
 SWEEP = INTERVAL * 4.0 / (2.0 * np.pi)
-"""Time [s] of four radians of a mirror that turns once for each scan."""
 
 
 def recording(sweep, *, clockwise=False):
@@ -40,8 +40,14 @@ def recording(sweep, *, clockwise=False):
     return scans, poses
 
 
+def log_of(scans, poses):
+    times = INTERVAL * np.arange(len(scans))
+    return LaserLog("hall", scans, wheels=WheelRecord(times, poses, np.arange(len(scans))))
+
+
 def unrolling(scans, poses):
-    return swept(ScanConverter(), scans, WheelPath(poses, INTERVAL), np.arange(len(scans)))
+    [recording] = recordings_of(log_of(scans, poses), SOLVING)
+    return REPAIR.find(recording)
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
@@ -55,18 +61,16 @@ def test_scans_that_take_time_unsaid_get_the_motion_of_the_robot(clockwise):
 
 
 def test_scans_of_a_moment_stay_as_they_are():
-    assert unrolling(*recording(0.0)) == []
+    assert unrolling(*recording(0.0)) is None
     scans, poses = recording(SWEEP)
     # So do those whose log says how long they take, and those of a slow laser.
-    assert unrolling([replace(scan, time_increment=1e-4) for scan in scans], poses) == []
-    assert unrolling([replace(scan, time=10.0 * scan.time) for scan in scans], poses) == []
+    assert unrolling([replace(scan, time_increment=1e-4) for scan in scans], poses) is None
+    assert unrolling([replace(scan, time=10.0 * scan.time) for scan in scans], poses) is None
 
 
 def test_a_recording_with_unsaid_sweeps_is_solved_and_says_so():
     scans, poses = recording(SWEEP)
-    times = np.array([scan.time for scan in scans])
-    log = LaserLog("hall", scans, wheels=WheelRecord(times, poses, np.arange(len(scans))))
-    solution = solve_log(log)
-    assert solution.repairs.sweep == pytest.approx(SWEEP, rel=0.02)
-    assert any("unrolled" in sentence for sentence in solution.repairs.sentences())
+    solution = solve_log(log_of(scans, poses))
+    assert figures_of(solution.recording)["sweep"] == pytest.approx(SWEEP, rel=0.02)
+    assert any("unrolled" in sentence for sentence in solution.recording.sentences)
     assert np.hypot(*between(solution.poses, poses)[:, :2].T).max() < 0.1

@@ -10,7 +10,8 @@ import lrf3d
 from lrf3d.base.errors import InputError, Lrf3dWarning
 from lrf3d.laser import ConstantNoise
 from lrf3d.recordings import LaserLog, load_log
-from lrf3d.slam.offline import punctual, solve_log
+from lrf3d.recordings.repair.repairs import repaired_log
+from lrf3d.slam.offline import solve_log
 
 
 @pytest.fixture(scope="module")
@@ -45,14 +46,14 @@ def flaser(path, scans):
 def test_beams_without_a_declared_fan_are_spread_as_scans_turn(wide, beams, drive_with, tmp_path):
     log = load_log(flaser(tmp_path / "a.log", drive_with(wide, beams).scans))
     assert np.ptp(log.scans[0].angles) == pytest.approx(np.pi)
-    for found in (punctual(log), solve_log(log).log):
+    for found in (repaired_log(log), solve_log(log).log):
         assert ("as the scans turn" in str(found.notes)) == (wide != 180)
-    assert np.ptp(punctual(log).scans[0].angles) == pytest.approx(np.radians(wide))
+    assert np.ptp(repaired_log(log).scans[0].angles) == pytest.approx(np.radians(wide))
 
 
 def test_a_fan_that_is_none_of_the_usual_ones_is_refused(drive_with, tmp_path):
     log = load_log(flaser(tmp_path / "a.log", drive_with(310, 311).scans))
-    for solve in (punctual, solve_log):
+    for solve in (repaired_log, solve_log):
         with pytest.raises(InputError, match="turn unlike the odometry"):
             solve(log)
 
@@ -65,7 +66,7 @@ def test_scans_of_a_vertical_plane_are_warned_of(drive_with):
             ranges = np.minimum(scan.ranges[90] / np.cos(angles), floor)
             scans.append(lrf3d.LaserScan(scan.pose, angles, ranges, time=scan.time))
     log = LaserLog("sideways", scans)
-    for solve in (punctual, solve_log):
+    for solve in (repaired_log, solve_log):
         with pytest.warns(Lrf3dWarning, match="scan a level plane"):
             solve(log)
 
@@ -74,7 +75,7 @@ def test_a_map_is_made_of_a_mirrored_laser_as_slam_does(drive_with):
     scans = drive_with(200, 201).scans
     # Its beams do not lie evenly about the heading.
     scans = [replace(s, angles=-s.angles[20:], ranges=s.ranges[20:], walls=None) for s in scans]
-    log = punctual(LaserLog("mirrored", scans))
+    log = repaired_log(LaserLog("mirrored", scans))
     assert "clockwise" in str(log.notes)
     straight = [scan.points() for scan in log.scans]
     for points, scan in zip(straight, drive_with(200, 201).scans, strict=True):

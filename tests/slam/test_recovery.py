@@ -12,6 +12,7 @@ import lrf3d
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings import LaserLog
+from lrf3d.recordings.repair.repairs import figures_of
 from lrf3d.slam.offline import solve_log
 
 
@@ -181,7 +182,7 @@ def test_odometry_that_scans_contradict_ruins_nothing(seed):
     solution = solved(scans, corrupt)
     assert errors(true, solution.poses).max() < 0.1
     # A line that is out and back makes two wrong increments.
-    assert 6 <= solution.repairs.odometry_jumps <= 10
+    assert 6 <= figures_of(solution.recording)["odometry_jumps"] <= 10
 
 
 def test_what_bare_walls_do_not_show_is_not_left_to_odometry_that_they_contradict():

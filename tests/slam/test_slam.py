@@ -10,10 +10,10 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 import lrf3d
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between
-from lrf3d.recordings.repair.odometry import WheelPath
+from lrf3d.recordings.repair.repairs import SOLVING, repair
+from lrf3d.recordings.repair.wheel_path import WheelPath
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.motion import Wheels
-from lrf3d.slam.offline import followed as recorded_drive
 from lrf3d.slam.slam import REDRAWN_PER_SCAN
 from lrf3d.slam.solution import rising
 
@@ -238,7 +238,7 @@ def test_a_fan_that_ends_just_beyond_a_turn_is_one(short):
     """Drivers of lasers that turn round have their step in float32."""
     scans, wheels = short
     turned = [replace(s, angles=s.angles - s.angles[-1] + 6.2833) for s in scans]
-    assert len(recorded_drive(recorded(turned, wheels))[0]) == len(scans)
+    assert len(repair(recorded(turned, wheels), SOLVING)[0].scans) == len(scans)
 
 
 REFUSED = {

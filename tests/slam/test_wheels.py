@@ -4,7 +4,8 @@ from drives import drive, errors, followed, path_of, rooms, solved
 
 import lrf3d
 from lrf3d.geometry.pose import between
-from lrf3d.recordings.repair.odometry import WheelPath, fitted_lag
+from lrf3d.recordings.repair.lag import fitted_lag
+from lrf3d.recordings.repair.wheel_path import WheelPath
 from lrf3d.slam.motion import Wheels
 
 

@@ -34,6 +34,9 @@ LOG = """\
 --format FORMAT: Text: its columns, such as stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg,
  or minesrover or lego; found if not given.
 --part N: Bags whose stamps go back: which part is read; the longest one if not given."""
+REPAIRS = """\
+--without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, copies, stamps, jumps,
+ standing, fan, mirror, lag, sweep."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
 World and drive:
@@ -200,6 +203,7 @@ LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .d
 --all: Build the map from all scans, without a test.
 --poses auto|truth|tf|odom = auto: Source of the poses; auto takes the best that the log has.
 {LOG}
+{REPAIRS}
 
 Example: lrf3d map drive.log.gz --out out/drive""",
     "degrade": f"""\
@@ -238,6 +242,7 @@ LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .d
 --not A:B,A:B,…: Scans of which you know that they do not, though they look alike.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.
 {LOG}
+{REPAIRS}
 
 Example: lrf3d slam drive.log.gz --out out/drive""",
     "localise": f"""\
@@ -252,6 +257,7 @@ MAP|WORLD: The map: a run.npz or its folder, as of lrf3d slam, a ROS map, a plan
 [LOG]: A log, as for slam.
 {OUT}
 {LOG}
+{REPAIRS}
 
 Simulated drives:
 --known walls|map = walls: The known map: the true walls, or the map of a first run.

@@ -128,13 +128,14 @@ def read_log(args: Namespace) -> LaserLog:
     return load_log(
         args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic,
         part=args.part, format=args.format,
+        without_repairs=getattr(args, "without_repair", None) or (),
     )  # fmt: skip
 
 
 def read_map_and_log(args: Namespace) -> Scenario | MapAndLog | None:
     """Read a world for simulated drives; or a map and a log."""
     if args.log is None:
-        logs = "--out -o --largest-range --scan-topic --format --part"
+        logs = "--out -o --largest-range --scan-topic --format --part --without-repair"
         refuse(args, logs, "of a recorded drive; give a LOG")
         return read_world(args)
     drives = f"--known --strategy --seeds --sigma --position --heading --workers {DRIVE}"

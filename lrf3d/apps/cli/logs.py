@@ -1,8 +1,10 @@
 """``lrf3d map``, ``slam`` and ``localise``: logs with known poses, with odometry, and on a map."""
 
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from math import radians
 from pathlib import Path
 from time import perf_counter
@@ -20,95 +22,90 @@ from lrf3d.base.text import counted
 from lrf3d.geometry.pose import Pose, compose
 from lrf3d.mapping import LineMap, save_map
 from lrf3d.matching.surface import moved
-from lrf3d.recordings import LaserLog, load_run, save_run
+from lrf3d.recordings import LaserLog, save_run
 from lrf3d.recordings.degrade import degrade_log
 from lrf3d.recordings.formats.carmen_writer import write_log
 from lrf3d.recordings.formats.trajectory import load_relations, save_tum
 from lrf3d.recordings.reading import CARMEN_ENDINGS
+from lrf3d.recordings.repair.repairs import repaired_log
 from lrf3d.scoring import score_log, score_trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.slam.checks import LATER
-from lrf3d.slam.offline import map_scans, punctual, solve_log
+from lrf3d.slam.offline import map_scans, solve_log
 from lrf3d.slam.places import OdometryNoise
 from lrf3d.slam.places.monte_carlo import FilterSettings, score_localisation
-from lrf3d.slam.places.sessions import localise_log
+from lrf3d.slam.places.sessions import LocalisedLog, localise_log
 from lrf3d.slam.solution import SolvedLog
 from lrf3d.world import World
+
+# Least share of the returns that a right map explains: 0.85 to 1 in buildings, less among trees.
+LEAST_EXPLAINED = 0.6
 
 
 def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     """Map a log whose poses are known, and test the map."""
-    settings = {"mode": args.mode or "robust", "sigma": args.sigma}
-    log = punctual(log)
-    with report.progress("scans") as progress:
-        progress, milliseconds = timed(progress)
-        run = map_scans(log, **settings, all_scans=args.all, progress=progress)
+    mode = args.mode or "robust"
+    log = repaired_log(log, args.without_repair or ())
+    with _timed(report) as (progress, milliseconds):
+        run = map_scans(log, mode=mode, sigma=args.sigma, all_scans=args.all, progress=progress)
     tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
     score = score_log(run.map, [] if args.all else tests)
     bad = [{line.kind: line.number, "reason": line.reason} for line in log.bad_lines]
     summary = {
         "name": log.name,
-        "mode": settings["mode"],
+        "mode": mode,
         "sigma_m": args.sigma,
         "log": {**log.counts, "poses": log.source, "first_bad_lines": bad},
         "map": {"segments": len(run.map), "objects": run.map.object_count},
         "score": score.as_dict(),
         "milliseconds_a_scan": milliseconds(),
     }
-    rows = [*log_rows(log), ("poses", log.source)]
-    rows.append(("map", f"{run.map.counts}, {score.length:.0f} m long"))
-    # Share of returns that a right map explains: 0.85 to 1 in buildings, less among trees.
-    least_explained = 0.6
+    share = explained = ""
     if score.returns:
         share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
-        rows.append(("explains", f"{share}, which it was not built from"))
-        if score.explained < least_explained:
+        explained = f"{share}, which it was not built from"
+        if score.explained < LEAST_EXPLAINED:
             warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
-    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    rows = [
+        ("poses", log.source),
+        ("map", f"{run.map.counts}, {score.length:.0f} m long"),
+        ("explains", explained),
+        ("time", f"{milliseconds():.2f} ms a scan"),
+    ]
     output = results_folder(report, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run)
-    following = f"lrf3d run {output.path}/map.geojson"
-    files = {"map": "map.geojson"}
-    output.finish(summary, files, drawings, rows=rows, following=following, kept=kept)
+    output.finish(
+        summary,
+        {"map": "map.geojson"},
+        drawings,
+        rows=[*log_rows(log), *_filled(rows)],
+        following=f"lrf3d run {output.path}/map.geojson",
+        kept=kept,
+    )
 
 
 def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     """Find poses and map of a log from odometry and scans."""
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
-    on = None if args.on is None else load_run(args.on)
-    pairs = [[(min(pair), max(pair)) for pair in given or ()] for given in (args.close, args.not_)]
-    with report.progress("scans") as progress:
-        progress, milliseconds = timed(progress)
-        solved = solve_log(log, on=on, close=pairs[0], apart=pairs[1], progress=progress, **chosen)
+    with _timed(report) as (progress, milliseconds):
+        solved = solve_log(
+            log, on=args.on, close=_in_order(args.close), apart=_in_order(args.not_),
+            without_repairs=args.without_repair or (), progress=progress, **chosen,
+        )  # fmt: skip
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
     run = solved.run
-    keys = solved.slam.key_scans
-    if (both := solved.joined) is not None:
-        keys = np.concatenate([both.keys, len(both.run) + keys])
-
-    def draw(picture: Path) -> None:
-        from lrf3d.studio.figures.figures import Pass, draw_check
-
-        title = f"{log.name}: where the map contradicts itself"
-        shown, poses = solved.key_scans
-        surfaces = (moved(key.surface, pose) for key, pose in zip(shown, poses, strict=True))
-        points = [np.column_stack([surface["x"], surface["y"]]) for surface in surfaces]
-        scans = np.array([key.scan for key in shown])
-        check = solved.check
-        stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, LATER)
-        draw_check(stretch, poses, solved.refused, title, picture)
-
     output = results_folder(report, [args.log], run.world.name, args.out)
+    keys = np.array([key.scan for key in solved.key_scans[0]])
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
     save_tum(solved.log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
     if solved.tried:
-        drawings["check picture"] = "check.png", draw
+        drawings["check picture"] = "check.png", partial(_draw_check, solved)
     output.finish(
         summary,
         {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
@@ -117,6 +114,25 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
         following=f"lrf3d view {output.path}",
         kept=kept,
     )
+
+
+def _in_order(pairs: list[tuple[int, int]] | None) -> list[tuple[int, int]]:
+    """Pairs of scans that were given, the earlier one first."""
+    return [(min(pair), max(pair)) for pair in pairs or ()]
+
+
+def _draw_check(solved: SolvedLog, picture: Path) -> None:
+    """Draw where a map contradicts itself."""
+    from lrf3d.studio.figures.figures import Pass, draw_check
+
+    shown, poses = solved.key_scans
+    surfaces = (moved(key.surface, pose) for key, pose in zip(shown, poses, strict=True))
+    points = [np.column_stack([surface["x"], surface["y"]]) for surface in surfaces]
+    scans = np.array([key.scan for key in shown])
+    check = solved.check
+    stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, LATER)
+    title = f"{solved.log.name}: where the map contradicts itself"
+    draw_check(stretch, poses, solved.refused, title, picture)
 
 
 def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
@@ -150,51 +166,57 @@ def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> N
 
 
 def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
-    with report.progress("scans") as progress:
-        progress, milliseconds = timed(progress)
-        found = localise_log(known, log, progress=progress)
+    with _timed(report) as (progress, milliseconds):
+        found = localise_log(
+            known, log, without_repairs=args.without_repair or (), progress=progress
+        )
     if not found.stretches:
         warn(f"{args.log}: nowhere on the map with certainty; the likeliest place has a"
              f" probability of {found.probability:.2g}")  # fmt: skip
     world = known.world if isinstance(known, Run) else known
-    line_map = known.map if isinstance(known, Run) else LineMap.empty()
-    true = None if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
     poses = found.poses[chosen]
-    times = found.log.times[chosen]
-    # The path is broken where the place is not known.
-    ends = [np.searchsorted(chosen, each.last) + 1 for each in found.stretches[:-1]]
-    drawn = np.insert(poses, ends, np.nan, axis=0)
+    output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
+    save_tum(found.log.times[chosen], poses, output.path / "trajectory.tum")
+    rows = [*log_rows(log), *(("", note) for note in found.log.notes if note not in log.notes)]
+    rows.append(("map", f"{args.world}, {counted(len(world.segments), 'wall')}"))
+    for each in found.stretches:
+        x, y, theta = found.poses[each.first]
+        rows.append(("carried" if each.carried else "found", (
+            f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
+            f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
+    rows.append(("scans", f"{len(chosen):,} of {len(found.poses):,} placed on the map"))
+    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    output.finish(
+        {**found.summary(), "milliseconds_a_scan": milliseconds()},
+        {"trajectory": "trajectory.tum"},
+        {"map picture": ("map.png", partial(_draw_places, known, found))},
+        rows=rows,
+        kept=f"{output.path / 'trajectory.tum'} holds the poses",
+    )
+
+
+def _draw_places(known: Run | World, found: LocalisedLog, picture: Path) -> None:
+    """Draw the path of a drive, and what its scans show, on the map where it was found."""
+    from lrf3d.studio.figures.figures import draw_map
+
+    chosen = np.flatnonzero(found.known)
+    poses = found.poses[chosen]
     points = [np.empty((0, 2))]
     for number, pose in zip(chosen.tolist(), poses, strict=True):
         scan = found.log.scans[number]
         laser = compose(pose, np.array(scan.mount))
         points.append(replace(scan, pose=Pose(*laser.tolist())).points())
-
-    def draw(picture: Path) -> None:
-        from lrf3d.studio.figures.figures import draw_map
-
-        draw_map(line_map, picture, points=np.concatenate(points), poses=drawn,
-                 world=true, title=f"{found.log.name} on {world.name or 'the map'}")  # fmt: skip
-
-    output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
-    save_tum(times, poses, output.path / "trajectory.tum")
-    rows = [*log_rows(log), ("map", f"{args.world}, {counted(len(world.segments), 'wall')}")]
-    for each in found.stretches:
-        x, y, theta = poses[np.searchsorted(chosen, each.first)]
-        rows.append(("carried" if each.carried else "found", (
-            f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
-            f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
-    count = len(found.poses)
-    rows.append(("scans", f"{len(chosen):,} of {count:,} placed on the map"))
-    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
-    output.finish(
-        {**found.summary(), "milliseconds_a_scan": milliseconds()},
-        {"trajectory": "trajectory.tum"},
-        {"map picture": ("map.png", draw)},
-        rows=rows,
-        kept=f"{output.path / 'trajectory.tum'} holds the poses",
-    )
+    # The path is broken where the place is not known.
+    ends = [np.searchsorted(chosen, each.last) + 1 for each in found.stretches[:-1]]
+    line_map = known.map if isinstance(known, Run) else LineMap.empty()
+    true = None if isinstance(known, Run) else known
+    name = known.world.name if isinstance(known, Run) else known.name
+    draw_map(
+        line_map, picture, points=np.concatenate(points),
+        poses=np.insert(poses, ends, np.nan, axis=0), world=true,
+        title=f"{found.log.name} on {name or 'the map'}",
+    )  # fmt: skip
 
 
 def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -217,27 +239,36 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
         f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
     )
     timed = sum(scan.time_increment != 0.0 for scan in log.scans)
-    rows = log_rows(worse)
-    if timed:
-        rows.append(("", f"{counted(timed, 'scan')} with times of beams, which are not kept"))
-    rows += [("poses", log.source), ("worse", done), ("file", str(out))]
+    rows = [
+        ("", f"{counted(timed, 'scan')} with times of beams, which are not kept" if timed else ""),
+        ("poses", log.source),
+        ("worse", done),
+        ("file", str(out)),
+    ]
     figures = {
         "file": str(out), "log": log.counts, "poses": log.source, **changes, "seed": args.seed,
         "scans": len(worse), "returns": there,
         "returns_lost": lost,
     }  # fmt: skip
-    report.print(figures, rows)
+    report.print(figures, [*log_rows(worse), *_filled(rows)])
 
 
-def timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
-    """Progress that is timed, and the mean time of a scan [ms] after the first, which compiles."""
+@contextmanager
+def _timed(report: Report) -> Iterator[tuple[Progress, Callable[[], float]]]:
+    """Progress by scans, and the mean time of a scan [ms] after the first, which compiles."""
     stamps: list[float] = []
+    with report.progress("scans") as progress:
 
-    def note(done: int, count: int) -> None:
-        stamps.append(perf_counter())
-        progress(done, count)
+        def note(done: int, count: int) -> None:
+            stamps.append(perf_counter())
+            progress(done, count)
 
-    return note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+        yield note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+
+
+def _filled(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """The rows that have a text."""
+    return [row for row in rows if row[1]]
 
 
 def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str, Drawing]]:
@@ -257,42 +288,43 @@ def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str
 
 def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
     """What a log held, and what was left out of it."""
-    sizes = [len(scan.ranges) for scan in log.scans]
-    least = min(sizes)
-    most = max(sizes)
-    beams = (f"{least:,} to " if least < most else "") + counted(most, "beam")
-    rows = [("log", f"{counted(len(log), 'scan')} of {beams}{poses}")]
-    if log.bad_count:
-        bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind}")
-        rows.append(("", f"{bad} left out, the first {log.bad_lines[0]}"))
-        rows += [("", str(line)) for line in log.bad_lines[1:]]
+    sizes = {len(scan.ranges) for scan in log.scans}
+    beams = (f"{min(sizes):,} to " if len(sizes) > 1 else "") + counted(max(sizes), "beam")
+    bad = [counted(log.bad_count, f"bad {line.kind}") for line in log.bad_lines[:1]]
+    said = [f"{count} left out, the first {log.bad_lines[0]}" for count in bad]
+    said += map(str, log.bad_lines[1:])
     if times := [scan.duration for scan in log.scans if scan.motion is not None]:
         taken = f"{counted(len(times), 'scan')} of up to {max(times):.3g} s unrolled"
-        rows.append(("", f"{taken}: each beam by its own time"))
+        said.append(f"{taken}: each beam by its own time")
     if log.not_numbers:
-        rows.append(("", f"{counted(log.not_numbers, 'reading')} NaN: no return"))
-    return [*rows, *(("", note) for note in log.notes)]
+        said.append(f"{counted(log.not_numbers, 'reading')} NaN: no return")
+    first = ("log", f"{counted(len(log), 'scan')} of {beams}{poses}")
+    return [first, *(("", text) for text in (*said, *log.notes))]
 
 
 def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
     found = summary["slam"]
-    poses = counted(summary["log"]["odometry_lines"], "pose")
-    rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
-    if not solved.log.placed:
-        rows.append(("odometry", f"{solved.odometry}; if that is mirrored, so is the map"))
-    rows += [("", sentence) for sentence in solved.repairs.sentences()]
+    lost = found["scans_by_odometry_alone"]
     closed = counted(found["loop_closures"], "loop closure")
-    rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
-    if lost := found["scans_by_odometry_alone"]:
-        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed as predicted"))
+    placed = solved.log.placed
+    poses = f", {counted(summary['log']['odometry_lines'], 'pose')} by odometry"
+    on = score = ""
     if (both := summary["joined"]) is not None:
-        words = f"{both['on']}: found at scan {both['found_at']}, probability"
-        words += f" {both['probability']:.4f}; {counted(both['ties'], 'loop closure')} with it"
-        rows.append(("on", words))
-    rows.append(("map", solved.run.map.counts))
-    rows += [("check", sentence) for sentence in solved.check.sentences()]
-    if score := summary["score"]:
-        text = "{translation_mean:.4f} ± {translation_std:.4f} m, {rotation_mean:.2f} ±"
-        text += " {rotation_std:.2f}° over {relations}"
-        rows.append(("relations", text.format(**score)))
-    return [*rows, ("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan")]
+        on = f"{both['on']}: found at scan {both['found_at']}, probability"
+        on += f" {both['probability']:.4f}; {counted(both['ties'], 'loop closure')} with it"
+    if summary["score"]:
+        form = "{translation_mean:.4f} ± {translation_std:.4f} m, {rotation_mean:.2f} ±"
+        score = f"{form} {{rotation_std:.2f}}° over {{relations}}".format(**summary["score"])
+    alone = f"{solved.odometry}; if that is mirrored, so is the map"
+    rows = [
+        ("odometry", "" if placed else alone),
+        *(("", sentence) for sentence in solved.recording.sentences),
+        ("drive", f"{found['length_m']:.0f} m, {closed}"),
+        ("", f"{counted(lost, 'scan')} matched nothing: placed as predicted" if lost else ""),
+        ("on", on),
+        ("map", solved.run.map.counts),
+        *(("check", sentence) for sentence in solved.check.sentences()),
+        ("relations", score),
+        ("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan"),
+    ]
+    return [*log_rows(solved.log, poses if placed else ""), *_filled(rows)]

@@ -1,11 +1,13 @@
-"""Sweeps: recorded scans whose beams went out one after the other, which their log does not say.
+"""Sweep: beams that went out one after the other, which their log does not say, are unrolled.
 
-Scans and the path by odometry enter; scans with the motion of the robot during each leave, if they
-agree better so.
+A laser whose mirror turns once for each scan shows bent walls while its robot turns. Of two scans
+at different rates of turn more agrees once both are unrolled, and less if they are unrolled the
+other way round.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,72 +16,116 @@ from lrf3d.geometry.lines import Float, usual_step
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
-from lrf3d.recordings.repair.odometry import LEAST_PAIRS, MOST_DISTANCE, PAIR, WheelPath
+from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.lag import fitted_again
+from lrf3d.recordings.repair.recording import Recording
+from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
+
+# Longest turn of a mirror [s]: slower lasers are those that are turned as a whole.
+LONGEST = 0.25
+
+# Scans from the first to the second of a pair: the robot must have changed its rate of turn.
+APART = 4
+
+# Largest number of pairs that are compared: more take longer and prove no more.
+MOST_PAIRS = 120
+
+# Least difference between the turns from scan to scan [rad] at the ends of a pair.
+LEAST_CHANGE = 0.03
+
+# Largest turn from the first to the second of a pair [rad], so that both see the same walls.
+WIDEST = 1.0
+
+# Information of the window in which the second scan of a pair is matched.
+INFORMATION = np.asarray(np.linalg.inv(PAIR), dtype=np.float64)
+
+# Standard errors that gain and loss must reach: of lasers that turn 4 to 9 and 4 to 13.
+SURE = 3.0
 
 
-def swept(
-    converter: ScanConverter, scans: Sequence[LaserScan], path: WheelPath, places: Float
-) -> list[LaserScan]:
-    """Scans (k,), at places along the path, with the motion during each; empty if none is shown.
-
-    A laser whose mirror turns once for each scan shows bent walls while its robot turns. Of two
-    scans at different rates of turn more agrees once both are unrolled, and less if they are
-    unrolled the other way round.
-    """
-    interval = usual_step(np.array([scan.time for scan in scans]))
-    longest = 0.25  # Turn of a mirror [s]: slower lasers are those that are turned as a whole.
-    known = any(scan.time_increment or scan.motion is not None for scan in scans)
-    pairs = _uneven_pairs(path.at(places))
-    if known or not 0.0 < interval <= longest or len(pairs) < LEAST_PAIRS:
-        return []
-    lines = usual_step(places)
-
-    def rolled(number: int, sense: int) -> LaserScan:
-        scan = scans[number]
-        share = float(abs(scan.angles[-1] - scan.angles[0])) / (2.0 * np.pi)
-        step = np.array([0.0, sense * share * lines])
-        increment = share * interval / max(len(scan.ranges) - 1, 1)
-        motion = between(*path.at(places[number] + step))
-        return replace(scan, motion=motion, time_increment=increment) if sense else scan
-
-    def agreement(sense: int) -> Float:
-        """How much of the second of each pair the first explains."""
-        explained = []
-        for pair in pairs:
-            check()
-            before, after = (converter.candidate(unrolled(rolled(k, sense))) for k in pair)
-            step = between(*path.at(places[pair]))
-            match = Submap([before], np.zeros((1, 3))).match(after, step, np.linalg.inv(PAIR))
-            explained.append(match.explained if match else 0.0)
-        return np.array(explained)
-
-    still = agreement(0)
-    gains = {sense: agreement(sense) - still for sense in (1, -1)}
+def find(recording: Recording) -> list[LaserScan] | None:
+    """The scans with the motion during each, if they agree better so."""
+    interval = _interval(recording)
+    if not interval:
+        return None
+    places = recording.places - recording.lags
+    pairs = _uneven_pairs(recording.path.at(places))
+    if len(pairs) < LEAST_PAIRS:
+        return None
+    rolled = partial(_rolled, recording, places, interval, usual_step(places))
+    agreement = partial(_agreement, recording, places, pairs)
+    still = agreement(partial(rolled, 0))
+    gains = {sense: agreement(partial(rolled, sense)) - still for sense in (1, -1)}
     sense = max(gains, key=lambda sense: float(gains[sense].mean()))
-    gain = gains[sense]
-    loss = -gains[-sense]
-    # Standard errors that gain and loss must reach: of lasers that turn 4 to 9 and 4 to 13.
-    sure = 3.0 / np.sqrt(len(pairs))
-    if gain.mean() < sure * gain.std() or loss.mean() < sure * loss.std():
-        return []
-    return [rolled(number, sense) for number in range(len(scans))]
+    sure = SURE / np.sqrt(len(pairs))
+    for change in (gains[sense], -gains[-sense]):
+        if change.mean() < sure * change.std():
+            return None
+    return [rolled(sense, number) for number in range(len(recording.scans))]
+
+
+def _interval(recording: Recording) -> float:
+    """The time between scans [s] during which they may sweep unsaid; 0 if they do not."""
+    scans = recording.scans
+    said = any(scan.time_increment or scan.motion is not None for scan in scans)
+    interval = usual_step(np.array([scan.time for scan in scans]))
+    followed = recording.log.placed and not recording.log.parts
+    return interval if followed and not said and interval <= LONGEST else 0.0
+
+
+def _rolled(
+    recording: Recording, places: Float, interval: float, lines: float, sense: int, number: int
+) -> LaserScan:
+    """A scan with its motion by a mirror that turns once in an interval [s], or in [lines]."""
+    scan = recording.scans[number]
+    if not sense:
+        return scan
+    share = float(abs(scan.angles[-1] - scan.angles[0])) / (2.0 * np.pi)
+    motion = between(*recording.path.at(places[number] + np.array([0.0, sense * share * lines])))
+    increment = share * interval / max(len(scan.ranges) - 1, 1)
+    return replace(scan, motion=motion, time_increment=increment)
+
+
+def _agreement(
+    recording: Recording,
+    places: Float,
+    pairs: list[list[int]],
+    rolled: Callable[[int], LaserScan],
+) -> Float:
+    """How much of the second scan of each pair (p,) the first explains, once they are rolled."""
+    explained = []
+    for pair in pairs:
+        check()
+        before, after = (recording.converter.candidate(unrolled(rolled(k))) for k in pair)
+        step = between(*recording.path.at(places[pair]))
+        match = Submap([before], np.zeros((1, 3))).match(after, step, INFORMATION)
+        explained.append(match.explained if match else 0.0)
+    return np.array(explained)
 
 
 def _uneven_pairs(poses: Float) -> list[list[int]]:
     """Pairs of scans, at poses (k, 3) near each other, of a robot that turned at other rates."""
-    # Scans from one to the other, and least difference of their turns from scan to scan and largest
-    # turn between them [rad].
-    apart = 4
-    least = 0.03
-    widest = 1.0
-    most_pairs = 120
     rates = np.gradient(poses[:, 2])
-    x, y, turn = (poses[apart:] - poses[:-apart]).T
-    change = np.abs(rates[apart:] - rates[:-apart])
-    near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(turn) < widest) & (change > least)
+    x, y, turn = (poses[APART:] - poses[:-APART]).T
+    change = np.abs(rates[APART:] - rates[:-APART])
+    near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(turn) < WIDEST) & (change > LEAST_CHANGE)
     first = np.flatnonzero(near)
-    first = first[np.argsort(-change[first], kind="stable")[:most_pairs]]
-    pairs: list[list[int]] = np.column_stack([first, first + apart]).tolist()
+    first = first[np.argsort(-change[first], kind="stable")[:MOST_PAIRS]]
+    pairs: list[list[int]] = np.column_stack([first, first + APART]).tolist()
     return pairs
+
+
+def longest(scans: list[LaserScan] | None) -> float:
+    """The time [s] that the longest of the scans takes."""
+    return max((scan.duration for scan in scans or ()), default=0.0)
+
+
+SWEEP = Repair(
+    "sweep",
+    find,
+    # Scans that are unrolled show other turns, and so another lag.
+    lambda recording, scans: fitted_again(replace(recording, scans=scans)),
+    lambda scans: f"walls bend in turns, as a scan takes {longest(scans):.3f} s: unrolled",
+    lambda scans: {"sweep": longest(scans)},
+)

@@ -17,11 +17,22 @@ from lrf3d.geometry.pose import bent, between, compose
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run
+from lrf3d.recordings.repair.repairs import LOCALISING, repair
 from lrf3d.simulation.run import Run
 from lrf3d.slam import Slam
-from lrf3d.slam.offline import followed
+from lrf3d.slam.motion import size_of
+from lrf3d.slam.offline import read
 from lrf3d.slam.places.place_search import KnownPlaces, PlaceSearch
 from lrf3d.world import World, load_world
+
+# A robot was carried if it is found farther than this [m] from where its steps lead.
+CARRIED = 1.0
+
+# Share of the step that is added to that distance, as odometry drifts.
+CARRIED_SHARE = 0.1
+
+# A robot was carried if it is found turned by more than this [rad] from where its steps lead.
+CARRIED_TURN = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +86,7 @@ def localise_log(
     known: Run | World | KnownPlaces | str | Path,
     log: LaserLog | str | Path,
     *,
+    without_repairs: Sequence[str] = (),
     progress: Progress = silent,
 ) -> LocalisedLog:
     """Find where a recorded drive was on a known map, without a first pose.
@@ -82,6 +94,7 @@ def localise_log(
     Args:
         known: The map: a run, such as that of `slam_log`, a world, or the path of either.
         log: The log, or its path; the poses in it are odometry.
+        without_repairs: Names of the `REPAIRS` of logs that are left out, as for `map_log`.
         progress: Called with the number of finished scans, and of all.
 
     Raises:
@@ -97,45 +110,44 @@ def localise_log(
         (LocalisedLog(drive, 20 of 20 scans), [4.8, 1.0, 0.0])
     """
     places = known if isinstance(known, KnownPlaces) else known_places(known)
-    log, recording = followed(log)
-    log = replace(log, scans=recording.scans)
+    log = read(log, "odometry", without_repairs)
+    [recording] = repair(log, LOCALISING, without_repairs)
+    log = replace(
+        recording.log,
+        scans=recording.scans,
+        notes=(*recording.log.notes, *recording.sentences),
+    )
     slam = Slam(laser_offset=log.odometry.laser_offset)
     search = PlaceSearch(places)
-    increments: Sequence[Float | None] = [None] * len(log)
-    if log.placed:
-        increments = list(recording.path.increments(recording.places))
-    for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
-        slam.update(scan, increment)
+    for number, (scan, step) in enumerate(zip(log.scans, recording.increments, strict=True)):
+        slam.update(scan, step)
         search.see(number, slam.converter.candidate(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     front = np.array([tracked.pose for tracked in slam.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []
-    # A robot that is found farther than this [m], this share of the path, or this turn [rad] from
-    # where its steps lead was carried there; else it was off the map for a while.
-    jumped = 1.0
-    jumped_share = 0.1
-    jumped_turn = 0.5
     for found in search.found:
         first = parts[-1].last + 1 if parts else 0
-        path = {k: pose for k, pose in found.path.items() if k >= first}
+        path = {k: pose for k, pose in sorted(found.path.items()) if k >= first}
         if not path:
             continue
         begin = min(path)
-        end = found.last
-        at = np.array(sorted(path), np.int64)
-        there = np.array([path[k] for k in at.tolist()])
-        poses[begin : end + 1] = bent(front[begin : end + 1], at - begin, there)
-        carried = False
-        if parts:
-            last = parts[-1].last
-            step = between(front[last], front[begin])
-            off = np.abs(between(compose(poses[last], step), poses[begin]))
-            most = jumped + jumped_share * np.hypot(step[0], step[1])
-            carried = bool(np.hypot(off[0], off[1]) > most or off[2] > jumped_turn)
-        parts.append(Stretch(begin, end, found.probability, carried))
+        part = slice(begin, found.last + 1)
+        poses[part] = bent(front[part], np.array([*path]) - begin, np.array([*path.values()]))
+        carried = bool(parts) and _is_carried(front, poses, parts[-1].last, begin)
+        parts.append(Stretch(begin, found.last, found.probability, carried))
     return LocalisedLog(log, poses, tuple(parts), search.probability)
+
+
+def _is_carried(front: Float, poses: Float, last: int, begin: int) -> bool:
+    """Whether the robot was carried from one scan to another, or else was off the map for a while.
+
+    ``front`` (k, 3) is where its steps lead, ``poses`` (k, 3) where it was found.
+    """
+    step = between(front[last], front[begin])
+    distance, turn = size_of(between(compose(poses[last], step), poses[begin]))
+    return distance > CARRIED + CARRIED_SHARE * size_of(step)[0] or turn > CARRIED_TURN
 
 
 def known_places(known: Run | World | str | Path) -> KnownPlaces:

@@ -1,0 +1,62 @@
+"""Fan: the bearings of beams that a log does not give are those that turn as the odometry does."""
+
+from dataclasses import replace
+from math import degrees
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.base.interrupts import check
+from lrf3d.geometry.lines import sealed
+from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.recording import Recording
+from lrf3d.recordings.repair.turns import CLEARLY
+
+# Share of the robot's turns by which those of scans over the right fan may be off.
+FITTING = 0.1
+
+
+def find(recording: Recording) -> Recording | None:
+    """The recording over the fan that fits clearly better, of those that the log may mean."""
+    own = _off(recording)
+    wide = float(np.ptp(recording.scans[0].angles))
+    tried = [
+        _over(recording, first, last)
+        for first, last in recording.log.fans
+        # Else its turns would differ from those of the odometry by more than those of the scans.
+        if not own < 0.5 * abs(1.0 - wide / (last - first))
+    ]
+    best = min(tried, key=_off, default=recording)
+    if own / CLEARLY <= _off(best):
+        return None
+    if _off(best) > FITTING:
+        raise InputError(
+            "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
+            " it, such as --format '-, ranges*682, x, y, theta, first=-120deg, last=120deg'"
+        )
+    # It is an assumption, which the log notes.
+    log = replace(best.log, notes=(*best.log.notes, sentence(best)))
+    return replace(best, log=log, seen_turns=best.turns)
+
+
+def _off(recording: Recording) -> float:
+    """By which share of the robot's turns those of the scans are off."""
+    return abs(recording.shown_share() - 1.0)
+
+
+def _over(recording: Recording, first: float, last: float) -> Recording:
+    """The recording with beams spread from the first bearing to the last."""
+    check()
+    counts = {len(scan.angles) for scan in recording.scans}
+    fans = {beams: sealed(np.linspace(first, last, beams)) for beams in counts}
+    scans = [replace(scan, angles=fans[len(scan.angles)]) for scan in recording.scans]
+    return replace(recording, scans=scans, seen_turns=None)
+
+
+def sentence(spread: Recording) -> str:
+    """Which fan is assumed."""
+    first, last = (degrees(angle) for angle in spread.scans[0].angles[[0, -1]])
+    return f"beams from {first:.4g}° to {last:.4g}°, as the scans turn"
+
+
+FAN = Repair("fan", find, lambda _, spread: spread, sentence)

@@ -1,0 +1,108 @@
+"""Lag: scans are stamped late against the odometry, or early; their turns show by how much."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from lrf3d.geometry.lines import Float, Int
+from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.recording import LATE, SURE, Recording
+from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN
+from lrf3d.recordings.repair.wheel_path import WheelPath
+
+# Bounds of the lag [lines].
+LAGS = np.array([-1.0, 2.0])
+
+# Bound of the lag either way [s], where that is wider.
+LATEST = 0.5
+
+
+class Lag(NamedTuple):
+    """How late scans (k,) are [lines], and the first and the last one [s]."""
+
+    lags: Float
+    late: tuple[float, float]
+
+
+def find(recording: Recording) -> Lag | None:
+    """The lag at which the odometry fits the turns of the scans."""
+    if not recording.log.placed:
+        return None
+    path = recording.path
+    lags = fitted_lag(recording.turns, path, recording.places, recording.purpose.sure)
+    first, last = (path.interval * lags[[0, -1]]).tolist()
+    if not lags.any() or max(abs(first), abs(last)) < recording.purpose.least_lag:
+        return None
+    return Lag(lags, (first, last))
+
+
+def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -> Float:
+    """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
+
+    They are the same for all scans, or grow evenly where two clocks drift.
+    """
+    # Of scans without a line between them odometry says nothing, whatever the lag is.
+    known = np.isfinite(turns) & (np.diff(places) > 0)
+    distances = np.hypot(*np.diff(path.at(places)[:, :2], axis=0).T)[known]
+    progress = np.linspace(-0.5, 0.5, len(places))
+
+    def lags(lag: float = 0.0, drift: float = 0.0) -> Float:
+        return np.clip(lag + drift * progress, least, most)
+
+    def left(values: Float) -> Float:
+        by_turn, by_distance, *late = values.tolist()
+        turned = np.diff(path.at(places - lags(*late))[:, 2])[known]
+        return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_distance * distances)
+
+    def fit(*start: float) -> Any:
+        # Residuals beyond the least turn count linearly.
+        return least_squares(left, np.array(start), loss="huber", f_scale=LEAST_TURN)
+
+    def at(lag: float) -> Float:
+        return left(np.array([0.0, 0.0, lag]))
+
+    bound = LATEST / (path.interval or np.inf)
+    least = min(LAGS[0], -bound)
+    most = max(LAGS[1], bound)
+    moved = np.abs(at(most) - at(least))
+    if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
+        return lags()
+    # With a lag, and a drift of it, beside the systematic errors of the wheels. A turn is as long
+    # as the widest lag, so that the best of some is where the search begins.
+    tried = np.arange(least, most, 0.5)
+    first = tried[np.argmin([np.abs(at(lag)).sum() for lag in tried])]
+    best = fit(0.0, 0.0)
+    for start in ((0.0, 0.0, first), (0.0, 0.0, first, 0.0)):
+        found = fit(*start)
+        best = found if best.cost > sure * found.cost else best
+    return lags(*best.x[2:])
+
+
+def fitted_again(recording: Recording, turns: Float | None = None) -> Recording:
+    """The recording with the lag that other turns (k − 1,) [rad] show, or those of its scans."""
+    found = {name: each for name, each in recording.found.items() if name != LAG.name}
+    return replace(recording, found=found, lags=np.zeros(1), seen_turns=turns).repaired(LAG)
+
+
+def sentence(lag: Lag) -> str:
+    """How late scans are at the beginning and at the end; empty for less than blurs a map."""
+    first, last = lag.late
+    if max(abs(first), abs(last)) < LATE:
+        return ""
+    when = f"{first:.2f} s late"
+    if abs(last - first) >= LATE:
+        when = f"late, by {first:.2f} s at the beginning and {last:.2f} s at the end"
+    elif first < 0.0:
+        when = f"{-first:.2f} s early"
+    return f"by their turns, scans are stamped {when}: corrected"
+
+
+LAG = Repair(
+    "lag",
+    find,
+    lambda recording, lag: replace(recording, lags=lag.lags),
+    sentence,
+    lambda lag: {"late": list(lag.late) if lag else [0.0, 0.0]},
+)

@@ -1,0 +1,88 @@
+"""No return: readings that a range finder writes for beams that met nothing.
+
+The scans of one laser enter; they leave with ±inf for such readings. It is done as a log is read.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float
+from lrf3d.laser import LaserScan
+from lrf3d.recordings.repair import Repair
+
+# The largest range stands out if it is read this many times as often as all ranges just below it. A
+# wall at the end of a corridor does not: it is read at many ranges.
+CROWDED = 5.0
+
+# How far below the largest range these ranges are [m].
+BELOW = 0.5
+
+# Readings that differ by less are the same [m]: logs are written in centimetres.
+EQUAL = 0.011
+
+# Least number of readings of the largest range that mean no return.
+LEAST_READINGS = 50
+
+# Least share of all readings that these are.
+LEAST_SHARE = 0.001
+
+# Least share of these readings next to another one: open space is seen by several adjacent beams,
+# but a robot at rest reads the corner of a room again and again.
+ADJACENT = 0.3
+
+
+class NoReturn(NamedTuple):
+    """Readings up to ``near`` [m] and from ``far`` [m] on mean no return; the user may give far."""
+
+    near: float
+    far: float
+    given: bool
+
+
+def find(scans: Sequence[LaserScan], limit: float | None = None) -> NoReturn | None:
+    """NoReturn of the readings of a laser: the one that is given, or those that stand out.
+
+    Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing; a
+    log does not name it. Taken for walls, such readings are an arc that moves with the robot. So
+    are those of the smallest reading, which others write.
+    """
+    far = limit or _outstanding([scan.ranges for scan in scans])
+    near = -_outstanding([-scan.ranges for scan in scans])
+    return None if max(near, -far) == -np.inf else NoReturn(near, far, limit is not None)
+
+
+def apply(scans: Sequence[LaserScan], limits: NoReturn) -> list[LaserScan]:
+    """The scans with −inf for readings that are too near, and +inf for those that are too far."""
+    changed = [np.where(scan.ranges <= limits.near, -np.inf, scan.ranges) for scan in scans]
+    return [
+        replace(scan, ranges=np.where(ranges >= limits.far, np.inf, ranges))
+        for scan, ranges in zip(scans, changed, strict=True)
+    ]
+
+
+def sentence(limits: NoReturn) -> str:
+    """What was assumed; a limit that the user gave is no news."""
+    far = f"readings from {limits.far:.4g} m on mean no return; --largest-range sets another limit"
+    near = f"readings up to {limits.near:.4g} m mean no return"
+    outstanding = limits.far < np.inf and not limits.given
+    return ", ".join([far] * outstanding + [near] * (limits.near > -np.inf))
+
+
+def _outstanding(scans: Sequence[Float]) -> float:
+    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
+    finite = [ranges[np.isfinite(ranges)] for ranges in scans]
+    largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
+    near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
+    equal = near[near > largest - EQUAL]
+    least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
+    if len(equal) < least or len(equal) < CROWDED * (len(near) - len(equal)):
+        return np.inf
+    seen = [np.isfinite(ranges) & (ranges > largest - EQUAL) for ranges in scans]
+    adjacent = sum(int((beams[1:] & beams[:-1]).sum()) for beams in seen)
+    return np.inf if adjacent < ADJACENT * len(equal) else float(equal.min())
+
+
+NO_RETURN = Repair("no_return", find, apply, sentence)

@@ -1,0 +1,86 @@
+"""The repairs of recordings, in the order in which they are made, for maps, SLAM and localisation.
+
+A log enters; recordings leave, which keep what was found. A repair is left out by its name.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+from lrf3d.base.errors import InputError, check_names, each_of
+from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.repair.angles import ANGLES
+from lrf3d.recordings.repair.copies import COPIES
+from lrf3d.recordings.repair.fan import FAN
+from lrf3d.recordings.repair.jumps import JUMPS
+from lrf3d.recordings.repair.lag import LAG
+from lrf3d.recordings.repair.mirror import MIRROR
+from lrf3d.recordings.repair.no_return import NO_RETURN
+from lrf3d.recordings.repair.recording import LATE, Purpose, Recording, recordings_of
+from lrf3d.recordings.repair.refusal import refuse_useless
+from lrf3d.recordings.repair.stamps import STAMPS
+from lrf3d.recordings.repair.standing import STANDING
+from lrf3d.recordings.repair.sweep import SWEEP
+from lrf3d.recordings.repair.turns import CLEARLY
+
+# Repairs of recordings, in their order.
+RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, SWEEP)
+
+# All repairs. The first is made as a log is read, the second before lasers are taken together.
+REPAIRS = (NO_RETURN, ANGLES, *RECORDINGS)
+
+# SLAM makes all repairs.
+SOLVING = Purpose()
+
+# A map keeps the scans and the poses that are given. They move only for a lag that fits clearly
+# better, as odometry of a second's interval looks early by 1.8, and that blurs the map.
+MAPPING = Purpose(
+    ("copies", "stamps", "jumps", "standing", "sweep"), sure=CLEARLY, least_lag=LATE, known=True
+)
+
+# Places are searched in steps that are wider than what a lag or a sweep moves.
+LOCALISING = Purpose(("lag", "sweep"))
+
+
+def repair(log: LaserLog, purpose: Purpose, without: Sequence[str] = ()) -> list[Recording]:
+    """Repair a log for a purpose; returns its recording, or for a map that of each laser.
+
+    Repairs that are left out by name are not made. What is left out of `NO_RETURN` counts where the
+    log is read: `load_log(path, without_repairs=["no_return"])`.
+
+    Raises:
+        InputError: There is no such repair, or the log is beyond repair; the line says why.
+
+    Warns:
+        Lrf3dWarning: The scans do not turn with the robot.
+    """
+    names = [*each_of(without, str, "without_repairs")]
+    check_names("repairs", names, [each.name for each in REPAIRS])
+    purpose = purpose._replace(left_out=(*purpose.left_out, *names))
+    try:
+        refuse_useless(log)
+        if ANGLES.name not in names and (scans := ANGLES.find(log)):
+            log = ANGLES.apply(log, scans)
+        recordings = recordings_of(log, purpose)
+        for each in RECORDINGS:
+            recordings = [recording.repaired(each) for recording in recordings]
+    except InputError as error:
+        raise InputError(f"{log.name}: {error}") from None
+    return recordings
+
+
+def repaired_log(log: LaserLog, without: Sequence[str] = ()) -> LaserLog:
+    """The log of a drive whose poses are known, repaired for a map; notes say what was wrong."""
+    recordings = repair(log, MAPPING, without)
+    scans = {each.scans[0].laser: iter(each.placed_scans()) for each in recordings}
+    said = [text for each in recordings for text in (*each.log.notes, *each.sentences)]
+    notes = (*log.notes, *(text for text in said if text not in log.notes))
+    return replace(log, scans=[next(scans[scan.laser]) for scan in log.scans], notes=notes)
+
+
+def figures_of(recording: Recording) -> dict[str, Any]:
+    """What was found, for summaries."""
+    found = {name: each.finding for name, each in recording.found.items()}
+    figures = (each.figures(found.get(each.name)).items() for each in REPAIRS)
+    return dict(chain.from_iterable(figures))

@@ -1,0 +1,52 @@
+"""Stamps: a log that is out of order, such as one that was merged from two, is sorted by them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float, Int
+from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.recording import Recording
+
+# The order of the stamps is taken where the path is shorter in it by more than this [m], or where
+# most stamps fall.
+DETOUR = 0.5
+
+
+def find(recording: Recording) -> Int | None:
+    """The order (n,) of the stamps, if the odometry lines belong in it."""
+    times = recording.times
+    order = np.argsort(times, kind="stable")
+    driven, shortest = (_length(poses) for poses in (recording.poses, recording.poses[order]))
+    falls = int((np.diff(times) < 0.0).sum())
+    sort = shortest < driven - DETOUR or 2 * falls > max(len(times) - 1, 1)
+    return order if sort else None
+
+
+def apply(recording: Recording, order: Int) -> Recording:
+    """The recording with its lines in this order, and the scans after the lines before them."""
+    rank = np.argsort(order)
+    places = rank[recording.places]
+    scans = np.lexsort([np.array([scan.time for scan in recording.scans]), places])
+    return replace(
+        recording,
+        scans=[recording.scans[k] for k in scans.tolist()],
+        poses=recording.poses[order],
+        times=recording.times[order],
+        places=places[scans],
+        rows=rank[recording.rows],
+    )
+
+
+def _length(poses: Float) -> float:
+    """Length of the path through poses (n, 3) [m]."""
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+
+
+STAMPS = Repair(
+    "stamps",
+    find,
+    apply,
+    lambda _: "the log is out of order: sorted by its stamps",
+    lambda order: {"put_in_order": order is not None},
+)

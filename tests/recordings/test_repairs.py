@@ -1,0 +1,85 @@
+"""Repairs of recordings: one list for maps, SLAM and localisation, which leave out any of it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import drive, recorded
+
+import lrf3d
+from lrf3d.apps.cli.commands import COMMANDS
+from lrf3d.base.errors import InputError, Lrf3dWarning
+from lrf3d.recordings.repair.repairs import (
+    LOCALISING,
+    MAPPING,
+    REPAIRS,
+    SOLVING,
+    figures_of,
+    repair,
+)
+
+FLAT = lrf3d.World(
+    [
+        *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
+        *([4, 0, 4, 2.5], [4, 4, 4, 7], [6, 5, 7, 5], [7, 5, 7, 6], [1, 5.5, 2, 6]),
+    ]
+)
+ROUTE = [(1, 1), (3, 3.2), (5.5, 3.2), (8, 1), (8, 3.5), (5, 3.4), (1.5, 3), (2, 1)]
+
+
+@pytest.fixture(scope="module")
+def mirrored():
+    """The log of a laser that turns clockwise, which it does not say, and the true poses."""
+    lrf = lrf3d.LaserRangeFinder(beams=181, range_max=20.0)
+    scans, wheels, true = (part[:100] for part in drive(FLAT, ROUTE, seed=2, lrf=lrf))
+    turned = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]
+    return recorded(turned, wheels, "mirrored"), true
+
+
+def test_each_repair_has_a_name_of_its_own_and_figures_of_its_own():
+    names = [each.name for each in REPAIRS]
+    assert len(set(names)) == len(names)
+    figures = [set(each.figures(None)) for each in REPAIRS]
+    assert sum(map(len, figures)) == len(set().union(*figures))
+    assert {*MAPPING.left_out, *SOLVING.left_out, *LOCALISING.left_out} <= set(names)
+
+
+@pytest.mark.parametrize("command", ["map", "slam", "localise"])
+def test_the_help_lists_all_repairs(command):
+    line = re.search(r"--without-repair REPAIR,…: [^:]*: ([^.]*)\.", COMMANDS[command])
+    assert line is not None
+    assert line[1].replace("\n", "").split(", ") == [each.name for each in REPAIRS]
+
+
+@pytest.mark.parametrize("purpose", [MAPPING, SOLVING, LOCALISING])
+def test_a_repair_is_found_and_can_be_taken_back_and_left_out(purpose, mirrored):
+    log, _ = mirrored
+    [recording] = repair(log, purpose)
+    assert figures_of(recording)["mirrored"]
+    [as_it_is] = repair(log, purpose, ["mirror"])
+    assert "mirror" not in as_it_is.found and not figures_of(as_it_is)["mirrored"]
+    for taken_back in (recording.found["mirror"].before, as_it_is):
+        for before, read in zip(taken_back.scans, log.scans, strict=True):
+            assert np.array_equal(before.ranges, read.ranges)
+
+
+def test_a_repair_that_does_not_exist_is_an_error_that_names_the_nearest_one(mirrored):
+    for call in (lrf3d.map_log, lrf3d.slam_log):
+        with pytest.raises(InputError, match="no 'mirrors'; did you mean 'mirror'"):
+            call(mirrored[0], without_repairs=["mirrors"])
+
+
+def test_a_map_is_made_without_a_repair(mirrored):
+    log, _ = mirrored
+    with pytest.warns(Lrf3dWarning, match="contradict the laser's mount: .* mirrored"):
+        run = lrf3d.map_log(log, without_repairs=["mirror"])
+    assert np.array_equal(run.scan(0).ranges, log.scans[0].ranges)
+
+
+def test_a_robot_whose_laser_is_mirrored_is_localised(mirrored):
+    log, true = mirrored
+    found = lrf3d.localise_log(FLAT, log)
+    assert any("clockwise" in note for note in found.log.notes)
+    off = (found.poses - true)[found.known]
+    assert len(off) > 50 and np.hypot(off[:, 0], off[:, 1]).max() < 0.2
