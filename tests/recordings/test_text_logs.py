@@ -95,7 +95,15 @@ def test_columns_are_found_in_whatever_form(kind, drive, tmp_path):
     assert len(map_log(log).map) == 4
 
 
-def test_a_format_names_columns_and_a_preset_is_one(drive, tmp_path):
+MINESROVER = (
+    "stamp:us@1, left@3, right@4, ranges:mm*682@25, first=-120deg, last=120deg,"
+    " tick=0.24190263mm, track=0.33m, offset=0.145m"
+)
+LEGO = "stamp:ms@2, ranges:mm@4, first=-120.0156deg, step=0.3515625deg"
+MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
+
+
+def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
     _, poses, ranges = drive
     path = tmp_path / "drive.dat.gz"
     clockwise = 100.0 * ranges[:, ::-1]
@@ -114,8 +122,10 @@ def test_a_format_names_columns_and_a_preset_is_one(drive, tmp_path):
     lines = np.column_stack([1e5 * np.arange(40), np.zeros(40), ticks, np.zeros((40, 20)),
                              np.full((40, 682), 2000.0) + np.arange(682)])  # fmt: skip
     path.write_bytes(gzip.compress(text([lines], form="{:.0f}").encode()))
-    log = load_log(path)
-    assert "minesrover" in log.notes[0] and log.odometry.laser_offset == pytest.approx(0.145)
+    with pytest.raises(InputError, match=r"706 columns.*--format, such as 'stamp:us"):
+        load_log(path)
+    log = load_log(path, format=MINESROVER)
+    assert log.placed and log.odometry.laser_offset == pytest.approx(0.145)
     assert log.odometry.poses[-1, 2] == pytest.approx(39 * 10 * 0.00024190263 / 0.33, rel=1e-6)
 
 
@@ -172,9 +182,10 @@ def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
     scans = [f"S {100 * k} 660 {ranges}" for k in range(10)]
     motors = [f"M {100 * k} {20 * k} 0 0 0 {30 * k} 0 0" for k in range(10)]
     (tmp_path / "a_scan.txt").write_text("\n".join(scans))
-    assert "no odometry" in " ".join(load_log(tmp_path / "a_scan.txt").notes)
+    form = f"{LEGO}; {MOTORS}"
+    assert "no odometry" in " ".join(load_log(tmp_path / "a_scan.txt", format=form).notes)
     (tmp_path / "a_motors.txt").write_text("\n".join(motors))
-    log = load_log(tmp_path / "a_scan.txt")
+    log = load_log(tmp_path / "a_scan.txt", format=form)
     assert log.odometry.poses[-1, 2] == pytest.approx(9 * 10 * 0.349e-3 / 0.15)
     assert log.placed and "a_motors.txt" in " ".join(log.notes)
 

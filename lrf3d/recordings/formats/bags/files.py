@@ -36,7 +36,7 @@ OLD = b"#ROSBAG V2.0\n"
 ZSTD = b"(\xb5/\xfd"
 
 
-class Topic(NamedTuple):
+class BagTopic(NamedTuple):
     """A topic, the type of its messages, by its name in ROS 2, and how they are packed."""
 
     name: str
@@ -45,7 +45,7 @@ class Topic(NamedTuple):
 
 
 # A message: its topic, when it was received [ns], and its bytes; without these, a topic begins.
-Packet = tuple[Topic, int, bytes | None]
+Packet = tuple[BagTopic, int, bytes | None]
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -170,7 +170,7 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
         topics = {}
         columns = "id, name, type, serialization_format"
         for number, *words in database.execute(f"SELECT {columns} FROM topics"):
-            topics[number] = Topic(*map(str, words))
+            topics[number] = BagTopic(*map(str, words))
             yield topics[number], 0, None
         # In the order of their receipt: by a clock that starts again, two drives would be mixed.
         rows = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
@@ -179,7 +179,7 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 yield topics[number], received, data
 
 
-def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, Topic]) -> Iterator[Packet]:
+def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, BagTopic]) -> Iterator[Packet]:
     # Kinds of records of MCAP that are read, and the one after the last of the data.
     schema = 3
     channel = 4
@@ -203,7 +203,7 @@ def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, Topic]) -> 
                 schemas[own] = _text(data, 2)[0]
             elif head[0] == channel:
                 name, place = _text(data, 4)
-                topics[own] = Topic(name, _new(schemas.get(other, "")), _text(data, place)[0])
+                topics[own] = BagTopic(name, _new(schemas.get(other, "")), _text(data, place)[0])
                 yield topics[own], 0, None
             else:
                 yield topics[own], int.from_bytes(data[6:14], "little"), data[22:]
@@ -215,7 +215,7 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
     return data[place + 4 : end].decode("utf-8", "replace"), end
 
 
-def _of_ros1(stream: Any, topics: dict[bytes, Topic]) -> Iterator[Packet]:
+def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
     # Kinds of records of ROS 1 that are read.
     old_message = 2
     old_chunk = 5
@@ -232,7 +232,7 @@ def _of_ros1(stream: Any, topics: dict[bytes, Topic]) -> Iterator[Packet]:
         if kind == old_connection:
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
-            topics[fields[b"conn"]] = Topic(name, _new(of_type), "ros1")
+            topics[fields[b"conn"]] = BagTopic(name, _new(of_type), "ros1")
             yield topics[fields[b"conn"]], 0, None
         elif kind == old_message:
             sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))

@@ -19,7 +19,7 @@ BACK = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class BagPart:
     """A part of a recording: the messages at which all but the first begin, and its number from 0.
 
     Its clock may be that of the recorder, by which messages were received, instead of their stamps.
@@ -30,7 +30,7 @@ class Part:
     by_receipt: bool = False
 
 
-class Track:
+class FrameTrack:
     """When messages were sent and received, and poses of a frame in another one that they hold.
 
     It is packed: a bag holds millions of transforms.
@@ -82,7 +82,7 @@ class Track:
         sent, received, _ = self.stamps
         return float(np.median(sent - received))
 
-    def times(self, part: Part) -> tuple[Int, Bool]:
+    def times(self, part: BagPart) -> tuple[Int, Bool]:
         """Times (n,) [ns] of the messages, and which of them are in a part.
 
         Streams do not all go back at the same message: a run of rising stamps belongs to the part
@@ -96,7 +96,7 @@ class Track:
         inside = votes.argmax(axis=1)[run] == part.number
         return received if part.by_receipt else sent, inside
 
-    def within(self, part: Part) -> "Motion | None":
+    def within(self, part: BagPart) -> "FrameMotion | None":
         """Its motion in a part of the recording; None if it was not published there.
 
         Of rows with the same stamp the later one counts. What is static is so in all parts.
@@ -106,11 +106,11 @@ class Track:
             inside = np.ones(len(times), dtype=np.bool_)
         rows = np.array(self._rows).reshape(-1, 7)[inside][::-1]
         times, kept = np.unique(times[inside][::-1], return_index=True)
-        return Motion(times, rows[kept], self.is_static) if len(times) else None
+        return FrameMotion(times, rows[kept], self.is_static) if len(times) else None
 
 
 @dataclass(frozen=True)
-class Motion:
+class FrameMotion:
     """Poses of a frame in another one: x, y, z [m] and a quaternion (n, 7) at rising times [ns]."""
 
     times: Int
@@ -161,7 +161,7 @@ def _matrices(rows: Float) -> Float:
 class Frames:
     """A tree of frames: the parent of each, and its motion in it."""
 
-    def __init__(self, edges: Mapping[str, tuple[str, Motion]]) -> None:
+    def __init__(self, edges: Mapping[str, tuple[str, FrameMotion]]) -> None:
         self._edges = edges
         self._known = {*edges, *(parent for parent, _ in edges.values())}
 

@@ -13,7 +13,7 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, usual_step
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
-from lrf3d.recordings.formats.bags.frames import BACK, Frames, Part, Track, in_the_plane
+from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
 from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
 
 # Scans, and those of several echoes a beam, of which the first counts.
@@ -28,13 +28,13 @@ TYPES = (*SCANS, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
 
 
 @dataclass(slots=True)
-class Stream:
+class ScanStream:
     """The scans of a topic that have the same frame, in the order of their receipt."""
 
     topic: str
     frame: str
     scans: list[LaserScan] = field(default_factory=list)
-    track: Track = field(default_factory=Track)
+    track: FrameTrack = field(default_factory=FrameTrack)
     fans: tuple[tuple[float, float], ...] = ()
     note: str = ""
 
@@ -78,16 +78,16 @@ class Contents:
     """
 
     intake: Intake
-    by_frame: dict[tuple[str, str], Stream] = field(default_factory=dict)
+    by_frame: dict[tuple[str, str], ScanStream] = field(default_factory=dict)
     scan_topics: list[str] = field(default_factory=list)
-    tracks: dict[str, Track] = field(default_factory=lambda: defaultdict(Track))
+    tracks: dict[str, FrameTrack] = field(default_factory=lambda: defaultdict(FrameTrack))
     children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, dict[str, tuple[str, Track]]] = field(
+    edges: dict[str, dict[str, tuple[str, FrameTrack]]] = field(
         default_factory=lambda: defaultdict(dict)
     )
 
     @property
-    def streams(self) -> list[Stream]:
+    def streams(self) -> list[ScanStream]:
         """The scans in the order of their topics, the preferred one first."""
         found = self.by_frame.values()
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
@@ -99,7 +99,7 @@ class Contents:
             for each in message.transforms:
                 child = _frame(each.child_frame_id)
                 above = _frame(each.header.frame_id)
-                track = Track(is_static=topic.endswith(STATIC_FRAMES))
+                track = FrameTrack(is_static=topic.endswith(STATIC_FRAMES))
                 parent, track = edges.setdefault(child, (above, track))
                 # A frame has one parent; if programs publish different ones, the first counts.
                 if parent == above:
@@ -114,7 +114,7 @@ class Contents:
                 message.ranges = [[*each.echoes, np.inf][0] for each in message.ranges]
                 message.intensities = []
             frame = _frame(message.header.frame_id)
-            stream = self.by_frame.get((topic, frame)) or Stream(topic, frame)
+            stream = self.by_frame.get((topic, frame)) or ScanStream(topic, frame)
             stream.add(message, *stamp)
             self.by_frame[topic, frame] = stream
             return len(message.ranges) + A_MESSAGE
@@ -160,7 +160,7 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     there = ", ".join(robot.there) or "no ground truth, no transforms, no odometry"
     if not robot.source and wanted not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {wanted} in it; there are {there}")
-    used: dict[str, Stream] = {}
+    used: dict[str, ScanStream] = {}
     for stream in contents.streams:
         # Of several versions of the scans of a frame the first counts.
         if stream is first or robot.has(stream):
@@ -189,7 +189,7 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     )
 
 
-def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
+def _part(contents: Contents, stream: ScanStream, wanted: int | None) -> BagPart:
     """The part that was chosen, or the longest one, of a recording whose stamps go back."""
     path = contents.intake.path
     notes = contents.intake.notes
@@ -199,21 +199,21 @@ def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
     if wanted is not None and not 1 <= wanted <= count:
         raise InputError(f"{path}: no part {wanted}: the stamps of its scans make {count} of them")
     if not len(back):
-        return Part(back, 0)
+        return BagPart(back, 0)
     found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
     found += f" from {1e-9 * sent[back[0] - 1]:.10g} to {1e-9 * sent[back[0]]:.10g} s"
     # Parts that a recording may have; where stamps go back more often, they are useless.
     most_parts = 20
     if count > most_parts:
         notes.append(f"{found}, and {count - 2} times more: times of receipt count")
-        return Part(back[:0], 0, by_receipt=True)
+        return BagPart(back[:0], 0, by_receipt=True)
     sizes = np.diff([0, *back, len(sent)])
     chosen = int(sizes.argmax()) if wanted is None else wanted - 1
     notes.append(
         f"{found}: part {chosen + 1} of {count} was read, {sizes[chosen]} of {len(sent)} scans;"
         " --part reads another"
     )
-    return Part(numbers[back], chosen)
+    return BagPart(numbers[back], chosen)
 
 
 class _Robot:
@@ -223,7 +223,7 @@ class _Robot:
     which the laser's pose is found; ``words`` describe the one that is chosen.
     """
 
-    def __init__(self, contents: Contents, stream: Stream, part: Part, wanted: str) -> None:
+    def __init__(self, contents: Contents, stream: ScanStream, part: BagPart, wanted: str) -> None:
         self.part = part
         self._stream = stream
         self._contents = contents
@@ -339,12 +339,12 @@ class _Robot:
                 )
         return ""
 
-    def has(self, stream: Stream) -> bool:
+    def has(self, stream: ScanStream) -> bool:
         """Whether another stream is of a laser of this robot, whose poses are known, too."""
         mine = self._frames.base(self._stream.frame)
         return bool(self.source) and self._frames.carries(mine, stream.frame)
 
-    def placed(self, stream: Stream) -> list[LaserScan]:
+    def placed(self, stream: ScanStream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
         intake = self._contents.intake
         frames = self._frames
@@ -391,7 +391,7 @@ class _Robot:
         return scans
 
 
-def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, Track]]:
+def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, FrameTrack]]:
     """The transforms of the namespaces that a topic is in, or of all if there are none of these."""
     spaces = sorted(contents.edges, key=len)
     own = [space for space in spaces if topic.startswith(f"{space}/")]

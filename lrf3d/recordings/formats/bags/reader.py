@@ -26,7 +26,7 @@ from pathlib import Path
 from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.base.interrupts import check
 from lrf3d.messages.ros import SCAN, TRANSFORMS
-from lrf3d.recordings.formats.bags.files import ZSTD, Topic, bag_files, packets, unpacked
+from lrf3d.recordings.formats.bags.files import ZSTD, BagTopic, bag_files, packets, unpacked
 from lrf3d.recordings.formats.bags.poses import (
     OLD_TRANSFORMS,
     SCANS,
@@ -55,7 +55,7 @@ def load_bag(
     for name in (TRANSFORMS, OLD_TRANSFORMS):
         old.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     deserialized = {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
-    topics = set[Topic]()
+    topics = set[BagTopic]()
     for number, (topic, received, data) in enumerate(_wanted(intake, scan_topic, topics), 1):
         check()
         try:
@@ -87,8 +87,8 @@ def load_bag(
 
 
 def _wanted(
-    intake: Intake, scan_topic: str | None, topics: set[Topic]
-) -> Iterator[tuple[Topic, int, bytes]]:
+    intake: Intake, scan_topic: str | None, topics: set[BagTopic]
+) -> Iterator[tuple[BagTopic, int, bytes]]:
     """The messages of the types that are read; scans of one topic alone, if it is given."""
     files = bag_files(intake.path)
     for file in files:
