@@ -6,6 +6,7 @@ assumed.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +27,9 @@ ROLES = {
     "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS, "nanosec": COUNTS,
 }  # fmt: skip
 
+# The words of units.
+UNITS = {unit for units in ROLES.values() for unit in units}
+
 # Numbers that a format or a recording may give for all scans, and their units.
 SETTINGS = {
     "first": ANGLES, "last": ANGLES, "step": ANGLES, "tick": LENGTHS, "track": LENGTHS,
@@ -45,7 +49,7 @@ SYNONYMS = {
     " abstand entfernung",
 }  # fmt: skip
 
-# Roles by those words.
+# Roles by these words.
 ROLE_OF = {word: role for role, words in SYNONYMS.items() for word in words.split()}
 
 # Roles of fields of ROS messages that are settings, or hold something else than their words say.
@@ -101,14 +105,18 @@ def meaning(name: str) -> tuple[str, str]:
     words = [word for word in re.split(r"[^a-z]+", name) if word]
     if FOREIGN.intersection(words):
         return "", ""
-    units = [word for word in words if any(word in known for known in ROLES.values())]
-    words = [word for word in words if word not in units or len(words) == 1]
-    roles = (
-        ROLE_OF.get(re.sub(".*timestamp$", "stamp", word)) or ROLE_OF.get(word.removesuffix("s"))
-        for word in reversed(words)
-    )
-    role = next(filter(None, roles), "") or ""
+    units = [word for word in words if word in UNITS]
+    role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
     return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
+
+
+def _role_of(words: Sequence[str]) -> str:
+    """The role of the last word that has one, in the singular or the plural; "" if none has."""
+    for word in reversed(words):
+        word = re.sub(".*timestamp$", "stamp", word)
+        if role := ROLE_OF.get(word) or ROLE_OF.get(word.removesuffix("s")):
+            return role
+    return ""
 
 
 @dataclass
@@ -129,8 +137,8 @@ class Table:
         for name, array in arrays.items():
             role, unit = meaning(name)
             if role == "poses" and array.shape[-1:] == (3,):
-                for each, column in zip(("x", "y", "theta"), array.T, strict=True):
-                    table.values.setdefault(each, column)
+                poses = dict(zip(("x", "y", "theta"), array.T, strict=True))
+                table.values |= poses | table.values
             elif role in SETTINGS and array.size and np.ptp(array) == 0.0:
                 table.settings[role] = float(array.flat[0])
             elif role in ROLES and role not in table.values:
