@@ -12,10 +12,18 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int
+from lrf3d.recordings.formats.units import NANO
 
 # A stamp earlier than the one before it by more than this [ns] begins another part of a recording:
 # messages that overtake each other differ by less.
 BACK = 1_000_000_000
+
+# How far the size of a quaternion may be from 1: mounts are typed as 0.7 0.7.
+UNEVEN = 0.02
+
+# Poses are unknown in a gap that is longer than this [ns], and than the usual interval by a factor.
+GAP = BACK
+GAPS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +59,11 @@ class FrameTrack:
     def add_pose(self, place: Any, turn: Any, *stamp: int) -> None:
         """Add a position and a quaternion at a time, in any order."""
         row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-        # In this order the comparisons refuse NaN as well. Mounts are typed as 0.7 0.7, but a
-        # heading written in place of a quaternion's z is no rotation.
+        # In this order the comparisons refuse NaN as well. A heading that is written in place of a
+        # quaternion's z is not a rotation.
         if not (
             all(abs(value) <= LARGEST_COORDINATE for value in row)
-            and abs(math.hypot(*row[3:]) - 1.0) < 0.02
+            and abs(math.hypot(*row[3:]) - 1.0) < UNEVEN
         ):
             raise InputError(f"pose {row}: expected numbers and a unit quaternion")
         self.add(*stamp)
@@ -134,19 +142,16 @@ class FrameMotion:
             matrices = np.tile(_matrices(self.rows[:1]), (len(times), 1, 1))
         else:
             # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
-            own = 1e-9 * (self.times - first)
-            asked = 1e-9 * (np.clip(times, first, last) - first)
+            own = NANO * (self.times - first)
+            asked = NANO * (np.clip(times, first, last) - first)
             between = np.column_stack([np.interp(asked, own, each) for each in self.rows.T[:3]])
             turns = Slerp(own, Rotation.from_quat(self.rows[:, 3:]))(asked)
             matrices = _matrices(np.column_stack([between, turns.as_quat()]))
             matrices[(times < first) | (times > last)] = np.nan
-            # Poses are unknown in a gap of this time [ns] and of this factor of the usual interval.
-            gap = 1e9
-            gaps = 5.0
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times
-            lost = steps[place] > max(gap, gaps * float(np.median(steps)))
+            lost = steps[place] > max(GAP, GAPS * float(np.median(steps)))
             matrices[lost & ~known] = np.nan
         return matrices
 
