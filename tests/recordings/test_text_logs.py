@@ -102,10 +102,10 @@ def test_a_format_says_what_lines_do_not(drive, write, form, tmp_path):
         assert np.diff(log.times) == pytest.approx(1 / drive.rate, abs=1e-3)
 
 
-@pytest.mark.parametrize("write", [encoder_ticks, counted_ranges])
-def test_what_is_not_understood_gets_a_line_with_a_format(write, tmp_path):
+@pytest.mark.parametrize("write, beams", [(encoder_ticks, 682), (counted_ranges, 660)])
+def test_what_is_not_understood_gets_a_line_with_a_format(write, beams, tmp_path):
     path = tmp_path / "drive.dat"
-    path.write_text(write(replace(URG, beams=660)))
+    path.write_text(write(replace(URG, beams=beams)))
     with pytest.raises(InputError, match=r"--format, such as '"):
         load_log(path)
 

@@ -28,9 +28,7 @@ def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
     """
     held: list[tuple[int, str]] = []
     for number, data in intake.lines():
-        text = data.decode("utf-8-sig", "replace").strip()
-        text = CLOCK.sub(_seconds, text) if ":" in text else text
-        text = "" if text.startswith("//") else text
+        text = _text(data)
         if not (held or "[" in text or "(" in text):
             yield number, text
             continue
@@ -41,6 +39,13 @@ def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
             yield from held if too_long else [(number, whole)]
             held.clear()
     yield from held
+
+
+def _text(line: bytes) -> str:
+    text = line.decode("utf-8-sig", "replace").strip()
+    if text.startswith("//"):
+        return ""
+    return CLOCK.sub(_seconds, text) if ":" in text else text
 
 
 def _seconds(time: re.Match[str]) -> str:

@@ -92,31 +92,20 @@ def add_partner(table: Table, spec: str = "") -> None:
     Its poses are those at the stamps of the scans; without stamps, there is one for each.
     """
     path = table.intake.path
-    values = table.values
     notes = table.intake.notes
     found = SCANS.search(path.name)
     names = [path.name.replace(found[0], word) for word in PARTNERS] if found else []
-    partner = next((path.with_name(name) for name in names if path.with_name(name).exists()), None)
-    if {"x", "dx", "left"} & values.keys() or partner is None:
-        if spec:
-            notes.append(f"no odometry: there is no {names[0] if names else 'file'} beside it")
+    partner = next(filter(Path.exists, map(path.with_name, names)), None)
+    if partner is None or {"x", "dx", "left"} & table.values.keys():
+        notes += [f"no odometry: there is no {(*names, 'file')[0]} beside it"] if spec else []
         return
     other = _partner_table(partner, spec)
-    poses = other.poses()
-    beside = f"{partner.name} beside it"
-    if poses is None:
-        notes.append(f"{beside} holds no poses that are understood: not used")
+    placed = _at_scans(table, other, other.poses())
+    if isinstance(placed, str):
+        notes.append(f"{partner.name} beside it {placed}: not used")
         return
-    if "stamp" in other.values and "stamp" in values:
-        poses = _at_scans(table, other, poses)
-        if poses is None:
-            notes.append(f"{beside} is of another time: not used")
-            return
-    elif len(poses) != len(values["ranges"]):
-        notes.append(f"{beside} has {len(poses)} poses and no stamps: not used")
-        return
-    for role, column in zip(("x", "y", "theta"), poses.T, strict=True):
-        values[role] = column
+    for role, column in zip(("x", "y", "theta"), placed.T, strict=True):
+        table.values[role] = column
         table.units[role] = next(iter(ROLES[role]))
     table.settings |= other.settings
     notes.append(f"odometry from {partner.name}")
@@ -138,8 +127,17 @@ def _partner_table(path: Path, spec: str) -> Table:
     return table
 
 
-def _at_scans(table: Table, other: Table, poses: Float) -> Float | None:
-    """Poses at the stamps of scans, which must be within their time; None if no scan is."""
+def _at_scans(table: Table, other: Table, poses: Float | None) -> Float | str:
+    """The poses of another table at the scans of this one, or why there are none.
+
+    Scans outside of the time of the poses are left out.
+    """
+    if poses is None:
+        return "holds no poses that are understood"
+    if not ("stamp" in other.values and "stamp" in table.values):
+        if len(poses) == len(table.values["ranges"]):
+            return poses
+        return f"has {len(poses)} poses and no stamps"
     at = table.times()
     own = other.times()
     poses[:, 2] = np.unwrap(poses[:, 2])
@@ -147,7 +145,7 @@ def _at_scans(table: Table, other: Table, poses: Float) -> Float | None:
     reach = 0.5 * float(np.median(np.diff(own))) if len(own) > 1 else 0.0
     known = (at >= own[0] - reach) & (at <= own[-1] + reach)
     if not known.any():
-        return None
+        return "is of another time"
     if not known.all():
         table.intake.notes.append(f"{(~known).sum()} scans outside of the time of poses left out")
     for role in table.values.keys() - {"angles"}:
