@@ -36,6 +36,12 @@ WORLD_ENDINGS = (".yaml", ".geojson", ".osm", ".toml", ".glb", ".obj", ".stl")
 TIMED = re.compile(r"seconds|_s$|^version$|duration|cpu|started|elapsed|created|memory")
 """Keys of JSON objects that differ from run to run."""
 
+# Formats of logs whose files do not say how their lines are laid out, by words in their names.
+LOG_FORMATS = {
+    "robot4": "stamp:ms@2, ranges:mm@4, first=-120.0156deg, step=0.3515625deg",
+    "exp1.dat": "stamp:us@1, left@3, right@4, ranges:mm*682@25, first=-120deg, last=120deg,"
+    " tick=0.24190263mm, track=0.33m, offset=0.145m",
+}
 STARTS = ((1.0, 1.0, 0.0), (2.0, 1.2, 0.5))
 """Poses of the two robots of a fleet."""
 
@@ -207,7 +213,8 @@ def of_file(path: str) -> Digests:
             options = {"resolution": 0.02} if ending in (".png", ".jpg") else {}
             world = lrf3d.load_world(path, **options)
             return {name: digest(world.segments, world.objects, world.heights, world.name)}
-        log = lrf3d.load_log(path, **({"format": "lego"} if "robot4" in name else {}))
+        given = next((spec for word, spec in LOG_FORMATS.items() if word in name), None)
+        log = lrf3d.load_log(path, format=given)
         run = lrf3d.slam_log(log)
     except lrf3d.Lrf3dError as error:
         return {f"{name}/error": digest(str(error).replace(path, name))}

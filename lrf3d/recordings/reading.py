@@ -13,7 +13,7 @@ from lrf3d.geometry.lines import number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
 from lrf3d.recordings.formats.bags.files import FILES, MCAP, OLD, SQLITE, ZSTD
 from lrf3d.recordings.formats.carmen import WORDS, load_carmen
-from lrf3d.recordings.formats.text.layout import Layout
+from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
 from lrf3d.recordings.log import GZIPPED, Intake, LaserLog
 from lrf3d.world import world_names
@@ -75,7 +75,7 @@ def load_log(
             or ``odom``.
         scan_topic: Bags: the topic of the scans; if not given, those of all lasers of the robot
             of ``/scan``, or of the first one.
-        format: Text: its columns, or a preset; found if not given. Arrays: units and bearings.
+        format: Text: its columns; found if not given. Arrays: units and bearings.
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
         without_repairs: With ``no_return`` the largest and smallest readings are kept as they are.
 
@@ -125,7 +125,7 @@ def load_log(
     if kind == "arrays":
         table = array_table(intake)
         if format:
-            Layout(table).parse(format, [])
+            described(format, []).settle(table)
         return table.log()
     table = record_table(intake) if kind == "records" else text_table(intake, format)
     add_partner(table)

@@ -31,8 +31,8 @@ MODE = "--mode robust|paper: Mode of the mapper."
 LOG = """\
 --largest-range M: Readings [m] of this or more are no return.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
---format FORMAT: Text: its columns, such as stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg,
- or minesrover or lego; found if not given.
+--format FORMAT: Text: its columns, found if not given, such as
+ stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg.
 --part N: Bags whose stamps go back: which part is read; the longest one if not given."""
 REPAIRS = """\
 --without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, copies, stamps, jumps,

@@ -8,7 +8,7 @@ prints, YAML documents or lines of a CSV with lists, hold what arrays hold a row
 import json
 import re
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.run_file import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
+from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
 # Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since a
@@ -30,6 +31,9 @@ RECORDS = re.compile(
     rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
     rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,;]*+[,;])+?[^\w,;\[(]*+[\[(]"
 ).match
+
+# Bytes of a file that show whether it holds records.
+BEGINNING = 4096
 
 # Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma.
 CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
@@ -46,9 +50,8 @@ def is_foreign(path: Path) -> bool:
 
 def is_records(path: Path) -> bool:
     """Whether a file holds records."""
-    beginning = 4096  # Bytes that show what records begin with.
     with path.open("rb") as file:
-        return bool(RECORDS(file.read(beginning)))
+        return bool(RECORDS(file.read(BEGINNING)))
 
 
 def array_table(intake: Intake) -> Table:
@@ -56,19 +59,7 @@ def array_table(intake: Intake) -> Table:
     path = intake.path
     check_ordinary(path, what="a file of arrays")
     try:
-        if path.suffix.lower() == ".npz":
-            arrays: dict[str, Any] = read_arrays(path)
-        elif path.suffix.lower() == ".npy":
-            # What is mapped is checked against the size of the file.
-            arrays = {"ranges": np.load(path, mmap_mode="r", allow_pickle=False)}
-        else:
-            from scipy.io import loadmat
-
-            # Those in structures are taken out of them.
-            whole = loadmat(path, simplify_cells=True).items()
-            parts = [value if isinstance(value, dict) else {name: value} for name, value in whole]
-            found = {name: each for part in parts for name, each in part.items()}
-            arrays = {name: np.asarray(each) for name, each in found.items() if name[:2] != "__"}
+        arrays = _arrays_in(path)
     except NotImplementedError:
         raise InputError(f"{path}: a .mat file of version 7.3; save it with -v7") from None
     except DAMAGES as error:
@@ -78,6 +69,21 @@ def array_table(intake: Intake) -> Table:
     return _named(intake, arrays, "arrays")
 
 
+def _arrays_in(path: Path) -> dict[str, Any]:
+    if path.suffix.lower() == ".npz":
+        return read_arrays(path)
+    if path.suffix.lower() == ".npy":
+        # What is mapped is checked against the size of the file.
+        return {"ranges": np.load(path, mmap_mode="r", allow_pickle=False)}
+    from scipy.io import loadmat
+
+    # Arrays in structures are taken out of them.
+    whole = loadmat(path, simplify_cells=True).items()
+    parts = [value if isinstance(value, dict) else {name: value} for name, value in whole]
+    found = {name: each for part in parts for name, each in part.items()}
+    return {name: np.asarray(each) for name, each in found.items() if name[:2] != "__"}
+
+
 def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
     numbers = {
         name: np.asarray(array, dtype=np.float64)
@@ -85,11 +91,12 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
         if array.dtype.kind in "fiu"
     }
     table = Table.named(intake, numbers)
-    ranges = table.values.get("ranges")
-    if ranges is None or ranges.ndim != 2:
-        names = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        found = f"no ranges (scans, beams) among {one_line(names, 200)}"
-        raise InputError(f"{intake.path}: {found}; name one of the {what} 'ranges'")
+    if table.values.get("ranges", np.empty(0)).ndim != 2:
+        names = one_line(", ".join(f"{name} {array.shape}" for name, array in arrays.items()), 200)
+        raise InputError(
+            f"{intake.path}: no ranges (scans, beams) among {names};"
+            f" name one of the {what} 'ranges'"
+        )
     return table
 
 
@@ -98,43 +105,16 @@ def record_table(intake: Intake) -> Table:
     return _named(intake, records(intake), "fields")
 
 
-def _as_it_is(part: Any) -> Any:
-    return part
-
-
 def records(intake: Intake) -> dict[str, Float]:
     """The columns of a file of records; those that lack what the first one has are counted."""
     text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
-    if text.lstrip()[:1] in "[{":
-        # What Python prints has other quotes than JSON.
-        read: Callable[[Any], Any] = _yaml if text.lstrip().startswith("{'") else json.loads
-        parts: Any = text.splitlines()
-        with suppress(ValueError, RecursionError):
-            parts = json.loads(text)
-            read = _as_it_is
-            if isinstance(parts, dict):
-                kinds = {tuple(each) if isinstance(each, dict) else () for each in parts.values()}
-                alike = len(parts) > 1 and len(kinds) == 1 and () not in kinds
-                parts = list(parts.values()) if alike else [parts]
-    else:
-        parts = re.split(r"(?m)^---[ \r]*$", text)
-        read = _yaml
-        if len(parts) == 1 and not re.match(r"\s*\w+:", text):
-            head, *parts = text.splitlines()
-            if "," not in head:
-                # Numbers may be separated by semicolons as well.
-                head = head.replace(";", ",")
-                parts = [part.replace(";", ",") for part in parts]
-            names = head.split(",")
-            read = partial(_cells, names)
+    parts, read = _parts(text)
     rows: list[dict[str, Float]] = []
     for number, part in enumerate(parts, 1):
         if isinstance(part, str) and not part.strip():
             continue
         try:
-            row = dict(_flat(read(part), ""))
-            if rows and row.keys() != rows[0].keys():
-                raise ValueError("other fields than the first")
+            row = _record(read(part), rows)
         except (ValueError, RecursionError) as error:
             intake.refuse(number, one_line(str(error), 90), "record")
             continue
@@ -142,9 +122,48 @@ def records(intake: Intake) -> dict[str, Float]:
         intake.take(sum(value.size for value in row.values()), number, "record")
     if not rows:
         raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
+    return _columns(rows, intake.notes)
+
+
+def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
+    """The records in a text, and what reads one of them."""
+    if text.lstrip()[:1] in "[{":
+        with suppress(ValueError, RecursionError):
+            return _values(json.loads(text)), lambda value: value
+        # What Python prints has other quotes than JSON.
+        return text.splitlines(), _yaml if text.lstrip().startswith("{'") else json.loads
+    documents = re.split(r"(?m)^---[ \r]*$", text)
+    if len(documents) > 1 or re.match(r"\s*\w+:", text):
+        return documents, _yaml
+    lines = text.splitlines()
+    if "," not in lines[0]:
+        # Numbers may be separated by semicolons as well.
+        lines = text.replace(";", ",").splitlines()
+    return lines[1:], partial(_cells, lines[0].split(","))
+
+
+def _values(document: Any) -> Sequence[Any]:
+    """The records in a document of JSON: an array of them, a table of alike ones, or one."""
+    if not isinstance(document, dict):
+        return list(document)
+    values = list(document.values())
+    kinds = {tuple(each) if isinstance(each, dict) else () for each in values}
+    return values if len(values) > 1 and len(kinds) == 1 and () not in kinds else [document]
+
+
+def _record(value: Any, others: Sequence[dict[str, Float]]) -> dict[str, Float]:
+    """The numbers in a record, which must have the names of those in the others."""
+    row = dict(_flat(value, ""))
+    if others and row.keys() != others[0].keys():
+        raise ValueError("other fields than the first")
+    return row
+
+
+def _columns(rows: Sequence[dict[str, Float]], notes: list[str]) -> dict[str, Float]:
+    """The numbers of records by their names; a record alone holds whole columns."""
     if len(rows) == 1:
         return rows[0]
-    return {name: _stacked(name, [row[name] for row in rows], intake.notes) for name in rows[0]}
+    return {name: _stacked(name, [row[name] for row in rows], notes) for name in rows[0]}
 
 
 def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
@@ -189,23 +208,31 @@ def _yaml(text: str) -> Any:
 def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
     """The numbers in a record by their names: of messages, stamps and quaternions are one each."""
     if isinstance(value, dict):
-        keys = set(value)
-        if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
-            sec, nanosec = value.values()
-            yield name, np.array(float(sec) + 1e-9 * float(nanosec))
-        elif keys == {"x", "y", "z", "w"}:
-            turn = (np.array(float(value[each])) for each in "xyzw")
-            yield f"{name}.theta_rad", heading_of(*turn)
-        else:
-            for key, each in value.items():
-                yield from _flat(each, f"{name}.{key}" if name else str(key))
+        yield from _of_message(value, name)
     elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
         parts = [dict(_flat(each, name)) for each in value]
         for key in parts[0]:
             yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
-    elif isinstance(value, list) and CUT in value:
+    else:
+        yield from _of_numbers(value, name)
+
+
+def _of_message(message: dict[str, Any], name: str) -> Iterator[tuple[str, Float]]:
+    keys = set(message)
+    if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
+        sec, nanosec = map(float, message.values())
+        yield name, np.array(sec + NANO * nanosec)
+    elif keys == {"x", "y", "z", "w"}:
+        yield f"{name}.theta_rad", heading_of(*(np.array(float(message[axis])) for axis in "xyzw"))
+    else:
+        for key, each in message.items():
+            yield from _flat(each, f"{name}.{key}" if name else str(key))
+
+
+def _of_numbers(value: Any, name: str) -> Iterator[tuple[str, Float]]:
+    if isinstance(value, list) and CUT in value:
         raise ValueError(WHOLE)
-    elif value is not None:
+    if value is not None:
         with suppress(ValueError, TypeError):
-            # None is a reading that is none.
+            # None marks a missing reading.
             yield name, np.array(value, dtype=np.float64)

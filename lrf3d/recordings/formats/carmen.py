@@ -24,7 +24,8 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, wrap_angle
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.recordings.formats.text.fans import even_angles, front_ends, front_fan
+from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
+from lrf3d.recordings.formats.units import MICRO, MILLI
 from lrf3d.recordings.log import (
     A_MESSAGE,
     LARGEST_RANGE,
@@ -36,9 +37,11 @@ from lrf3d.recordings.log import (
 )
 from lrf3d.robot import Trajectory
 
+# Words that several messages have: the fan, the pose, and the end.
 _FAN = "type start fov step range_max accuracy mode n m "
 _POSE = "x y theta "
 _END = "time host end"
+
 # The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
 # these. The last of scans without a pose are those of DP-SLAM.
 LAYOUTS = {
@@ -60,6 +63,7 @@ NUMBERED = re.compile(rb"(ROBOTLASER|RAWLASER)([1-9])").fullmatch
 # Scans without a pose: it is that of the odometry before it.
 RAW = (b"RAWLASER1", b"Laser")
 
+# Messages of stamped poses, by the names of their tracks.
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
 # Words that the end of a line may lack: the host, the stamp, and the pose by odometry.
@@ -70,6 +74,25 @@ WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
     rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
 )
+
+# Unit of the bearings of a telegram [°], and the one that is ahead.
+TELEGRAM_ANGLE = 1e-4
+TELEGRAM_AHEAD = 90
+
+# Least number of words of a message of Player.
+PLAYER_WORDS = 15
+
+# Numbers of beams whose fan is known to be half a turn wide, or else a whole one.
+HALF_TURNS = {180, 181, 360, 361}
+
+# Angles [°] between the first beam and the last that fans of other numbers may have.
+WIDE_FANS = (240, 270, 360)
+
+# Messages that do not say how wide their fans are.
+WITHOUT_FAN = (b"FLASER", b"Laser")
+
+# How far the poses of one laser on its robot may differ [m], [rad]: logs round their numbers.
+STEADY = 1e-3
 
 # Millimetres of a unit of a telegram, by the bits of a float.
 SCALES = {b"3F800000": 1.0, b"40000000": 2.0}
@@ -84,7 +107,6 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     Readings from the largest range on are no return: if not given, the farthest that the message
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
     """
-    path = intake.path
     reading = _Reading(intake)
     for number, line in intake.lines():
         try:
@@ -94,30 +116,20 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
         else:
             intake.take(size, number)
     if not reading.rows:
-        expected = "no laser scan in it, expected FLASER or ROBOTLASER1 lines"
-        raise InputError(f"{path}: {expected}{intake.first_bad}")
-    if untimed := sum(not row.timed for row in reading.rows):
-        intake.notes.append(f"no stamps on {untimed} scans: one each {UNTIMED:g} s assumed")
-    reading.settle()
-    scans = [row.scan for row in reading.rows]
-    wheels = None
-    if odom := reading.stamped["odom"]:
-        times, driven = (np.array(column) for column in zip(*odom, strict=True))
-        places = np.array([row.place for row in reading.rows])
-        wheels = WheelRecord(times, driven, places, reading.offset)
-    not_numbers = sum(row.not_numbers for row in reading.rows)
-    log = intake.log(
-        scans, wheels=wheels, not_numbers=not_numbers, placed=reading.placed,
-        source="as logged" if reading.placed else "none", fans=reading.fans,
-    )  # fmt: skip
-    return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
+        raise InputError(
+            f"{intake.path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines"
+            f"{intake.first_bad}"
+        )
+    log = reading.log()
+    return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, intake.path)
 
 
 def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path: Path) -> LaserLog:
     """The log with the poses of one of the tracks; what lies before or after it is left out."""
     if name not in tracks:
-        there = ", ".join(["auto", *tracks])
-        raise InputError(f"{path}: no poses from {name} in it; there are {there}")
+        raise InputError(
+            f"{path}: no poses from {name} in it; there are {', '.join(['auto', *tracks])}"
+        )
     track = tracks[name]
     inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
     if not inside.any():
@@ -139,25 +151,30 @@ def _translated(words: list[bytes]) -> list[bytes]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
     if words[:1] == [b"ODOM"] and len(words) == 5:
         return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
-    if len(words) > 14 and words[3] == b"laser" and b"." in words[5]:
-        # The first version of Player has no index, type and subtype.
-        words = [*words[:5], b"", b"", words[5], b"", *words[6:9], b"0", *words[9:]]
-    if len(words) > 14 and words[3] == b"position2d":
-        # Time, host, robot, kind, index, type, subtype and time come first.
-        return [b"ODOM", *words[8:12], words[13], b"0", words[7], *words[1::-1]]
-    if len(words) > 14 and words[3] == b"laser":
-        start, end, step, farthest, count = words[9:14]
-        fan = [b"0", start, end, step, farthest, b"0", b"0", count]
-        return [b"RAWLASER1", *fan, *words[14::2], b"0", words[7], *words[1::-1]]
+    if len(words) >= PLAYER_WORDS and words[3] in (b"laser", b"position2d"):
+        return _of_player(words)
     if words[1:2] == [b"LMDscandata"] and b"DIST1" in words:
         return _of_telegram(words, words.index(b"DIST1"))
     return words
 
 
+def _of_player(words: list[bytes]) -> list[bytes]:
+    """A message of Player: time, host, robot, kind, index, type, subtype and time come first."""
+    if words[3] == b"laser" and b"." in words[5]:
+        # The first version of Player has no index, type and subtype.
+        words = [*words[:5], b"", b"", words[5], b"", *words[6:9], b"0", *words[9:]]
+    end = [words[7], *words[1::-1]]
+    if words[3] == b"position2d":
+        return [b"ODOM", *words[8:12], words[13], b"0", *end]
+    start, fov, step, farthest, count = words[9:14]
+    fan = [b"0", start, fov, step, farthest, b"0", b"0", count]
+    return [b"RAWLASER1", *fan, *words[14::2], b"0", *end]
+
+
 def _of_telegram(words: list[bytes], at: int) -> list[bytes]:
     """A scan of a SICK range finder, whose first channel of ranges begins at a word.
 
-    Its numbers are hexadecimal: microseconds, ten thousandths of a degree, 90° ahead, and units.
+    Its numbers are hexadecimal: microseconds, ten thousandths of a degree, and units.
     """
     if words[at + 1] not in SCALES:
         raise ValueError(f"a scale of {words[at + 1]!r}, expected 3F800000 or 40000000")
@@ -165,9 +182,10 @@ def _of_telegram(words: list[bytes], at: int) -> list[bytes]:
     if start >= 1 << 31:
         start -= 1 << 32
     ranges = [SCALES[words[at + 1]] * int(word, 16) for word in words[at + 6 : at + 6 + count]]
-    fan = [radians(1e-4 * start - 90.0), 0.0, radians(1e-4 * step), 0.0, 0.0, 0.0, count]
-    stamp = 1e-6 * int(words[9], 16)
-    numbers = [0.0, *fan, *(1e-3 * each for each in ranges), 0.0, stamp]
+    first = radians(TELEGRAM_ANGLE * start - TELEGRAM_AHEAD)
+    fan = [first, 0.0, radians(TELEGRAM_ANGLE * step), 0.0, 0.0, 0.0, count]
+    stamp = MICRO * int(words[9], 16)
+    numbers = [0.0, *fan, *(MILLI * each for each in ranges), 0.0, stamp]
     return [b"RAWLASER1", *(b"%.9g" % number for number in numbers), b"", b"%.9g" % stamp]
 
 
@@ -223,12 +241,23 @@ def _ranges(words: list[bytes]) -> Float:
     return ranges
 
 
+def _robot(found: Mapping[str, list[bytes]]) -> Pose | None:
+    """The pose of the robot that a message of a scan holds, if it does."""
+    if "robot_x" in found:
+        return _pose(found, "robot_")
+    if found.get("odom_theta"):
+        # Lines that leave out the odometry may have something else there.
+        with suppress(ValueError):
+            return _pose(found, "odom_")
+    return None
+
+
 def _angles(found: Mapping[str, list[bytes]], count: int) -> Float:
     start, step = front_fan(count)
     if "step" in found:
         start = _number(found, "start")
         step = _number(found, "step")
-        if not 0.0 < step * (count - 1) < 2.1 * pi:
+        if not 0.0 < step * (count - 1) < WIDEST_FAN:
             raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
     return even_angles(count, start, step)
 
@@ -258,14 +287,14 @@ class _Reading:
 
     def __init__(self, intake: Intake) -> None:
         self._intake = intake
+        self._note = intake.notes.append
         self.rows = list[_Row]()
         self._counts = Counter[int]()
-        self.offset = 0.0
-        self.placed = False
+        self._offset = 0.0
+        self._placed = False
         self._pose = CENTRE
-        self.fans: tuple[tuple[float, float], ...] = ()
         self._kinds = dict[int, tuple[bytes, int]]()
-        self.stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
+        self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
     def take(self, words: list[bytes]) -> int:
         """Read a message, and return how many readings it takes in memory; or a ValueError."""
@@ -275,19 +304,23 @@ class _Reading:
             offset = _number({"offset": words[2:3]}, "offset")
             if abs(offset) > FARTHEST_LASER:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
-            self.offset = offset
+            self._offset = offset
         elif name in TRACKS or name == b"Odometry":
-            found, _ = _by_name(words, name, 0)
-            self._pose = _pose(found)
-            self.placed = True
-            if name in TRACKS:
-                self.stamped[TRACKS[name]].append((_number(found, "time"), self._pose))
-                return A_MESSAGE // 2
+            return self._take_pose(words)
         elif _laser_of(name)[1]:
             return self._take_scan(words)
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
         return 0
+
+    def _take_pose(self, words: list[bytes]) -> int:
+        found, _ = _by_name(words, words[0], 0)
+        self._pose = _pose(found)
+        self._placed = True
+        if words[0] not in TRACKS:
+            return 0
+        self._stamped[TRACKS[words[0]]].append((_number(found, "time"), self._pose))
+        return A_MESSAGE // 2
 
     def _take_scan(self, words: list[bytes]) -> int:
         """Read a scan, unless scans of another kind came first."""
@@ -302,75 +335,98 @@ class _Reading:
             self._counts[laser] = 0
         # All lines of a log are alike; one that ends before is cut.
         found, lacking = _by_name(words, kind, lacking)
-        range_max = _number(found, "range_max") if "range_max" in found else 0.0
-        if range_max > LARGEST_COORDINATE:
-            raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
-        # A message without a range holds 0; the user's limit holds where it is nearer.
-        limits = [each for each in (range_max, self._intake.largest_range or 0.0) if each > 0.0]
-        farthest = min(limits, default=LARGEST_RANGE)
+        farthest = self._farthest(found)
         ranges = _ranges(found["n"])
         not_numbers = int(np.isnan(ranges).sum())
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
         pose = self._pose if kind in RAW else _pose(found)
-        robot = None
         timed = bool(found.get("time"))
         stamp = _number(found, "time") if timed else UNTIMED * self._counts[laser]
-        if "robot_x" in found:
-            robot = _pose(found, "robot_")
-        elif found.get("odom_theta"):
-            # Lines that leave out the odometry may have something else there.
-            with suppress(ValueError):
-                robot = _pose(found, "odom_")
+        robot = _robot(found)
         angles = _angles(found, len(ranges))
         name = f"laser{laser}" if laser > 1 else "laser"
         scan = LaserScan(pose, angles, ranges, range_max=farthest, time=stamp, laser=name)
-        place = len(self.stamped["odom"]) - 1
+        place = len(self._stamped["odom"]) - 1
         self.rows.append(_Row(scan, laser, robot, place, not_numbers, timed))
         self._counts[laser] = self._counts[laser] + 1
         self._kinds[laser] = (kind, lacking)
-        self.placed |= kind not in RAW
+        self._placed |= kind not in RAW
         return len(ranges) + A_MESSAGE
 
-    def settle(self) -> None:
-        """Give the scans the mounts of their lasers, and leave out lasers whose mount is unknown.
+    def _farthest(self, found: Mapping[str, list[bytes]]) -> float:
+        """Least reading of a message that means no return [m]; the user's limit may be nearer."""
+        range_max = _number(found, "range_max") if "range_max" in found else 0.0
+        if range_max > LARGEST_COORDINATE:
+            raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
+        # A message without a range holds 0.
+        limits = (range_max, self._intake.largest_range or 0.0)
+        return min((each for each in limits if each > 0.0), default=LARGEST_RANGE)
+
+    def log(self) -> LaserLog:
+        """The log of what was read."""
+        if untimed := sum(not row.timed for row in self.rows):
+            self._note(f"no stamps on {untimed} scans: one each {UNTIMED:g} s assumed")
+        fans = self._other_fans()
+        scans = self._mounted()
+        wheels = None
+        if odom := self._stamped["odom"]:
+            times, driven = (np.array(column) for column in zip(*odom, strict=True))
+            places = np.array([row.place for row in self.rows])
+            wheels = WheelRecord(times, driven, places, self._offset)
+        return self._intake.log(
+            scans,
+            wheels=wheels,
+            not_numbers=sum(row.not_numbers for row in self.rows),
+            placed=self._placed,
+            source="as logged" if self._placed else "none",
+            fans=fans,
+        )
+
+    def _other_fans(self) -> tuple[tuple[float, float], ...]:
+        """First and last bearings of other fans that scans may have, if messages do not say."""
+        rows = (row for row in self.rows if self._kinds[row.laser][0] in WITHOUT_FAN)
+        counts = {len(row.scan.ranges) for row in rows}
+        if unusual := ", ".join(map(str, sorted(counts - HALF_TURNS))):
+            self._note(f"scans of {unusual} beams assumed to be 180° wide, as these messages are")
+        if len(counts) != 1:
+            return ()
+        wide = WIDE_FANS if unusual else WIDE_FANS[-1:]
+        return tuple(front_ends(max(counts), radians(angle)) for angle in wide)
+
+    def _mounted(self) -> list[LaserScan]:
+        """The scans with the mounts of their lasers, without those of unknown ones."""
+        mounts = self._mounts()
+        unknown = Counter(row.scan.laser for row in self.rows if row.laser not in mounts)
+        if unknown:
+            lines = ", ".join(f"{count} of {name}" for name, count in sorted(unknown.items()))
+            self._note(f"left out: scans of lasers with unknown mounts ({lines})")
+        self.rows = [row for row in self.rows if row.laser in mounts]
+        # Scans of a laser in the middle of its robot stay as they are.
+        scans = [
+            row.scan if mounts[row.laser] == CENTRE else replace(row.scan, mount=mounts[row.laser])
+            for row in self.rows
+        ]
+        if len(known := {scan.laser: scan.mount for scan in scans}) > 1:
+            self._offset = 0.0
+            places = [f"{name} at {x:.3g}, {y:.3g} m, {degrees(turn):.0f}°"
+                      for name, (x, y, turn) in known.items()]  # fmt: skip
+            self._note(f"{len(known)} lasers: {'; '.join(places)}")
+        return scans
+
+    def _mounts(self) -> dict[int, Pose]:
+        """The poses on their robot of the lasers that have one.
 
         Of one laser alone the poses of FLASER messages are taken for those of its robot.
         """
-        notes = self._intake.notes
-        numbers = sorted({row.laser for row in self.rows})
-        without_fan = (b"FLASER", b"Laser")
-        usual = {180, 181, 360, 361}
-        counts = {len(r.scan.ranges) for r in self.rows if self._kinds[r.laser][0] in without_fan}
-        if unusual := ", ".join(map(str, sorted(counts - usual))):
-            notes.append(f"scans of {unusual} beams assumed to be 180° wide, as these messages are")
-        # Angles between the first beam and the last that fans may have beside this one [°]; those
-        # of usual counts are half a turn or a whole one.
-        wide = (240, 270, 360) if unusual else (360,)
-        for angle in wide if len(counts) == 1 else ():
-            self.fans += (front_ends(max(counts), radians(angle)),)
-        mounts = {laser: self._mount(laser) for laser in numbers}
-        first = numbers[0]
-        if len(numbers) == 1 or mounts[first] is None:
-            alone = self._kinds[first][0] != b"FLASER" and self.stamped["odom"]
-            offset = Pose(0.0 if self.stamped["odom"] else self.offset, 0.0, 0.0)
-            mounts = {first: (mounts[first] if alone else None) or offset}
-        unknown = Counter(row.scan.laser for row in self.rows if not mounts.get(row.laser))
-        if unknown:
-            lines = ", ".join(f"{count} of {name}" for name, count in sorted(unknown.items()))
-            notes.append(f"left out: scans of lasers with unknown mounts ({lines})")
-        rows = [(row, mounts.get(row.laser)) for row in self.rows]
-        self.rows = [
-            row._replace(scan=replace(row.scan, mount=mount) if mount != CENTRE else row.scan)
-            for row, mount in rows
-            if mount is not None
-        ]
-        if len(known := {row.scan.laser: row.scan.mount for row in self.rows}) > 1:
-            self.offset = 0.0
-            places = [f"{name} at {x:.3g}, {y:.3g} m, {degrees(turn):.0f}°"
-                      for name, (x, y, turn) in known.items()]  # fmt: skip
-            notes.append(f"{len(known)} lasers: {'; '.join(places)}")
+        mounts = {laser: self._mount(laser) for laser in sorted({row.laser for row in self.rows})}
+        first, *others = mounts
+        if not others or mounts[first] is None:
+            odometry = self._stamped["odom"]
+            own = mounts[first] if odometry and self._kinds[first][0] != b"FLASER" else None
+            return {first: own or Pose(0.0 if odometry else self._offset, 0.0, 0.0)}
+        return {laser: mount for laser, mount in mounts.items() if mount is not None}
 
     def _mount(self, laser: int) -> Pose | None:
         """The pose of a laser on its robot, if all its scans agree on one."""
@@ -381,12 +437,10 @@ class _Reading:
         mounts = between(robots, np.array([row.scan.pose for row in rows]))
         # About half a turn headings may have either sign.
         mounts[:, 2] += 2.0 * pi * np.round((mounts[0, 2] - mounts[:, 2]) / (2.0 * pi))
-        far = float(np.hypot(*mounts[0, :2]))
-        # How far mounts of one laser may differ [m], [rad]: logs round their numbers.
-        steady = 1e-3
-        if np.abs(mounts - mounts[0]).max() > steady or far > FARTHEST_LASER:
+        far = np.hypot(*mounts[0, :2]) > FARTHEST_LASER
+        if far or np.abs(mounts - mounts[0]).max() > STEADY:
             return None
-        mount: Float = np.where(np.abs(mounts[0]) > steady, np.median(mounts, axis=0), 0.0)
+        mount: Float = np.where(np.abs(mounts[0]) > STEADY, np.median(mounts, axis=0), 0.0)
         return Pose(*mount.tolist())
 
     def tracks(self) -> dict[str, Trajectory]:
@@ -395,7 +449,7 @@ class _Reading:
         A pose that is no later than the one before is left out.
         """
         tracks = {}
-        for name, stamped in self.stamped.items():
+        for name, stamped in self._stamped.items():
             if stamped:
                 times, poses = (np.array(column) for column in zip(*stamped, strict=True))
                 later = np.diff(np.maximum.accumulate(times), prepend=-inf) > 0.0

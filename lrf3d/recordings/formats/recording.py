@@ -104,18 +104,8 @@ def record(
             with writing(journal_path, "make room or choose another place"):
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
-                    recorded = journal.recorded(simulation)
-                    snapshots = Snapshots(simulation)
-                    for scans, pose in recorded:
-                        simulation.take(scans, pose)
-                        snapshots.keep()
-                    for step in simulation:
-                        journal.add(step)
-                        snapshots.keep()
-                        progress(simulation.done, total)
-                    imu = snapshots.end()
+                    arrays = _arrays_of(simulation, journal, progress)
                     # Columns are copied from the rows some megabytes at a time.
-                    arrays = run_arrays(simulation, journal.rows(), snapshots.maps, imu)
                     write_npz(path, arrays | {"origin": np.array(fingerprint)})
                 finally:
                     # An error of closing would replace the one that ended the run.
@@ -124,6 +114,23 @@ def record(
         # A program that was stopped may have left it even beside a finished run.
         journal_path.unlink(missing_ok=True)
         return load_run(path)
+
+
+def _arrays_of(
+    simulation: Simulation, journal: "Journal", progress: Progress
+) -> dict[str, NDArray[Any]]:
+    """Simulate to the end, from the last scan of a journal on; return the arrays of the run."""
+    recorded = journal.recorded(simulation)
+    snapshots = Snapshots(simulation)
+    for scans, pose in recorded:
+        simulation.take(scans, pose)
+        snapshots.keep()
+    for step in simulation:
+        journal.add(step)
+        snapshots.keep()
+        progress(simulation.done, simulation.total)
+    imu = snapshots.end()
+    return run_arrays(simulation, journal.rows(), snapshots.maps, imu)
 
 
 def fingerprint_of(simulation: Simulation) -> str:

@@ -48,6 +48,16 @@ MOST_PACKED = 1 << 29
 # Size [bytes] of the header of a member of a zip file, without its name and its extra fields.
 _LOCAL_HEADER = 30
 
+# Alignment of arrays [bytes], as in NumPy's own files.
+_ALIGNED = 64
+
+# The time stamp of all members, the earliest of zip files, so that equal runs are equal files.
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+# Sizes [bytes] of a zip member's field for large sizes, and of an empty field.
+_LARGE_FIELD = 20
+_EMPTY_FIELD = 4
+
 # Exceptions of reading a damaged file.
 DAMAGES = (
     OSError,
@@ -103,30 +113,11 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
 
 def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
     """Write arrays to a file, completely or not at all, and flush it to the disk."""
-    aligned = 64  # Alignment of arrays [bytes], as in NumPy's own files.
-    # The time stamp of all members, the earliest of zip files, so that equal runs are equal files.
-    epoch = (1980, 1, 1, 0, 0, 0)
-    # Sizes [bytes] of a zip member's field for large sizes, and of an empty field.
-    large_field = 20
-    empty_field = 4
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
             try:
                 for name, array in arrays.items():
-                    member = zipfile.ZipInfo(f"{name}.npy", epoch)
-                    taken = (
-                        file.tell()
-                        + _LOCAL_HEADER
-                        + len(member.filename)
-                        + large_field
-                        + empty_field
-                    )
-                    padding = -taken % aligned
-                    # An extra field of an unknown kind, which readers skip.
-                    member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
-                    with archive.open(member, "w", force_zip64=True) as stream:
-                        # NumPy writes some megabytes at a time, of rows in a mapped file too.
-                        npy.write_array(stream, array, version=(1, 0), allow_pickle=False)
+                    _write_member(archive, file.tell(), name, array)
             except BaseException:
                 # Closing an archive would complete it, which fails as well and hides the error.
                 archive.fp = None
@@ -135,6 +126,19 @@ def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
         os.fsync(file.fileno())
 
 
+def _write_member(archive: zipfile.ZipFile, begin: int, name: str, array: Array) -> None:
+    """Write an array to an archive, from this byte of its file on."""
+    member = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
+    header = _LOCAL_HEADER + len(member.filename) + _LARGE_FIELD + _EMPTY_FIELD
+    padding = -(begin + header) % _ALIGNED
+    # An extra field of an unknown kind, which readers skip.
+    member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
+    with archive.open(member, "w", force_zip64=True) as stream:
+        # NumPy writes some megabytes at a time, of rows in a mapped file too.
+        npy.write_array(stream, array, version=(1, 0), allow_pickle=False)
+
+
+# Version of the format of runs that is written and read.
 VERSION = 2
 
 # What a file holds of each map snapshot, in the order of `LineMap.of_codes`.
@@ -259,15 +263,15 @@ def run_path(path: str | Path) -> Path:
     if os.path.lexists(file):
         check_ordinary(file, what="a run.npz")
         return file
-    mend = "`lrf3d run WORLD` writes one"
+    fix = "`lrf3d run WORLD` writes one"
     if file.with_suffix(".journal").exists():
         raise InputError(
             f"{file}: no such file; the run was stopped; the same `lrf3d run` with --resume ends it"
         )
     for name, what in _OTHERS.items():
         if folder == path and (folder / name).is_file():
-            raise InputError(f"{folder}: the folder of {what}, with no run.npz in it; {mend}")
-    raise InputError(f"{file}: no such file; {mend}")
+            raise InputError(f"{folder}: the folder of {what}, with no run.npz in it; {fix}")
+    raise InputError(f"{file}: no such file; {fix}")
 
 
 # What a folder is that holds such a file and no run.

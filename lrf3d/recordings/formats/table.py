@@ -6,6 +6,7 @@ assumed.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,14 +15,11 @@ from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float, Int, sealed, usual_step
 from lrf3d.geometry.pose import Pose, compose, heading_of
 from lrf3d.laser import LaserScan
-from lrf3d.recordings.formats.text.fans import FANS, front_ends
+from lrf3d.recordings.formats.text.fans import FANS, WHOLE_TURN, WIDEST_FAN, front_ends
+from lrf3d.recordings.formats.units import ANGLES, COUNTS, LENGTHS, NANO, TIMES
 from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
 
-# What columns hold, and their units; the first one is that of lrf3d.
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
-COUNTS = {"": 1.0}
+# What columns hold, and their units; of these, the first one is that of lrf3d.
 ROLES = {
     "stamp": TIMES, "dt": TIMES,
     "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
@@ -29,7 +27,10 @@ ROLES = {
     "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS, "nanosec": COUNTS,
 }  # fmt: skip
 
-# Numbers that a format or a recording may give, and their units.
+# The words of units.
+UNITS = {unit for units in ROLES.values() for unit in units}
+
+# Numbers that a format or a recording may give for all scans, and their units.
 SETTINGS = {
     "first": ANGLES, "last": ANGLES, "step": ANGLES, "tick": LENGTHS, "track": LENGTHS,
     "offset": LENGTHS,
@@ -48,23 +49,50 @@ SYNONYMS = {
     " abstand entfernung",
 }  # fmt: skip
 
-# Fields of ROS messages that are settings, or hold something else than their words say.
-MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": "step"}
-OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
+# Roles by these words.
+ROLE_OF = {word: role for role, words in SYNONYMS.items() for word in words.split()}
+
+# Roles of fields of ROS messages that are settings, or hold something else than their words say.
+MESSAGE_FIELDS = {
+    "angle_min": "first",
+    "angle_max": "last",
+    "angle_increment": "step",
+} | dict.fromkeys(
+    "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split(), ""
+)
 
 # What stands for the elements that ``ros2 topic echo`` leaves out, and what to do.
 CUT = "..."
 WHOLE = "arrays are cut: ros2 topic echo --full-length prints them whole"
 
-# Words of columns that are no poses, though they have an x and a y, or that count.
+# Words of columns that are not poses, though they have an x and a y, or that count.
 FOREIGN = set(
     "acceleration accel acc velocity vel twist gyro covariance id idx index number nr count".split()
 )
 
-# In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
-# the second.
+# Ranges whose median is above this are not metres.
 FAR = 100.0
+
+# Ranges whose 90 % quantile is below this may be centimetres.
 ROOM = 1500.0
+
+# Least angle [°] from the first beam to the last: less is another number.
+NARROWEST = 0.5
+
+# Longest usual time between two scans [s], from which the unit of stamps is known.
+SLOWEST = 5.0
+
+# Usual distance between two poses [m] from which on they are in millimetres.
+LONGEST_STEP = 3.0
+
+# Headings above this, and turns between scans above the next, are in degrees [rad]; but for a share
+# of turns, where headings go round.
+LARGEST_HEADING = 6.5
+LARGEST_TURN = 0.35
+LEAST_TURNS = 0.05
+
+# Numbers that encoders with registers of 16 bits count.
+COUNTER = 1 << 16
 
 
 def meaning(name: str) -> tuple[str, str]:
@@ -72,20 +100,23 @@ def meaning(name: str) -> tuple[str, str]:
     name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
     if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
         return f"q{quaternion[1]}", ""
-    if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:
-        return MESSAGE_FIELDS.get(last, ""), "rad"
+    if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS:
+        return MESSAGE_FIELDS[last], "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
     if FOREIGN.intersection(words):
         return "", ""
-    units = [word for word in words if any(word in known for known in ROLES.values())]
-    words = [word for word in words if word not in units or len(words) == 1]
+    units = [word for word in words if word in UNITS]
+    role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
+    return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
+
+
+def _role_of(words: Sequence[str]) -> str:
+    """The role of the last word that has one, in the singular or the plural; "" if none has."""
     for word in reversed(words):
-        word = "timestamp" if word.endswith("timestamp") else word
-        for role, known in SYNONYMS.items():
-            if word in known.split() or word.removesuffix("s") in known.split():
-                unit = units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
-                return role, unit
-    return "", ""
+        word = re.sub(".*timestamp$", "stamp", word)
+        if role := ROLE_OF.get(word) or ROLE_OF.get(word.removesuffix("s")):
+            return role
+    return ""
 
 
 @dataclass
@@ -106,13 +137,13 @@ class Table:
         for name, array in arrays.items():
             role, unit = meaning(name)
             if role == "poses" and array.shape[-1:] == (3,):
-                for each, column in zip(("x", "y", "theta"), array.T, strict=True):
-                    table.values.setdefault(each, column)
+                poses = dict(zip(("x", "y", "theta"), array.T, strict=True))
+                table.values |= poses | table.values
             elif role in SETTINGS and array.size and np.ptp(array) == 0.0:
                 table.settings[role] = float(array.flat[0])
             elif role in ROLES and role not in table.values:
                 table.values[role] = array if role == "ranges" else array.reshape(-1)
-                table.units |= {role: unit} if unit else {}
+                table.units[role] = unit
         intake.notes.append("found by name: " + ", ".join([*table.values, *table.settings]))
         return table
 
@@ -151,20 +182,19 @@ class Table:
         The beams are those of a fan; what was not measured is −inf.
         """
         angles = self.values["angles"]
-        in_degrees = np.abs(angles).max() > 2.1 * np.pi
-        unit = self.units.get("angles", "deg" if in_degrees else "rad")
+        unit = self.units.get("angles") or ("deg" if np.abs(angles).max() > WIDEST_FAN else "rad")
         angles = angles * ANGLES[unit]
         sizes = np.diff(begins)
         beams = int(np.median(sizes))
         kept = np.flatnonzero(2 * sizes > np.median(sizes))
         low = float(angles.min())
         wide = float(np.ptp(angles))
-        whole = wide > 1.9 * np.pi
+        whole = wide > WHOLE_TURN
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         ranges = np.full((len(kept), beams), -np.inf)
         for row, number in zip(ranges, kept.tolist(), strict=True):
             own = slice(begins[number], begins[number + 1])
-            row[np.rint((angles[own] - low) / max(step, 1e-9)).astype(int) % beams] = readings[own]
+            row[np.rint((angles[own] - low) / (step or 1.0)).astype(int) % beams] = readings[own]
         for role, values in self.values.items():
             if len(values) == len(angles):
                 self.values[role] = values[begins[kept]]
@@ -180,11 +210,9 @@ class Table:
 
     def _in(self, role: str, guessed: str, why: str = "") -> Float:
         """A column in the units of lrf3d; a guessed unit is noted."""
-        unit = self.units.get(role)
-        if unit is None:
-            unit = guessed
-            self.intake.notes.append(f"{role} in {unit}{why}")
-        return self.values[role] * ROLES[role][unit]
+        if not self.units.get(role):
+            self.intake.notes.append(f"{role} in {guessed}{why}")
+        return self.values[role] * ROLES[role][self.units.get(role) or guessed]
 
     def _ranges(self) -> Float:
         values = self.values["ranges"]
@@ -196,7 +224,7 @@ class Table:
         half, most = np.quantile(known, [0.5, 0.9])
         unit = "m" if (known % 1.0).any() and half <= FAR else "mm"
         # RPLIDARs, which have qualities, write millimetres.
-        known_unit = "ranges" in self.units or "quality" in self.values
+        known_unit = self.units.get("ranges") or "quality" in self.values
         if unit == "mm" and not known_unit and most < ROOM:
             raise InputError(
                 f"{path}: ranges of {half:g} by the median and up to {known.max():g}: name"
@@ -216,13 +244,11 @@ class Table:
             found = f"{len(angles)} angles for {count} ranges"
             raise InputError(f"{path}: {found}; expected one for each")
         else:
-            in_degrees = np.ptp(angles) > 2.1 * np.pi or not (angles % 1.0).any()
+            in_degrees = np.ptp(angles) > WIDEST_FAN or not (angles % 1.0).any()
             angles = self._in("angles", "deg" if in_degrees else "rad")
-        # Least angle [rad] from the first beam to the last: less is another number.
-        narrowest = np.radians(0.5)
-        if not narrowest < np.ptp(angles) <= 2.1 * np.pi:
+        if not np.radians(NARROWEST) < np.ptp(angles) <= WIDEST_FAN:
             wide = f"{count} beams over {np.degrees(np.ptp(angles)):g}°"
-            raise InputError(f"{path}: {wide}; expected more than 0.5° and at most a turn")
+            raise InputError(f"{path}: {wide}; expected more than {NARROWEST}° and at most a turn")
         return sealed(-angles if self.clockwise else angles)
 
     def _fan(self, count: int) -> Float:
@@ -230,41 +256,41 @@ class Table:
         if step is None and first is not None and last is not None:
             step = (last - first) / max(count - 1, 1)
         if step is None or (first is None and last is None):
-            if count not in FANS:
-                raise InputError(
-                    f"{self.intake.path}: {count} beams at unknown bearings; say which by --format,"
-                    " such as 'first=-120deg, last=120deg'"
-                )
-            first, last = (float(np.radians(end)) for end in FANS[count])
-            step = (last - first) / (count - 1)
-            # Half a turn may be a whole one, and the other way round.
-            half = last - first < 3.2
-            if half or last - first > 6.2:
-                self.fans = (front_ends(count, 2.0 * np.pi if half else np.pi),)
-            ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
-            self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
+            return self._usual_fan(count)
         if first is None:
             first = float(last or 0.0) - step * (count - 1)
         return np.asarray(first + step * np.arange(count))
 
+    def _usual_fan(self, count: int) -> Float:
+        """The bearings of a usual range finder with this number of beams."""
+        if count not in FANS:
+            raise InputError(
+                f"{self.intake.path}: {count} beams at unknown bearings; say which by --format,"
+                " such as 'first=-120deg, last=120deg'"
+            )
+        first, last = (float(np.radians(end)) for end in FANS[count])
+        # Half a turn may be a whole one, and the other way round.
+        half = last - first <= np.pi
+        if half or last - first > WHOLE_TURN:
+            self.fans = (front_ends(count, 2.0 * np.pi if half else np.pi),)
+        ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
+        self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
+        return np.asarray(first + (last - first) / (count - 1) * np.arange(count))
+
     def times(self) -> Float:
         """Stamps (k,) [s]."""
         nanosec = self.values.pop("nanosec", None)
-        if nanosec is not None and "stamp" in self.values:
-            self.values["stamp"] = self.values["stamp"] + 1e-9 * nanosec
-            self.units["stamp"] = "s"
-        elif nanosec is not None:
-            self.values["stamp"] = nanosec
-            self.units["stamp"] = "ns"
+        if nanosec is not None:
+            seconds = self.values.get("stamp")
+            self.units["stamp"] = "ns" if seconds is None else "s"
+            self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:
             self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
             return UNTIMED * np.arange(float(len(self.values["ranges"])))
         usual = usual_step(self.values["stamp"]) or 1.0
-        # Longest usual time between two scans [s], from which the unit of stamps is known.
-        slowest = 5.0
-        guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= slowest), "ns")
+        guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST), "ns")
         return self._in("stamp", guessed, f", {usual:g} apart")
 
     def poses(self) -> Float | None:
@@ -277,27 +303,25 @@ class Table:
             left = self._in("dy", "m") if "dy" in has else 0.0 * ahead
             return _driven(ahead, left, self._in("dtheta", "rad"))
         if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
-            turns = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
-            self.values["theta"] = heading_of(*turns)
+            self.values["theta"] = heading_of(
+                *(self.values[name] for name in ("qx", "qy", "qz", "qw"))
+            )
             self.units["theta"] = "rad"
-        if not (place := {"x", "y", "theta"}) <= has:
-            if lone := sorted(place & has):
-                self.intake.notes.append(f"{', '.join(lone)} alone are no poses: not used")
-            return None
+        if {"x", "y", "theta"} <= has:
+            return self._absolute()
+        if lone := sorted({"x", "y", "theta"} & has):
+            self.intake.notes.append(f"{', '.join(lone)} alone are no poses: not used")
+        return None
+
+    def _absolute(self) -> Float:
+        """Poses (k, 3) by x, y and theta, whose units show from scan to scan."""
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
-        usual = float(np.quantile(moved, 0.9)) if len(moved) else 0.0
-        # A robot that moves farther [m] or turns more [rad] from scan to scan, or turns further
-        # [rad] and in such steps, has other units.
-        longest_step = 3.0
-        largest_step = 0.35
-        turn = 6.5
-        unit = "mm" if usual > longest_step else "m"
-        theta = self.values["theta"]
-        turned = np.abs(np.diff(theta))
-        degrees = bool(np.abs(theta).max() > turn and (turned > largest_step).mean() > 0.05)
+        unit = "mm" if len(moved) and np.quantile(moved, 0.9) > LONGEST_STEP else "m"
+        turned = np.abs(np.diff(self.values["theta"])) > LARGEST_TURN
+        wide = np.abs(self.values["theta"]).max() > LARGEST_HEADING
         x = self._in("x", unit)
         y = self._in("y", unit)
-        theta = self._in("theta", "deg" if degrees else "rad")
+        theta = self._in("theta", "deg" if wide and turned.mean() > LEAST_TURNS else "rad")
         return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
 
     def _by_ticks(self) -> Float:
@@ -308,8 +332,7 @@ class Table:
                 " with one, and how far apart its wheels are, such as 'tick=0.35mm, track=0.3m'"
             )
         ticks = np.column_stack([self.values["left"], self.values["right"]])
-        counter = 65536.0  # What encoders with registers of 16 bits count to.
-        rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=counter), axis=0, prepend=ticks[:1])
+        rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=COUNTER), axis=0, prepend=ticks[:1])
         ahead = rolled.mean(axis=1)
         turns = (rolled[:, 1] - rolled[:, 0]) / track
         return _driven(ahead, 0.0 * ahead, turns)

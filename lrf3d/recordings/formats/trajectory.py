@@ -24,6 +24,9 @@ from lrf3d.recordings.log import MOST_LINES
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
 
+# Units that stamps above a number have, since they are counted from 1970.
+UNITS = {"nano": 1e17, "micro": 1e14, "milli": 1e12}
+
 
 def load_relations(path: str | Path) -> Relations:
     """Read relations from a text file."""
@@ -68,8 +71,8 @@ def load_tum(path: str | Path) -> Trajectory:
     if not rows:
         raise InputError(f"{path}: no pose in it, expected lines t x y z qx qy qz qw")
     table = np.array(rows)
-    if (latest := float(table[-1, 0])) > 1e12:
-        unit = "nano" if latest > 1e17 else "micro" if latest > 1e14 else "milli"
+    latest = float(table[-1, 0])
+    if unit := next((unit for unit, least in UNITS.items() if latest > least), ""):
         raise InputError(f"{path}: stamps up to {latest:g}; expected seconds, not {unit}seconds")
     upright = 1.0 - 2.0 * (table[:, 4] ** 2 + table[:, 5] ** 2)
     if np.median(upright) < 0.5:

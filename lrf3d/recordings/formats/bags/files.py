@@ -26,6 +26,12 @@ from lrf3d.base.interrupts import check
 # megabyte, some of a hundred.
 MOST_UNPACKED = 1 << 28
 
+# Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
+MOST_TIMES = 200
+
+# Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
+BLOCK = 1 << 16
+
 # Endings of the files of bags; the last one is that of ROS 1.
 FILES = (".mcap", ".db3", ".bag")
 
@@ -36,7 +42,7 @@ OLD = b"#ROSBAG V2.0\n"
 ZSTD = b"(\xb5/\xfd"
 
 
-class Topic(NamedTuple):
+class BagTopic(NamedTuple):
     """A topic, the type of its messages, by its name in ROS 2, and how they are packed."""
 
     name: str
@@ -45,7 +51,7 @@ class Topic(NamedTuple):
 
 
 # A message: its topic, when it was received [ns], and its bytes; without these, a topic begins.
-Packet = tuple[Topic, int, bytes | None]
+Packet = tuple[BagTopic, int, bytes | None]
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -128,22 +134,20 @@ def _zstd() -> Any:
 
 def _check_size(size: int) -> None:
     if size > MOST_UNPACKED:
-        most = f"more than the {MOST_UNPACKED / 1e6:.0f} MB that are unpacked at a time"
-        raise InputError(f"a chunk or a message of {most}; record in smaller chunks")
+        raise InputError(
+            f"a chunk or a message of more than the {MOST_UNPACKED // 1000**2} MB that are unpacked"
+            " at a time; record in smaller chunks"
+        )
 
 
 def _unpack(path: Path, whole: Any) -> None:
-    # Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
-    most_times = 200
-    left = MOST_UNPACKED + most_times * path.stat().st_size
-    # Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
-    block = 1 << 16
+    left = MOST_UNPACKED + MOST_TIMES * path.stat().st_size
     with suppress(EOFError), _zstd().open(path) as stream:
-        while part := stream.read(block):
+        while part := stream.read(BLOCK):
             check()
             left -= len(part)
             if left < 0:
-                raise InputError(f"a packed file unpacks to more than {most_times} times its size")
+                raise InputError(f"a packed file unpacks to more than {MOST_TIMES} times its size")
             whole.write(part)
     if not whole.tell():
         raise InputError("cut short, so that nothing in it is whole")
@@ -170,7 +174,7 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
         topics = {}
         columns = "id, name, type, serialization_format"
         for number, *words in database.execute(f"SELECT {columns} FROM topics"):
-            topics[number] = Topic(*map(str, words))
+            topics[number] = BagTopic(*map(str, words))
             yield topics[number], 0, None
         # In the order of their receipt: by a clock that starts again, two drives would be mixed.
         rows = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
@@ -179,34 +183,37 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 yield topics[number], received, data
 
 
-def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, Topic]) -> Iterator[Packet]:
-    # Kinds of records of MCAP that are read, and the one after the last of the data.
-    schema = 3
-    channel = 4
-    message = 5
-    chunk = 6
-    data_end = 15
-    while len(head := stream.read(9)) == 9 and head[0] != data_end:
+# Kinds of records of MCAP that are read, and the one after the last of the data.
+SCHEMA = 3
+CHANNEL = 4
+MESSAGE = 5
+CHUNK = 6
+DATA_END = 15
+
+
+def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, BagTopic]) -> Iterator[Packet]:
+    while len(head := stream.read(9)) == 9 and head[0] != DATA_END:
         size = int.from_bytes(head[1:], "little")
-        if head[0] not in (schema, channel, message, chunk):
+        if head[0] not in (SCHEMA, CHANNEL, MESSAGE, CHUNK):
             stream.seek(size, 1)
             continue
         _check_size(size)
         data = stream.read(size)
-        if head[0] == chunk:
+        if head[0] == CHUNK:
             packing, place = _text(data, 28)
-            inner = io.BytesIO(unpacked(packing, data[place + 8 :]))
-            yield from _of_mcap(inner, schemas, topics)
-        elif len(data) == size:
-            own, other = (int.from_bytes(data[k : k + 2], "little") for k in (0, 2))
-            if head[0] == schema:
-                schemas[own] = _text(data, 2)[0]
-            elif head[0] == channel:
-                name, place = _text(data, 4)
-                topics[own] = Topic(name, _new(schemas.get(other, "")), _text(data, place)[0])
-                yield topics[own], 0, None
-            else:
-                yield topics[own], int.from_bytes(data[6:14], "little"), data[22:]
+            yield from _of_mcap(io.BytesIO(unpacked(packing, data[place + 8 :])), schemas, topics)
+            continue
+        if len(data) < size:
+            continue
+        own, other = (int.from_bytes(data[k : k + 2], "little") for k in (0, 2))
+        if head[0] == SCHEMA:
+            schemas[own] = _text(data, 2)[0]
+        elif head[0] == CHANNEL:
+            name, place = _text(data, 4)
+            topics[own] = BagTopic(name, _new(schemas.get(other, "")), _text(data, place)[0])
+            yield topics[own], 0, None
+        else:
+            yield topics[own], int.from_bytes(data[6:14], "little"), data[22:]
 
 
 def _text(data: bytes, place: int) -> tuple[str, int]:
@@ -215,26 +222,27 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
     return data[place + 4 : end].decode("utf-8", "replace"), end
 
 
-def _of_ros1(stream: Any, topics: dict[bytes, Topic]) -> Iterator[Packet]:
-    # Kinds of records of ROS 1 that are read.
-    old_message = 2
-    old_chunk = 5
-    old_connection = 7
+# Kinds of records of ROS 1 that are read.
+OLD_MESSAGE = 2
+OLD_CHUNK = 5
+OLD_CONNECTION = 7
+
+
+def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
     while header := _block(stream):
         fields = _fields(header)
         kind = int.from_bytes(fields.get(b"op", b""), "little")
-        if kind == old_chunk:
-            packing = fields[b"compression"].decode()
-            inner = io.BytesIO(unpacked(packing, _block(stream)))
+        if kind == OLD_CHUNK:
+            inner = io.BytesIO(unpacked(fields[b"compression"].decode(), _block(stream)))
             yield from _of_ros1(inner, topics)
             continue
         data = _block(stream)
-        if kind == old_connection:
+        if kind == OLD_CONNECTION:
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
-            topics[fields[b"conn"]] = Topic(name, _new(of_type), "ros1")
+            topics[fields[b"conn"]] = BagTopic(name, _new(of_type), "ros1")
             yield topics[fields[b"conn"]], 0, None
-        elif kind == old_message:
+        elif kind == OLD_MESSAGE:
             sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
             yield topics[fields[b"conn"]], sec * 1_000_000_000 + nanosec, data
 

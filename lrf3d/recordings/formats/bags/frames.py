@@ -12,14 +12,22 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int
+from lrf3d.recordings.formats.units import NANO
 
 # A stamp earlier than the one before it by more than this [ns] begins another part of a recording:
 # messages that overtake each other differ by less.
 BACK = 1_000_000_000
 
+# How far the size of a quaternion may be from 1: mounts are typed as 0.7 0.7.
+UNEVEN = 0.02
+
+# Poses are unknown in a gap that is longer than this [ns], and than the usual interval by a factor.
+GAP = BACK
+GAPS = 5
+
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class BagPart:
     """A part of a recording: the messages at which all but the first begin, and its number from 0.
 
     Its clock may be that of the recorder, by which messages were received, instead of their stamps.
@@ -30,7 +38,7 @@ class Part:
     by_receipt: bool = False
 
 
-class Track:
+class FrameTrack:
     """When messages were sent and received, and poses of a frame in another one that they hold.
 
     It is packed: a bag holds millions of transforms.
@@ -51,11 +59,11 @@ class Track:
     def add_pose(self, place: Any, turn: Any, *stamp: int) -> None:
         """Add a position and a quaternion at a time, in any order."""
         row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-        # In this order the comparisons refuse NaN as well. Mounts are typed as 0.7 0.7, but a
-        # heading written in place of a quaternion's z is no rotation.
+        # In this order the comparisons refuse NaN as well. A heading that is written in place of a
+        # quaternion's z is not a rotation.
         if not (
             all(abs(value) <= LARGEST_COORDINATE for value in row)
-            and abs(math.hypot(*row[3:]) - 1.0) < 0.02
+            and abs(math.hypot(*row[3:]) - 1.0) < UNEVEN
         ):
             raise InputError(f"pose {row}: expected numbers and a unit quaternion")
         self.add(*stamp)
@@ -82,7 +90,7 @@ class Track:
         sent, received, _ = self.stamps
         return float(np.median(sent - received))
 
-    def times(self, part: Part) -> tuple[Int, Bool]:
+    def times(self, part: BagPart) -> tuple[Int, Bool]:
         """Times (n,) [ns] of the messages, and which of them are in a part.
 
         Streams do not all go back at the same message: a run of rising stamps belongs to the part
@@ -96,7 +104,7 @@ class Track:
         inside = votes.argmax(axis=1)[run] == part.number
         return received if part.by_receipt else sent, inside
 
-    def within(self, part: Part) -> "Motion | None":
+    def within(self, part: BagPart) -> "FrameMotion | None":
         """Its motion in a part of the recording; None if it was not published there.
 
         Of rows with the same stamp the later one counts. What is static is so in all parts.
@@ -106,11 +114,11 @@ class Track:
             inside = np.ones(len(times), dtype=np.bool_)
         rows = np.array(self._rows).reshape(-1, 7)[inside][::-1]
         times, kept = np.unique(times[inside][::-1], return_index=True)
-        return Motion(times, rows[kept], self.is_static) if len(times) else None
+        return FrameMotion(times, rows[kept], self.is_static) if len(times) else None
 
 
 @dataclass(frozen=True)
-class Motion:
+class FrameMotion:
     """Poses of a frame in another one: x, y, z [m] and a quaternion (n, 7) at rising times [ns]."""
 
     times: Int
@@ -134,19 +142,16 @@ class Motion:
             matrices = np.tile(_matrices(self.rows[:1]), (len(times), 1, 1))
         else:
             # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
-            own = 1e-9 * (self.times - first)
-            asked = 1e-9 * (np.clip(times, first, last) - first)
+            own = NANO * (self.times - first)
+            asked = NANO * (np.clip(times, first, last) - first)
             between = np.column_stack([np.interp(asked, own, each) for each in self.rows.T[:3]])
             turns = Slerp(own, Rotation.from_quat(self.rows[:, 3:]))(asked)
             matrices = _matrices(np.column_stack([between, turns.as_quat()]))
             matrices[(times < first) | (times > last)] = np.nan
-            # Poses are unknown in a gap of this time [ns] and of this factor of the usual interval.
-            gap = 1e9
-            gaps = 5.0
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times
-            lost = steps[place] > max(gap, gaps * float(np.median(steps)))
+            lost = steps[place] > max(GAP, GAPS * float(np.median(steps)))
             matrices[lost & ~known] = np.nan
         return matrices
 
@@ -161,7 +166,7 @@ def _matrices(rows: Float) -> Float:
 class Frames:
     """A tree of frames: the parent of each, and its motion in it."""
 
-    def __init__(self, edges: Mapping[str, tuple[str, Motion]]) -> None:
+    def __init__(self, edges: Mapping[str, tuple[str, FrameMotion]]) -> None:
         self._edges = edges
         self._known = {*edges, *(parent for parent, _ in edges.values())}
 

@@ -1,6 +1,7 @@
 """The contents of a bag, and the poses of its scans: whose odometry, by which clock."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from os.path import basename, commonpath, dirname
 from typing import Any
@@ -13,7 +14,9 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, usual_step
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
-from lrf3d.recordings.formats.bags.frames import BACK, Frames, Part, Track, in_the_plane
+from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
+from lrf3d.recordings.formats.text.fans import WIDEST_FAN
+from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
 
 # Scans, and those of several echoes a beam, of which the first counts.
@@ -26,15 +29,33 @@ UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 OLD_TRANSFORMS = "tf/msg/tfMessage"
 TYPES = (*SCANS, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
 
+# How far bearings may differ from what a message says, because it rounds them [rad].
+ROUNDED = 0.01
+
+# Parts that a recording may have; where stamps go back more often, they are useless.
+MOST_PARTS = 20
+
+# Words in the names of topics of poses where no robot is.
+AIMS = ("goal", "initialpose")
+
+# Interval [s] from which on odometry is coarse, as a robot turns by ten degrees meanwhile, if it is
+# also longer than the interval of scans by a factor.
+COARSE = 0.3
+COARSE_SCANS = 3.0
+
+# Clocks that differ by more than this [ns] are not the same: transforms are published up to a
+# second ahead, and scans some tenths late.
+CLOCKS_APART = 2 * BACK
+
 
 @dataclass(slots=True)
-class Stream:
+class ScanStream:
     """The scans of a topic that have the same frame, in the order of their receipt."""
 
     topic: str
     frame: str
     scans: list[LaserScan] = field(default_factory=list)
-    track: Track = field(default_factory=Track)
+    track: FrameTrack = field(default_factory=FrameTrack)
     fans: tuple[tuple[float, float], ...] = ()
     note: str = ""
 
@@ -50,12 +71,14 @@ class Stream:
         low = message.angle_min
         high = message.angle_max
         step = message.angle_increment
-        # How far the last bearing may differ from what the message says [rad]: two beams, or .01.
-        apart = abs(high - last) > max(0.01, 2.0 * abs(step))
-        if not abs(step * (len(scan.angles) - 1) - (last - first)) < 0.01:
-            self.note = f"the angle_increment of {self.topic} contradicts its angle_min and"
-            self.note += " angle_max: beams lie evenly between these"
-        elif apart and high and abs(high - low) <= 2.1 * np.pi:
+        # Drivers may send two beams more or fewer than the message says.
+        apart = abs(high - last) > max(ROUNDED, 2.0 * abs(step))
+        if not abs(step * (len(scan.angles) - 1) - (last - first)) < ROUNDED:
+            self.note = (
+                f"the angle_increment of {self.topic} contradicts its angle_min and angle_max:"
+                " beams lie evenly between these"
+            )
+        elif apart and high and abs(high - low) <= WIDEST_FAN:
             self.note = (
                 f"the beams of {self.topic} end at {last:.3g} rad, its angle_max is {high:.3g}"
             )
@@ -78,16 +101,16 @@ class Contents:
     """
 
     intake: Intake
-    by_frame: dict[tuple[str, str], Stream] = field(default_factory=dict)
+    by_frame: dict[tuple[str, str], ScanStream] = field(default_factory=dict)
     scan_topics: list[str] = field(default_factory=list)
-    tracks: dict[str, Track] = field(default_factory=lambda: defaultdict(Track))
+    tracks: dict[str, FrameTrack] = field(default_factory=lambda: defaultdict(FrameTrack))
     children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, dict[str, tuple[str, Track]]] = field(
+    edges: dict[str, dict[str, tuple[str, FrameTrack]]] = field(
         default_factory=lambda: defaultdict(dict)
     )
 
     @property
-    def streams(self) -> list[Stream]:
+    def streams(self) -> list[ScanStream]:
         """The scans in the order of their topics, the preferred one first."""
         found = self.by_frame.values()
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
@@ -95,18 +118,8 @@ class Contents:
     def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> int:
         """Take a message, and return its size in readings; an error says why it is of no use."""
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
-            edges = self.edges[topic.rpartition("/")[0]]
             for each in message.transforms:
-                child = _frame(each.child_frame_id)
-                above = _frame(each.header.frame_id)
-                track = Track(is_static=topic.endswith(STATIC_FRAMES))
-                parent, track = edges.setdefault(child, (above, track))
-                # A frame has one parent; if programs publish different ones, the first counts.
-                if parent == above:
-                    moved = each.transform
-                    track.add_pose(
-                        moved.translation, moved.rotation, _stamp(each), received, number
-                    )
+                self._take_transform(topic, each, received, number)
             return A_POSE * len(message.transforms)
         stamp = _stamp(message), received, number
         if kind in SCANS:
@@ -114,7 +127,7 @@ class Contents:
                 message.ranges = [[*each.echoes, np.inf][0] for each in message.ranges]
                 message.intensities = []
             frame = _frame(message.header.frame_id)
-            stream = self.by_frame.get((topic, frame)) or Stream(topic, frame)
+            stream = self.by_frame.get((topic, frame)) or ScanStream(topic, frame)
             stream.add(message, *stamp)
             self.by_frame[topic, frame] = stream
             return len(message.ranges) + A_MESSAGE
@@ -125,6 +138,17 @@ class Contents:
         self.tracks[name].add_pose(pose.position, pose.orientation, *stamp)
         self.children[name] = child
         return A_POSE
+
+    def _take_transform(self, topic: str, message: Any, received: int, number: int) -> None:
+        above = _frame(message.header.frame_id)
+        new = above, FrameTrack(is_static=topic.endswith(STATIC_FRAMES))
+        edges = self.edges[topic.rpartition("/")[0]]
+        parent, track = edges.setdefault(_frame(message.child_frame_id), new)
+        # A frame has one parent; if programs publish different ones, the first counts.
+        if parent == above:
+            moved = message.transform
+            stamp = _stamp(message), received, number
+            track.add_pose(moved.translation, moved.rotation, *stamp)
 
 
 def _stamp(message: Any) -> int:
@@ -150,46 +174,53 @@ STANDING = np.eye(4)
 
 def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     """The scans of the robot of the first stream, with the poses of the wanted source."""
-    first = contents.streams[0]
-    path = contents.intake.path
     notes = contents.intake.notes
-    robot = _Robot(contents, first, _part(contents, first, part), wanted)
-    if doubt := robot.doubt():
-        notes.append(f"{doubt}: times of receipt count")
-        robot = _Robot(contents, first, replace(robot.part, by_receipt=True), wanted)
+    robot = _robot_of(contents, wanted, part)
     there = ", ".join(robot.there) or "no ground truth, no transforms, no odometry"
     if not robot.source and wanted not in ("auto", "odom"):
-        raise InputError(f"{path}: no poses from {wanted} in it; there are {there}")
-    used: dict[str, Stream] = {}
-    for stream in contents.streams:
-        # Of several versions of the scans of a frame the first counts.
-        if stream is first or robot.has(stream):
-            used.setdefault(stream.frame, stream)
-    left = [each.words for each in contents.streams if each is not used.get(each.frame)]
-    if left:
-        notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
-    if robot.coarse:
-        notes.append(robot.coarse)
-    if robot.unused:
-        notes.append(
-            f"odometry from {robot.source}, not from {one_line(', '.join(robot.unused), 90)}"
-        )
-    first, *others = used.values()
-    notes += dict.fromkeys(each.note for each in used.values() if each.note)
-    if others:
-        notes.append("lasers: " + ", ".join(each.words for each in used.values()))
-    scans = [s for each in used.values() for s in robot.placed(each)]
+        raise InputError(f"{contents.intake.path}: no poses from {wanted} in it; there are {there}")
+    used = _streams_of(robot, contents)
+    notes.extend(filter(None, (robot.coarse, robot.others)))
+    notes.extend(dict.fromkeys(filter(None, (each.note for each in used))))
+    if len(used) > 1:
+        notes.append("lasers: " + ", ".join(each.words for each in used))
+    scans = [scan for each in used for scan in robot.placed(each)]
     if not scans:
-        raise InputError(f"{path}: no scan within the time of the poses from {robot.words}")
+        within = f"no scan within the time of the poses from {robot.words}"
+        raise InputError(f"{contents.intake.path}: {within}")
     return contents.intake.log(
         sorted(scans, key=lambda scan: scan.time),
         source=robot.words if robot.source else f"none: {there}",
         placed=bool(robot.source),
-        fans=first.fans * (not others),
+        fans=used[0].fans if len(used) == 1 else (),
     )
 
 
-def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
+def _robot_of(contents: Contents, wanted: str, part: int | None) -> "_Robot":
+    """The robot of the first stream, by the times of receipt where its stamps are useless."""
+    first = contents.streams[0]
+    robot = _Robot(contents, first, _part(contents, first, part), wanted)
+    if not (doubt := robot.doubt()):
+        return robot
+    contents.intake.notes.append(f"{doubt}: times of receipt count")
+    return _Robot(contents, first, replace(robot.part, by_receipt=True), wanted)
+
+
+def _streams_of(robot: "_Robot", contents: Contents) -> list[ScanStream]:
+    """The streams of a robot's lasers, the one of its own first; a note names the others."""
+    used: dict[str, ScanStream] = {}
+    for stream in contents.streams:
+        # Of several versions of the scans of a frame the first counts.
+        if robot.has(stream):
+            used.setdefault(stream.frame, stream)
+    left = [each.words for each in contents.streams if each is not used.get(each.frame)]
+    if left:
+        found = one_line(", ".join(left), 200)
+        contents.intake.notes.append(f"left out: {found}; see --scan-topic")
+    return list(used.values())
+
+
+def _part(contents: Contents, stream: ScanStream, wanted: int | None) -> BagPart:
     """The part that was chosen, or the longest one, of a recording whose stamps go back."""
     path = contents.intake.path
     notes = contents.intake.notes
@@ -199,21 +230,19 @@ def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
     if wanted is not None and not 1 <= wanted <= count:
         raise InputError(f"{path}: no part {wanted}: the stamps of its scans make {count} of them")
     if not len(back):
-        return Part(back, 0)
+        return BagPart(back, 0)
     found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
-    found += f" from {1e-9 * sent[back[0] - 1]:.10g} to {1e-9 * sent[back[0]]:.10g} s"
-    # Parts that a recording may have; where stamps go back more often, they are useless.
-    most_parts = 20
-    if count > most_parts:
+    found += f" from {NANO * sent[back[0] - 1]:.10g} to {NANO * sent[back[0]]:.10g} s"
+    if count > MOST_PARTS:
         notes.append(f"{found}, and {count - 2} times more: times of receipt count")
-        return Part(back[:0], 0, by_receipt=True)
+        return BagPart(back[:0], 0, by_receipt=True)
     sizes = np.diff([0, *back, len(sent)])
     chosen = int(sizes.argmax()) if wanted is None else wanted - 1
     notes.append(
         f"{found}: part {chosen + 1} of {count} was read, {sizes[chosen]} of {len(sent)} scans;"
         " --part reads another"
     )
-    return Part(numbers[back], chosen)
+    return BagPart(numbers[back], chosen)
 
 
 class _Robot:
@@ -223,7 +252,7 @@ class _Robot:
     which the laser's pose is found; ``words`` describe the one that is chosen.
     """
 
-    def __init__(self, contents: Contents, stream: Stream, part: Part, wanted: str) -> None:
+    def __init__(self, contents: Contents, stream: ScanStream, part: BagPart, wanted: str) -> None:
         self.part = part
         self._stream = stream
         self._contents = contents
@@ -233,53 +262,60 @@ class _Robot:
         self._frames = Frames({k: (above, m) for k, (above, m) in moving.items() if m is not None})
         self._children = contents.children
         self._tracks = contents.tracks
-        chain = self._frames.chain(stream.frame)
-        moves = [self._frames.moves(frame) for frame in chain]
-        drifting = next((frame for frame in chain if basename(frame) == DRIFTING), "")
-        topics = [topic for topic in self._own(contents) if len(contents.tracks[topic]) > 1]
-        truths = [topic for topic in topics if "ground_truth" in topic]
-        drives = [topic for topic in topics if topic not in truths]
-        driven = [topic for topic in drives if contents.children[topic]]
-        if not driven and drifting and any(moves[: chain.index(drifting)]):
-            driven = [drifting]
-        odom, *self.unused = driven or drives or [""]
-        truth = "".join(truths[:1])
-        tree = chain[-1] if any(moves[:-1]) else ""
-        sources = {"truth": truth, "tf": tree, "odom": odom}
+        sources, further = self._sources()
         self.there = [name for name, found in sources.items() if found]
         name = self.there[0] if wanted == "auto" and self.there else wanted
         self.source = sources.get(name, "")
-        if self.source != odom:
-            self.unused = []
+        self._unused = further if self.source == sources["odom"] else []
         self._base, self.words = self._carrier()
 
-    def _own(self, contents: Contents) -> list[str]:
+    def _sources(self) -> tuple[dict[str, str], list[str]]:
+        """The topic or the frame of each source, "" if there is none, and further odometry."""
+        topics = [topic for topic in self._own() if len(self._tracks[topic]) > 1]
+        truths = [topic for topic in topics if "ground_truth" in topic]
+        drives = [topic for topic in topics if topic not in truths]
+        driven = [topic for topic in drives if self._children[topic]]
+        chain = self._frames.chain(self._stream.frame)
+        drifting = [frame for frame in chain if basename(frame) == DRIFTING]
+        odom, *further = driven or self._moving(drifting[:1]) or drives or [""]
+        tree = "".join(self._moving(chain[-1:]))
+        return {"truth": "".join(truths[:1]), "tf": tree, "odom": odom}, further
+
+    def _moving(self, frames: Sequence[str]) -> list[str]:
+        """Those of some frames above the laser in which it moves."""
+        chain = self._frames.chain(self._stream.frame)
+        moves = np.cumsum([0, *map(self._frames.moves, chain)])
+        return [frame for frame in frames if moves[chain.index(frame)]]
+
+    def _own(self) -> list[str]:
         """The topics of poses that may be this robot's, the likeliest first."""
-        frame = self._stream.frame
-        topic = self._stream.topic
         frames = self._frames
-        own = []
-        aims = ("goal", "initialpose")  # Words in the names of topics of poses where no robot is.
-        for name, child in contents.children.items():
-            spaces = dirname(child), dirname(frame)
-            there = dirname(name)
-            foreign = (
-                (all(spaces) and spaces[0] != spaces[1])
-                or (child in frames and frame in frames and not frames.carries(child, frame))
-                # Another robot's scans are beside it.
-                or (there in map(dirname, contents.scan_topics) and not topic.startswith(there))
-            )
-            if not foreign and not any(word in name for word in aims):
-                own.append(name)
+        frame = self._stream.frame
 
         def rank(name: str) -> tuple[bool, bool, int, bool, str]:
-            linked = frames.carries(contents.children[name], frame)
-            fused = "filtered" in name
-            near = len(commonpath([name, topic]))
-            usual = basename(name) == DRIFTING
-            return not linked, not fused, -near, not usual, name
+            linked = frames.carries(self._children[name], frame)
+            near = len(commonpath([name, self._stream.topic]))
+            return not linked, "filtered" not in name, -near, basename(name) != DRIFTING, name
 
+        own = (
+            name
+            for name, child in self._children.items()
+            if not self._is_foreign(name, child) and not any(word in name for word in AIMS)
+        )
         return sorted(own, key=rank)
+
+    def _is_foreign(self, topic: str, child: str) -> bool:
+        """Whether the poses of a topic are another robot's."""
+        frame = self._stream.frame
+        frames = self._frames
+        if dirname(child) and dirname(frame) and dirname(child) != dirname(frame):
+            return True
+        if child in frames and frame in frames and not frames.carries(child, frame):
+            return True
+        # Another robot's scans are beside it.
+        there = dirname(topic)
+        scanned = there in map(dirname, self._contents.scan_topics)
+        return scanned and not self._stream.topic.startswith(there)
 
     def _carrier(self) -> tuple[str, str]:
         """The frame that the source gives the poses of, and the source in words."""
@@ -292,12 +328,15 @@ class _Robot:
         child = self._children[source] or base
         if frames.carries(child, frame):
             return child, source
-        if base == frame:
-            return (
-                base,
-                f"{source}, with the laser in the middle of {child} for want of a transform",
-            )
-        return base, f"{source}, with {base} taken for {child}"
+        middle = f"the laser in the middle of {child} for want of a transform"
+        return base, f"{source}, with {middle if base == frame else f'{base} taken for {child}'}"
+
+    @property
+    def others(self) -> str:
+        """That there is more odometry than was used, in a sentence; "" if there is not."""
+        if not self._unused:
+            return ""
+        return f"odometry from {self.source}, not from {one_line(', '.join(self._unused), 90)}"
 
     @property
     def coarse(self) -> str:
@@ -305,10 +344,9 @@ class _Robot:
         track = self._tracks.get(self.source) or self._edges.get(self._base)
         if not self.source or not track:
             return ""
-        apart, scans = (usual_step(1e-9 * each.times(self.part)[0])
+        apart, scans = (usual_step(NANO * each.times(self.part)[0])
                         for each in (track, self._stream.track))  # fmt: skip
-        # Intervals [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
-        if not scans or apart < max(0.3, 3.0 * scans):
+        if not scans or apart < max(COARSE, COARSE_SCANS * scans):
             return ""
         return (
             f"poses of {self.words.partition(',')[0]} are {apart:.2g} s apart: interpolated for"
@@ -319,32 +357,36 @@ class _Robot:
         """What is wrong with the stamps of this robot's scans or poses; "" if nothing is."""
         if self.part.by_receipt:
             return ""
-        chain = self._frames.chain(self._stream.frame)
-        tracks = {f"/tf of {k}": track for k in chain if (track := self._edges.get(k))}
-        tracks |= {name: track for name, track in self._tracks.items() if name == self.source}
-        tracks = {name: track for name, track in tracks.items() if not track.is_static}
         own = self._stream.track
+        tracks = self._used_tracks()
         for name, track in {self._stream.topic: own, **tracks}.items():
             if track.is_frozen:
-                return f"the stamps of {name} are all {1e-9 * track.stamps[0, 0]:g} s"
-        # Clocks that differ by more than this [ns] are not the same: transforms are published up to
-        # a second ahead, and scans some tenths late.
-        clocks_apart = 2e9
+                return f"the stamps of {name} are all {NANO * track.stamps[0, 0]:g} s"
         for name, track in tracks.items():
             apart = 0.0 if track.stands else own.ahead() - track.ahead()
-            if abs(apart) > clocks_apart:
+            if abs(apart) > CLOCKS_APART:
                 way = "ahead of" if apart > 0 else "behind"
                 return (
-                    f"the stamps of {self._stream.topic} are {1e-9 * abs(apart):.3g} s {way} {name}"
+                    f"the stamps of {self._stream.topic} are {NANO * abs(apart):.3g} s {way} {name}"
                 )
         return ""
 
-    def has(self, stream: Stream) -> bool:
-        """Whether another stream is of a laser of this robot, whose poses are known, too."""
-        mine = self._frames.base(self._stream.frame)
-        return bool(self.source) and self._frames.carries(mine, stream.frame)
+    def _used_tracks(self) -> dict[str, FrameTrack]:
+        """The stamped poses that those of the laser are made of, by their names."""
+        chain = self._frames.chain(self._stream.frame)
+        tracks = {f"/tf of {frame}": self._edges[frame] for frame in chain if frame in self._edges}
+        if self.source in self._tracks:
+            tracks[self.source] = self._tracks[self.source]
+        return {name: track for name, track in tracks.items() if not track.is_static}
 
-    def placed(self, stream: Stream) -> list[LaserScan]:
+    def has(self, stream: ScanStream) -> bool:
+        """Whether a stream is this one, or of another laser of this robot whose poses are known."""
+        mine = self._frames.base(self._stream.frame)
+        return stream is self._stream or (
+            bool(self.source) and self._frames.carries(mine, stream.frame)
+        )
+
+    def placed(self, stream: ScanStream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
         intake = self._contents.intake
         frames = self._frames
@@ -385,13 +427,13 @@ class _Robot:
                 mount=Pose(*mounts[number].tolist()),
                 laser=stream.frame,
                 angles=scan.angles if upright[number] > 0.0 else -scan.angles,
-                time=1e-9 * times[number] if self.part.by_receipt else scan.time,
+                time=NANO * times[number] if self.part.by_receipt else scan.time,
             )
             scans.append(scan)
         return scans
 
 
-def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, Track]]:
+def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, FrameTrack]]:
     """The transforms of the namespaces that a topic is in, or of all if there are none of these."""
     spaces = sorted(contents.edges, key=len)
     own = [space for space in spaces if topic.startswith(f"{space}/")]

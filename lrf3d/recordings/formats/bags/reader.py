@@ -26,7 +26,7 @@ from pathlib import Path
 from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.base.interrupts import check
 from lrf3d.messages.ros import SCAN, TRANSFORMS
-from lrf3d.recordings.formats.bags.files import ZSTD, Topic, bag_files, packets, unpacked
+from lrf3d.recordings.formats.bags.files import ZSTD, BagTopic, bag_files, packets, unpacked
 from lrf3d.recordings.formats.bags.poses import (
     OLD_TRANSFORMS,
     SCANS,
@@ -36,6 +36,7 @@ from lrf3d.recordings.formats.bags.poses import (
 )
 from lrf3d.recordings.log import Intake, LaserLog
 
+# The type of point clouds, which are not read.
 CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
@@ -55,7 +56,7 @@ def load_bag(
     for name in (TRANSFORMS, OLD_TRANSFORMS):
         old.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     deserialized = {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
-    topics = set[Topic]()
+    topics = set[BagTopic]()
     for number, (topic, received, data) in enumerate(_wanted(intake, scan_topic, topics), 1):
         check()
         try:
@@ -69,26 +70,32 @@ def load_bag(
     scans = sorted(
         {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
     )
-    why = "".join(f"; {note}" for note in intake.notes)
-    if not scans:
-        there = ", ".join(sorted(f"{topic.name} ({topic.kind})" for topic in topics))
-        there = there and f"; there are {one_line(there, 300)}"
-        if any(topic.kind == CLOUD for topic in topics):
-            there += "; ROS's pointcloud_to_laserscan makes scans of point clouds"
-        raise InputError(f"{path}: no topic of {SCAN} in it{there}{why}")
-    if scan_topic not in (None, *scans):
-        raise InputError(f"{path}: no scans on {scan_topic}; there are {', '.join(scans)}")
-    if not contents.by_frame:
-        name = scan_topic or scans[0]
-        none = "that can be used" if intake.bad else "though the topic exists"
-        raise InputError(f"{path}: no scan on {name} {none}{intake.first_bad}{why}")
+    if scan_topic not in (None, *scans) or not contents.by_frame:
+        raise InputError(f"{path}: {_lacking(intake, topics, scans, scan_topic)}")
     contents.scan_topics = scans
     return log_of(contents, poses, part)
 
 
+def _lacking(
+    intake: Intake, topics: set[BagTopic], scans: list[str], scan_topic: str | None
+) -> str:
+    """Why there is no scan that can be used."""
+    why = "".join(f"; {note}" for note in intake.notes)
+    if scans and scan_topic not in (None, *scans):
+        return f"no scans on {scan_topic}; there are {', '.join(scans)}"
+    if scans:
+        used = "that can be used" if intake.bad else "though the topic exists"
+        return f"no scan on {scan_topic or scans[0]} {used}{intake.first_bad}{why}"
+    there = ", ".join(sorted(f"{topic.name} ({topic.kind})" for topic in topics))
+    there = there and f"; there are {one_line(there, 300)}"
+    if CLOUD in {topic.kind for topic in topics}:
+        there += "; ROS's pointcloud_to_laserscan makes scans of point clouds"
+    return f"no topic of {SCAN} in it{there}{why}"
+
+
 def _wanted(
-    intake: Intake, scan_topic: str | None, topics: set[Topic]
-) -> Iterator[tuple[Topic, int, bytes]]:
+    intake: Intake, scan_topic: str | None, topics: set[BagTopic]
+) -> Iterator[tuple[BagTopic, int, bytes]]:
     """The messages of the types that are read; scans of one topic alone, if it is given."""
     files = bag_files(intake.path)
     for file in files:

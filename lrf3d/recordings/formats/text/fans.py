@@ -6,6 +6,11 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, sealed
 
+# Beams that span more [rad] go round, by gaps of up to 18°; those that span more than the widest
+# fan [rad] have other units, since a fan is a turn and what rounding adds.
+WHOLE_TURN = 1.9 * np.pi
+WIDEST_FAN = 2.1 * np.pi
+
 # First and last bearings [degrees] of usual range finders, by the number of their beams.
 FANS = {
     180: (-90, 89), 181: (-90, 90), 270: (-135, 134), 271: (-135, 135), 360: (0, 359),

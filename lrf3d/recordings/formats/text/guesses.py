@@ -1,0 +1,287 @@
+"""Guesses: the ways to find what the columns of a text hold, if no format says so.
+
+The form of a text enters `layout_of`; the first guess of `GUESSES` that fits gives its layout. If
+none fits, the error shows a format to start from: nothing is read silently in a wrong way.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.base.errors import InputError, one_line
+from lrf3d.geometry.lines import Float
+from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
+from lrf3d.recordings.formats.text.dialects import Words
+from lrf3d.recordings.formats.text.fans import FANS
+from lrf3d.recordings.formats.text.form import Form
+from lrf3d.recordings.formats.text.layout import Layout
+from lrf3d.recordings.formats.text.words import SHORT, is_number, rises, values_of
+from lrf3d.recordings.log import Intake
+
+# Matches one of a series of columns: its name, its number, and a unit.
+SERIES = re.compile(
+    r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
+).fullmatch
+
+# Words that may stand before the number of ranges, and fewest ranges that a number counts.
+MOST_BEFORE_COUNT = 8
+FEWEST_COUNTED = 9
+
+# The columns of `ros2 topic echo --csv` of a LaserScan.
+ECHOED = {"stamp": 0, "nanosec": 1, "first": 3, "last": 4, "step": 5, "ranges": 10}
+
+# A turn [rad], [°], and the least and the largest width of bearings that go round, in turns.
+TURNS = (2.0 * np.pi, 360.0)
+LEAST_SWEEP = 0.3
+LARGEST_SWEEP = 1.01
+
+# Share of the readings of a sweep from which on its bearings jump back too often, and least share
+# of the others whose bearings go the same way.
+MOST_JUMPS = 0.1
+LEAST_ALIKE = 0.9
+
+# Different numbers that a column of readings has at least, and most that a quality, which is a
+# byte, may be.
+VARIED = 10
+LARGEST_QUALITY = 255
+
+# Largest heading [°] in a line without names: two turns.
+LARGEST_HEADING = 720.0
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """A way to find the columns of scans.
+
+    Args:
+        name: What the columns are found by, as notes say it.
+        what: How they are found, in a sentence.
+        find: The layout of a form; None if it is not so.
+    """
+
+    name: str
+    what: str
+    find: Callable[[Form], Layout | None]
+
+
+def layout_of(form: Form, intake: Intake) -> Layout:
+    """The layout of the first guess that fits; a note says what was found, and by what.
+
+    Raises:
+        InputError: No guess fits.
+    """
+    guesses = ((guess.name, guess.find(form)) for guess in GUESSES)
+    name, layout = next((found for found in guesses if found[1]), ("", None))
+    if layout is None:
+        raise InputError(f"{intake.path}: {_refusal(form)}")
+    kind = f"a line of at least {form.least} words" if form.least else ""
+    if kind := f"a line that begins with {form.word}" if form.word else kind:
+        intake.notes.append(f"a scan is {kind}: all others are left out")
+    columns = ", ".join(f"{role} {column + 1}" for role, column in layout.columns.items())
+    if layout.unused:
+        columns += f"; not used: {one_line(', '.join(layout.unused), 100)}"
+    intake.notes.append(f"columns found by {name}: {columns}; --format says otherwise")
+    return layout
+
+
+def _refusal(form: Form) -> str:
+    """Why nothing was found, and a format to start from."""
+    whole = form.length > SHORT
+    such = "stamp:us, x, y, theta, ranges:mm@25" if whole else "angles:deg@1, ranges:mm@2"
+    places = [k + 1 for k in range(min(form.length, SHORT)) if rises(form.sample, k)]
+    rising = f", number {', '.join(map(str, places))} rising as stamps do" if places else ""
+    return f"text of {form.length} columns{rising}; name them by --format, such as '{such}'"
+
+
+def by_names(form: Form) -> Layout:
+    """The columns that the names in a header give; there may be no ranges among them."""
+    layout = Layout()
+    series = dict[str, list[int]]()
+    for place, name in enumerate(form.header):
+        role, unit = meaning(name)
+        if numbered := SERIES(name):
+            base = "_".join(filter(None, numbered.group(1, 3)))
+            series.setdefault(base, []).append(place)
+        elif role and role not in layout.columns:
+            layout.name(role, place, unit)
+    known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
+    base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
+    if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):
+        _take_fan(layout, base, form.header[places[0] : places[-1] + 1], places[0])
+    elif "ranges" in layout.columns:
+        _take_one_name(layout, form)
+    return layout
+
+
+def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
+    """Enter a series of columns of ranges, whose names may end with their bearings."""
+    layout.name("ranges", begin, meaning(base)[1])
+    layout.beams = len(names)
+    bearings = np.array([float(found[2]) for found in map(SERIES, names) if found])
+    wide = np.ptp(bearings)
+    counts = bearings[0] in (0.0, 1.0) and wide == len(bearings) - 1
+    if not counts and wide <= TURNS[1]:
+        layout.bearings = bearings
+    # A single angle next to a whole scan is the heading of the robot.
+    if "angles" in layout.columns:
+        turn = layout.columns.pop("angles")
+        unit = layout.units.pop("angles", "")
+        layout.name("theta", layout.columns.get("theta", turn), unit)
+
+
+def _take_one_name(layout: Layout, form: Form) -> None:
+    """Enter ranges under one name: those of a whole scan, or a single one with its bearing."""
+    at = layout.columns["ranges"]
+    extra = form.length - len(form.header)
+    if extra > 0:
+        intense = form.header[at + 1 : at + 2] == ["intensities"]
+        layout.beams = (extra // 2 if intense else extra) + 1
+        layout.columns = {k: v + extra * (v > at) for k, v in layout.columns.items()}
+        return
+    if "x" not in layout.columns and "theta" in layout.columns:
+        layout.columns.setdefault("angles", layout.columns.pop("theta"))
+    layout.beams = 1
+
+
+def _by_header(form: Form) -> Layout | None:
+    layout = by_names(form)
+    if layout.beams is None or (layout.beams == 1 and "angles" not in layout.columns):
+        return None
+    layout.length = form.length if form.is_steady else None
+    if len(form.header) == form.length:
+        begin = layout.columns["ranges"]
+        used = {*layout.columns.values(), *range(begin, begin + layout.beams)}
+        layout.unused = [name for k, name in enumerate(form.header) if name and k not in used]
+    return layout
+
+
+def _by_count(form: Form) -> Layout | None:
+    sample = form.sample
+    for place in range(min(MOST_BEFORE_COUNT, min(map(len, sample)) - 1)):
+        if all(_counts(words, place) for words in sample):
+            rising = [k for k in range(place) if rises(sample, k)]
+            stamp = {"stamp": rising[0]} if rising else {}
+            return Layout({"ranges": place + 1} | stamp | _fan_before(sample[0], place))
+    return None
+
+
+def _counts(words: Words, place: int) -> bool:
+    """Whether a word is the number of those after it."""
+    rest = len(words) - place - 1
+    return rest >= FEWEST_COUNTED and is_number(words[place]) and float(words[place]) == rest
+
+
+def _fan_before(words: Words, count: int) -> dict[str, int]:
+    """The columns of the first bearing, the last one and the step, before the number of ranges."""
+    for place in range(count - 2):
+        for names in (("first", "step", "last"), ("first", "last", "step")):
+            columns = {name: place + k for k, name in enumerate(names)}
+            first, last, step = values_of(
+                words[columns[name]] for name in ("first", "last", "step")
+            )
+            end = first + step * (len(words) - count - 2)
+            # The step is below 0.1 rad.
+            if abs(end - last) < 2.0 * abs(step) < 0.2:
+                return columns
+    return {}
+
+
+def _by_echo(form: Form) -> Layout | None:
+    counts = []
+    for words in form.sample:
+        if len(words) < 12 or is_number(words[2]) or not all(map(is_number, words[3:10])):
+            return None
+        if CUT in words:
+            raise InputError(WHOLE)
+        first, last, step = map(float, words[3:6])
+        beams = round((last - first) / step) + 1 if step else 0
+        # Drivers send a beam more or fewer than they say, and an intensity for each or none.
+        values = len(words) - ECHOED["ranges"]
+        counts += [n for n in (values, values // 2) if abs(n - beams) <= 1][:1]
+    if not counts:
+        return None
+    length = form.length if form.is_steady else None
+    return Layout(dict(ECHOED), Counter(counts).most_common(1)[0][0], length)
+
+
+def _by_sweep(form: Form) -> Layout | None:
+    if not form.is_steady or not 2 <= form.length <= SHORT:
+        return None
+    rows = [words for words in form.sample if len(words) == form.length]
+    columns = [values_of(words) for words in zip(*rows, strict=True)]
+    varied = [k for k, column in enumerate(columns) if len({*column.tolist()}) > VARIED]
+    for place in filter(lambda k: _goes_round(columns[k]), range(form.length)):
+        if others := [k for k in varied if k != place]:
+            return Layout(_sweep(columns, place, others), 1, form.length)
+    return None
+
+
+def _goes_round(bearings: Float) -> bool:
+    """Whether numbers rise or fall, and jump back about a turn now and then."""
+    wide = np.ptp(bearings)
+    steps = np.diff(bearings)
+    back = np.abs(steps) > 0.5 * wide
+    turn = next((turn for turn in TURNS if wide <= LARGEST_SWEEP * turn), np.inf)
+    if not (wide > LEAST_SWEEP * turn and 1 <= back.sum() < MOST_JUMPS * len(steps)):
+        return False
+    return bool(max((steps[~back] > 0.0).mean(), (steps[~back] < 0.0).mean()) >= LEAST_ALIKE)
+
+
+def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[str, int]:
+    """The columns of a sweep: ranges are next to the bearings, stamps in front."""
+    after = place + 1 if place + 1 in others else others[0]
+    found = {"angles": place, "ranges": after}
+    if 0 in others and after != 0 and (np.diff(columns[0]) >= 0.0).all():
+        found["stamp"] = 0
+    left = [k for k in range(len(columns)) if k not in found.values() and columns[k].max() > 1.0]
+    if left and columns[left[-1]].max() <= LARGEST_QUALITY:
+        found["quality"] = left[-1]
+    return found
+
+
+def _by_length(form: Form) -> Layout | None:
+    stamp = ["stamp"] if rises(form.sample, 0) else []
+    for names in (stamp, [*stamp, "x", "y", "theta"]):
+        place = len(names)
+        if form.is_steady and form.length - place in FANS:
+            if names == stamp or _are_headings(form, place - 1):
+                columns = {name: k for k, name in enumerate([*names, "ranges"])}
+                return Layout(columns, None, form.length)
+    return None
+
+
+def _are_headings(form: Form, place: int) -> bool:
+    words = [words[place] for words in form.sample if len(words) == form.length]
+    return bool((np.abs(values_of(words)) <= LARGEST_HEADING).all())
+
+
+GUESSES = [
+    Guess(
+        "the header",
+        "Names say what columns hold; `range_0 … range_180` are a scan, and may be bearings.",
+        _by_header,
+    ),
+    Guess(
+        "a count",
+        "A number is that of the words after it, which are the ranges.",
+        _by_count,
+    ),
+    Guess(
+        "the layout of ros2 topic echo --csv",
+        "Stamp, frame, bearings and limits of a LaserScan come before its ranges.",
+        _by_echo,
+    ),
+    Guess(
+        "the bearings, which go round",
+        "A line is a reading: one column goes round, and the range is next to it.",
+        _by_sweep,
+    ),
+    Guess(
+        "the number of columns",
+        "As many ranges as a usual range finder has, after a stamp and a pose, if any.",
+        _by_length,
+    ),
+]

@@ -1,0 +1,70 @@
+"""Words of a line: which are numbers, which are names, and columns of them."""
+
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from lrf3d.base.errors import shown
+from lrf3d.geometry.lines import Float
+
+# Most words of a line that holds no whole scan.
+SHORT = 6
+
+# Matches what stands for a reading that is missing.
+MISSING = re.compile(r"null|none|n/?a|nil|-*", re.IGNORECASE).fullmatch
+
+
+def is_number(word: str) -> bool:
+    """Whether a word is a number, which NaN and infinities are."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def mostly_numbers(words: Sequence[str]) -> bool:
+    """Whether more than half of the words are numbers."""
+    return 2 * sum(map(is_number, words)) > len(words)
+
+
+def values_of(words: Iterable[str]) -> Float:
+    """Words as floats; what is not a number becomes NaN."""
+    return np.array([float(word) if is_number(word) else np.nan for word in words])
+
+
+def parsed(words: Sequence[str]) -> Float:
+    """Parse words as floats; placeholders of missing readings become NaN.
+
+    Raises:
+        ValueError: A word is something else.
+    """
+    with suppress(ValueError):
+        return np.array(words, dtype=np.float64)
+    values = ["nan" if MISSING(word.strip()) else word for word in words]
+    if wrong := next((word for word in values if not is_number(word)), ""):
+        raise ValueError(f"{shown(wrong)}, expected a number")
+    return np.array(values, dtype=np.float64)
+
+
+def named(words: Iterable[str]) -> list[str]:
+    """Words as names of columns: in lower case, an underscore before what a capital begins."""
+    return [re.sub("(?<=[a-z])(?=[A-Z])", "_", word.strip()).lower() for word in words]
+
+
+def are_names(words: Sequence[str]) -> bool:
+    """Whether words are names of columns; most of these may be numbers, such as bearings."""
+    first, *others = filter(None, words)
+    return not all(map(is_number, others)) or (
+        not is_number(first) and bool((np.diff(values_of(others)) > 0.0).all())
+    )
+
+
+def rises(rows: Sequence[Sequence[str]], place: int) -> bool:
+    """Whether the numbers of a column rise from row to row."""
+    words = [words[place] for words in rows if place < len(words)]
+    if len(words) < 3 or not all(map(is_number, words)):
+        return False
+    return bool((np.diff(values_of(words)) > 0.0).all())
