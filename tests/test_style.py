@@ -1,7 +1,5 @@
 """Each limit of the style can fail, and the package keeps all of them."""
 
-from pathlib import Path
-
 import pytest
 
 import style
@@ -59,8 +57,3 @@ def test_rooms_count_a_packed_assignment_by_its_targets(tmp_path):
     rows = [line.split() for line in style.rooms(tmp_path).splitlines()]
     assert ["room", "4", "statements", "1", "files"] in rows
     assert ["all", "5", "statements", "2", "files"] in rows
-
-
-def test_the_package_has_rooms_of_its_own():
-    rows = style.rooms(Path(style.__file__).parents[1] / "lrf3d").splitlines()
-    assert any(row.startswith("casting ") for row in rows)
