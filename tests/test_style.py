@@ -57,3 +57,10 @@ def test_rooms_count_a_packed_assignment_by_its_targets(tmp_path):
     rows = [line.split() for line in style.rooms(tmp_path).splitlines()]
     assert ["room", "4", "statements", "1", "files"] in rows
     assert ["all", "5", "statements", "2", "files"] in rows
+
+
+def test_sizes_are_written_into_the_table_of_a_guide():
+    guide = "| `casting/` | exact ranges | 2,896 |\n| loose files | names | 1 |\n| all | 3 |\n"
+    table = "loose files    309 statements    5 files\ncasting      2,885 statements   20 files"
+    changed = guide.replace("2,896", "2,885").replace("| 1 |", "| 309 |")
+    assert style.with_sizes(guide, table) == changed
