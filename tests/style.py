@@ -2,12 +2,14 @@
 
     scripts/style            prints what is over a limit as FILE:LINE: NAME: WHAT; the status is 1
     scripts/style --rooms    prints the sizes of the rooms of the package in statements and files
+    scripts/style --write    writes them into the table of CONTRIBUTING.md
 
 A limit may allow a number of exceptions, which only ever falls. A packed assignment, `a, b = 1, 2`,
 counts as many statements as it has targets, so that dense lines save nothing.
 """
 
 import ast
+import re
 import sys
 from argparse import ArgumentParser
 from collections import Counter, defaultdict
@@ -168,13 +170,28 @@ def rooms(package: Path) -> str:
     return "\n".join(f"{room:12}{size:7,} statements{files[room]:5} files" for room, size in rows)
 
 
+def with_sizes(text: str, table: str) -> str:
+    """A text whose table of rooms has the sizes of another table, that of :func:`rooms`."""
+    for row in table.splitlines():
+        room, size = row.split(" statements")[0].rsplit(maxsplit=1)
+        name = re.escape(room.strip())
+        text = re.sub(rf"(?m)^(\| `?{name}/?`? \|.*\| )[\d,]+ \|$", rf"\g<1>{size} |", text)
+    return text
+
+
 def main() -> int:
     """Print what is over a limit, or the rooms."""
     parser = ArgumentParser(prog="scripts/style", description=__doc__.splitlines()[0])
     parser.add_argument("--rooms", action="store_true", help="Print the rooms and their sizes.")
+    parser.add_argument("--write", action="store_true", help="Write them into CONTRIBUTING.md.")
     package = Path("lrf3d")
-    if parser.parse_args().rooms:
-        print(rooms(package))
+    asked = parser.parse_args()
+    if asked.rooms or asked.write:
+        table = rooms(package)
+        print(table)
+        if asked.write:
+            guide = Path("CONTRIBUTING.md")
+            guide.write_text(with_sizes(guide.read_text("utf-8"), table), "utf-8")
         return 0
     wrong = too_many(findings(package))
     for each in wrong:

@@ -1,7 +1,5 @@
 """Each limit of the style can fail, and the package keeps all of them."""
 
-from pathlib import Path
-
 import pytest
 
 import style
@@ -61,6 +59,8 @@ def test_rooms_count_a_packed_assignment_by_its_targets(tmp_path):
     assert ["all", "5", "statements", "2", "files"] in rows
 
 
-def test_the_package_has_rooms_of_its_own():
-    rows = style.rooms(Path(style.__file__).parents[1] / "lrf3d").splitlines()
-    assert any(row.startswith("casting ") for row in rows)
+def test_sizes_are_written_into_the_table_of_a_guide():
+    guide = "| `casting/` | exact ranges | 2,896 |\n| loose files | names | 1 |\n| all | 3 |\n"
+    table = "loose files    309 statements    5 files\ncasting      2,885 statements   20 files"
+    changed = guide.replace("2,896", "2,885").replace("| 1 |", "| 309 |")
+    assert style.with_sizes(guide, table) == changed
