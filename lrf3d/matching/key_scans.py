@@ -19,6 +19,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.surface import (
+    CELL,
     CONNECTED,
     CONNECTED_GROWTH,
     DEVIATIONS,
@@ -225,9 +226,9 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
 def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
     """Whether two poses (3,) are the same place."""
     x, y, turn = first - second
-    most_apart = 0.3  # Distance [m] up to which two poses are one place.
-    most_turned = 0.1  # And turn [rad].
-    near = np.hypot(x, y) < tolerance * most_apart
+    most_turned = 0.1  # Turn [rad] up to which two poses are one place.
+    # From a cell apart, matching finds the same walls.
+    near = np.hypot(x, y) < tolerance * CELL
     return bool(near and abs(wrap_angle(turn)) < tolerance * most_turned)
 
 

@@ -231,8 +231,8 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
 @inner
 def _reach(points: Records, i: int, side: int, away: float, step: float, noise: float) -> int:
     """The last point of a point's baseline on one side."""
-    # Half the baseline of a normal [m].
-    half_baseline = 0.15
+    # Half the baseline of a normal [m], which is as long as a cell.
+    half_baseline = 0.5 * CELL
     # Its growth per metre beyond `FAR_OFF`.
     baseline_growth = 0.06
     # Its least size in standard deviations of the range noise: adjacent points 2 cm apart would

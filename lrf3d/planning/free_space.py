@@ -228,7 +228,7 @@ class FreeSpace:
 
         So doors and narrow places are passed only to get behind them, and in their middle.
         """
-        near = np.maximum(2.0 / np.maximum(gaps, 1e-3), 1.0) ** 3
+        near = np.maximum(2.0 / np.maximum(gaps, MARGIN), 1.0) ** 3
         return np.where(gaps < self.radius + COMFORT, 4.0 * near, near)
 
     @cached_property
@@ -282,8 +282,10 @@ def find_free_space(
         begin = int(row), int(column)
         # A wall may be between them.
         if apart[begin] > ground.tree.query(start - ground.world.origin)[0]:
-            around = "around the start ({:g}, {:g})".format(*start)
-            raise InputError(f"{name}: no room {least:g} m off walls {around}")
+            x, y = start
+            raise InputError(
+                f"{name}: no room {least:g} m off walls around the start ({x:g}, {y:g})"
+            )
     allowed = free & ground.on_side(where, begin)
     if not allowed.any():
         place = f"place {where} the walls" if where else "place"

@@ -139,10 +139,8 @@ def find_route(
         moves = np.hypot(*np.diff(drive, axis=0).T)
         return float(moves[checker.hit(drive[:-1], drive[1:], fitting) >= 0].sum())
 
-    if speed is None:
-        trials = _ever_slower(INDOOR_SPEED if space.side == "inside" else SPEED, lookahead)
-    else:
-        trials = _ever_closer(speed, lookahead)
+    usual = INDOOR_SPEED if space.side == "inside" else SPEED
+    trials = _ever_more_careful(speed or usual, lookahead, slower=speed is None)
     pace, lookahead = _with_care(trials, touched)
     notes += missed_rooms(space, legs)
     return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, tuple(notes))
@@ -161,19 +159,18 @@ def _check(world: World, where: Side | None, *sizes: float | None) -> None:
     check_size(world)
 
 
-def _ever_closer(pace: float, lookahead: float) -> Iterator[tuple[float, float]]:
-    """A speed [m/s] with ever shorter look-aheads [m], which keep the robot closer to the route."""
+def _ever_more_careful(
+    pace: float, lookahead: float, *, slower: bool
+) -> Iterator[tuple[float, float]]:
+    """Speeds [m/s] and look-aheads [m]: ever shorter ones keep the robot closer to the route.
+
+    After these, the robot may also drive ever slower, with even shorter ones.
+    """
     yield pace, lookahead
     while lookahead > LEAST_LOOKAHEAD:
         lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
         yield pace, lookahead
-
-
-def _ever_slower(pace: float, lookahead: float) -> Iterator[tuple[float, float]]:
-    """The same, and then ever lower speeds with even shorter look-aheads."""
-    yield from _ever_closer(pace, lookahead)
-    lookahead = min(lookahead, LEAST_LOOKAHEAD)
-    while pace > LEAST_SPEED:
+    while slower and pace > LEAST_SPEED:
         pace *= 0.5
         lookahead *= 0.5
         yield pace, lookahead

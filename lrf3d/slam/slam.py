@@ -187,7 +187,6 @@ class Slam:
     def _add_to_graph(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or make it a vertex of the graph and close loops."""
         closer = self.closer
-        pose = self._robot
         apart = False
         if self._anchors:
             last = self._anchors[-1]
@@ -204,7 +203,7 @@ class Slam:
             drifted = last.drifted + closer.distance - last.driven
             closer.paths.link(last.key, len(self._key_scans), drifted, covariance)
         number = len(self._key_scans)
-        self.key_poses = np.vstack([self.key_poses, pose])
+        self.key_poses = np.vstack([self.key_poses, self._robot])
         self._key_scans.append(scans)
         closer.add_key(key, apart=apart)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
@@ -388,16 +387,20 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self.tracked)}"
             )
-        surfaces = map(self.converter.surface, scans)
-        keys = self.closer.keys
-        poses = refined(surfaces, self.trajectory(), keys, self.key_poses, self._anchored)
+        poses = refined(
+            map(self.converter.surface, scans),
+            self.trajectory(),
+            self.closer.keys,
+            self.key_poses,
+            self._anchored,
+        )
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
-        rate = self._front.mixed_pixels.rate
-        return self_check(self.closer.keys, self.key_poses, self.closer.driven, rate)
+        closer = self.closer
+        return self_check(closer.keys, self.key_poses, closer.driven, closer.mixed_pixels.rate)
 
 
 def _checked_increment(odometry: Sequence[float] | Float) -> Float:

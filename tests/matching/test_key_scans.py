@@ -22,7 +22,7 @@ def seen_by(ranges, points, angles=AHEAD):
     ).tolist()
 
 
-def test_what_the_other_saw_is_passed_hidden_out_of_view_or_hit():
+def test_points_are_passed_hidden_out_of_view_or_hit():
     points = np.array([[2.0, 0.0], [4.2, 0.0], [3.8, 0.3], [2.0, 30.0], [4.0, 0.1]])
     posts = np.pad(points, ((0, 0), (0, 2)))
     assert seen_by(np.full(11, 4.0), posts) == [[2, 1, 1, 0, 3]]
@@ -41,7 +41,7 @@ def test_a_wall_that_beams_run_along_is_out_of_view():
     assert seen_by(np.full(11, 9.0), [along, across, post]) == [[0, 2, 2]]
 
 
-def test_most_speaks_for_the_right_place_even_where_little_is_explained():
+def test_evidence_is_highest_at_the_right_place_even_where_little_is_explained():
     """Of trunks and bushes matching explains nothing."""
     rng = np.random.default_rng(0)
     trunks = rng.uniform([2.0, -6.0], [12.0, 6.0], (30, 2))
@@ -89,7 +89,7 @@ def test_far_points_are_those_of_an_obstacle_only_where_the_heading_is_known():
         assert np.array_equal(front._standing(points, expected), points[kept])
 
 
-def test_a_beam_past_the_back_sees_what_is_on_the_other_side_of_half_a_turn():
+def test_beams_that_cross_half_a_turn_see_points_on_its_other_side():
     # The laser looks back: its beams go from 115° over 180° to 230°.
     angle = -2.8
     place = 2.0 * np.array([[np.cos(angle), np.sin(angle), 0.0, 0.0]])
@@ -122,14 +122,14 @@ def test_mixed_pixels_are_counted_over_all_key_scans_and_double_what_beams_may_p
         (0.55, 0.19, 2.0, True), (0.2, 0.0, 0.5, False), (0.0, 2.0 * np.pi - 0.05, 1.0, True),
     ],
 )  # fmt: skip
-def test_a_place_is_the_same_if_it_is_near_and_looks_the_same_way(x, turn, tolerance, same):
+def test_poses_are_one_place_if_they_are_near_with_similar_headings(x, turn, tolerance, same):
     first = np.array([5.0, 3.0, 1.0])
     assert (
         key_scans.same_place(first, first + np.array([0.8 * x, -0.6 * x, turn]), tolerance) == same
     )
 
 
-def test_what_is_new_counts_a_tenth_of_what_beams_passed(monkeypatch):
+def test_new_points_count_a_tenth_of_passed_ones(monkeypatch):
     views = np.array([[HIT] * 4 + [PASSED] * 3 + [HIDDEN] * 3])
     monkeypatch.setattr(key_scans, "views_of", lambda *_: views)
     found = evidence(np.zeros(10, SURFACE), 0.5, np.zeros((1, 3)), None)

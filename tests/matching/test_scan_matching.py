@@ -69,7 +69,7 @@ def test_a_point_without_a_straight_neighbourhood_is_left_out():
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
-def test_the_noise_of_a_laser_is_seen_in_a_scan_and_walls_in_spite_of_it(sigma):
+def test_range_noise_is_estimated_from_a_scan_and_walls_are_found_despite_it(sigma):
     rng = np.random.default_rng(0)
     scan = PlanarCaster(ROOM).cast(LaserRangeFinder(beams=361), (3.0, 1.5, 0.0))
     noisy = LaserScan(scan.pose, scan.angles, scan.ranges + sigma * rng.normal(size=361))
@@ -82,7 +82,7 @@ def test_the_noise_of_a_laser_is_seen_in_a_scan_and_walls_in_spite_of_it(sigma):
     assert np.median(off) < max(0.3 * sigma, 1e-3)
 
 
-def test_of_few_beams_among_posts_the_noise_is_that_of_many():
+def test_range_noise_is_the_same_for_few_beams_among_posts_as_for_many():
     rng = np.random.default_rng(0)
     posts = [[x, y, x + 0.1, y + 0.1] for x in (0.7, 2.0, 4.3, 5.4) for y in (0.7, 1.9, 3.0)]
     scan = PlanarCaster(World([*ROOM.segments, *posts])).cast(
@@ -100,7 +100,7 @@ near = st.floats(-0.12, 0.12)
 
 @settings(max_examples=20, deadline=None)
 @given(near, near, st.floats(-0.06, 0.06), st.floats(-np.pi, np.pi))
-def test_a_scan_finds_back_to_where_it_was_taken(x, y, turn, heading):
+def test_matching_recovers_the_pose_of_a_scan(x, y, turn, heading):
     old = surface_at(ROOM, (3.0, 1.5, heading))
     true = np.array([0.1, -0.05, 0.02])
     new = surface_at(ROOM, compose(np.array([3.0, 1.5, heading]), true))
@@ -216,7 +216,7 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     assert count < 12 or found.explained > 0.05
 
 
-def test_one_point_is_all_that_it_explains_and_a_match_of_none_has_no_deviation():
+def test_a_match_of_one_point_explains_it_and_one_of_none_has_no_deviation():
     grid = grid_of(rows(np.array([[1.0, 0.0, -1.0, 0.0]])))
     for y, explained, deviation in ((0.0, 1.0, 0.0), (5.0, 0.0, np.inf)):
         point = np.array([[1.0, y, -1.0, 0.0]])

@@ -223,7 +223,7 @@ def test_rooms_without_a_door_are_named(tmp_path):
     assert find_route(furnished, radius=1e-3).notes == ()
 
 
-def test_rooms_are_told_apart_by_their_open_doors():
+def test_rooms_are_separated_at_their_open_doors():
     # A hall, and behind a narrow door two rooms with an open door between them.
     across = [[12, 0, 12, 3], [12, 3.5, 12, 8], [16, 0, 16, 3], [16, 4, 16, 8]]
     world = World(np.vstack([across, box(0, 0, 20, 8)]))
@@ -264,7 +264,7 @@ def test_walls_just_beyond_what_is_planned_in_keep_the_robot_away():
     assert ground.gaps[-1, 250] < 1.0
 
 
-def test_what_is_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path):
+def test_wide_doors_and_doors_to_the_outside_are_not_reported_as_narrow(tmp_path):
     assert find_route(house(0.98, 0.3), radius=0.35, lookahead=0.4).notes == ()
     save_world(house(1.2, 1.2), tmp_path / "map.yaml")
     assert find_route(load_world(tmp_path / "map.yaml"), lookahead=0.4).notes == ()
@@ -275,6 +275,8 @@ def test_no_walls_and_no_room_are_clear_errors():
         plan_route(World(np.empty((0, 4)), name="void"))
     with pytest.raises(InputError, match="radius nan"):
         plan_route(STREETS, radius=float("nan"))
+    with pytest.raises(InputError, match="radius 0"):
+        plan_route(STREETS, radius=0.0)
     with pytest.raises(InputError, match="away from all walls"):
         plan_route(room(9.0, 7.0), radius=60.0)
 

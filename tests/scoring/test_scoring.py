@@ -54,7 +54,7 @@ def truth(blocks):
         (box(-0.3, -0.3, 10.6, 5.6), [0, 5.1], [(-2.0, -2.0, 0.0)], 0.5),
     ],
 )
-def test_what_is_seen_counts_what_faces_the_drive_and_rooms_that_it_does_not_reach(
+def test_the_seen_share_counts_walls_that_face_the_drive_and_unreached_rooms(
     outer, rooms, drive, share
 ):
     walls = np.vstack([outer, *(box(x, 0, 4.9, 5) for x in rooms)])
@@ -83,7 +83,7 @@ def test_a_part_of_half_a_metre_does_not_count():
     assert walls.tolist() == [1]
 
 
-def test_what_a_mirror_shows_is_no_visible_part_of_a_wall():
+def test_images_in_mirrors_are_no_visible_parts_of_walls():
     walls = [[4, -3, 4, 3], [-2, -1, -2, 1], [-3, 2, 3, 2]]
     world = lrf3d.World(walls, range(3), materials=["mirror", "plaster", "plaster"])
     run = lrf3d.simulate(world, [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)], rng=0, caster="planar")

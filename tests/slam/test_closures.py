@@ -27,7 +27,7 @@ def driven(poses, jump):
     return closer
 
 
-def test_closures_that_most_others_contradict_are_taken_back_in_the_end():
+def test_closures_that_most_others_contradict_are_dropped_at_the_end():
     """The wrong ones came first, and agree with each other."""
     there = [np.array([float(x), 0.0, 0.0]) for x in range(10)]
     poses = np.array([*there, *(pose + np.array([0.0, 0.1, 0.0]) for pose in there)])
@@ -58,7 +58,7 @@ def test_closures_with_two_earlier_drives_past_a_place_agree():
 @pytest.mark.parametrize(
     ("agreeing", "against", "accepted"), [(2, 0, True), (1, 0, False), (3, 1, True), (2, 1, False)]
 )
-def test_a_closure_is_confirmed_by_places_that_alone_are_doubtful(agreeing, against, accepted):
+def test_a_closure_is_confirmed_by_doubtful_places(agreeing, against, accepted):
     there = [np.array([float(x), 0.0, 0.0]) for x in range(10)]
     poses = np.array([*there, *(pose + np.array([0.0, 0.1, 0.0]) for pose in there)])
     closer = driven(poses, 10)

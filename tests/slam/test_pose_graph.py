@@ -100,7 +100,7 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
     assert np.abs(between(true, found)[:, :2]).max() < 0.1
 
 
-def test_ten_closures_say_as_much_of_the_errors_of_matching_as_its_points(rng):
+def test_ten_closures_weigh_as_much_as_the_matched_points(rng):
     true = ring(12)
     closed = measured(true, [(k, k + 2) for k in range(10)], rng, robust=True)
     alone = variance_factor(true, closed[:0], 0.5)

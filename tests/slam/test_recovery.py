@@ -45,7 +45,7 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_few_beams_show_by_several_scans_that_wheels_count_the_wrong_way(seed):
+def test_few_beams_reveal_reversed_encoders_over_several_scans(seed):
     """Encoders without a direction report that a robot drives ahead that drives back."""
     lrf = lrf3d.LaserRangeFinder(beams=61, range_max=8.0)
     scans, wheels, true = drive(rooms(3), through(3), seed=seed, bias=0.0, lrf=lrf)
@@ -92,7 +92,7 @@ def slipping(wheels, count, rng):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_wheels_that_slip_between_scans_far_apart_ruin_nothing(seed):
+def test_slam_survives_wheels_that_slip_between_scans_far_apart(seed):
     """The slip turns what is left of the step; along the corridor only its turn shows that."""
     scans, wheels, true = drive(rooms(4), [*through(4), *through(4)[1:]])
     scans, wheels, true = scans[::6], wheels[::6], true[::6]
@@ -129,7 +129,7 @@ def alone(scans):
     return LaserLog("alone", scans, placed=False)
 
 
-def test_the_laser_alone_is_enough_and_says_where_it_is_least_sure(monkeypatch):
+def test_the_laser_alone_is_enough_and_reports_where_it_is_least_certain(monkeypatch):
     scans, _, true = drive(rooms(3), through(3), lrf=ROUND)
     solution = solve_log(alone(scans))
     assert errors(true, solution.poses).max() < 0.1
@@ -140,7 +140,7 @@ def test_the_laser_alone_is_enough_and_says_where_it_is_least_sure(monkeypatch):
 
 
 @pytest.mark.parametrize(("reach", "known"), [(3.0, False), (9.0, True)])
-def test_a_drive_out_of_sight_of_walls_by_rough_wheels_is_called_uncertain(reach, known):
+def test_a_drive_beyond_all_walls_by_rough_wheels_is_uncertain(reach, known):
     """No loop is closed, so that nothing contradicts a map that is bent at its start."""
     corners = [(0, 0), (20, 0), (20, 16), (0, 16), (0, 0)]
     walls = [[*one, *other] for one, other in pairwise(corners)]
@@ -154,7 +154,7 @@ def test_a_drive_out_of_sight_of_walls_by_rough_wheels_is_called_uncertain(reach
     assert ["the map may be bent" in said for said in solution.warnings] == [True] * (not known)
 
 
-def test_distances_that_the_laser_alone_does_not_see_are_named():
+def test_distances_that_the_laser_alone_does_not_see_are_reported():
     """It sees nothing but two walls for eight metres."""
     bare = lrf3d.World([[0, 0, 20, 0], [20, 0, 20, 2], [20, 2, 0, 2], [0, 2, 0, 0]])
     lrf = replace(ROUND, range_max=5.0)
@@ -170,7 +170,7 @@ def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_odometry_that_scans_contradict_ruins_nothing(seed):
+def test_slam_survives_odometry_that_scans_contradict(seed):
     """It is out and back within a line, and jumps, by less than a robot drives in a second."""
     scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)
     steps, rng = between(wheels[:-1], wheels[1:]), np.random.default_rng(seed)
@@ -185,7 +185,7 @@ def test_odometry_that_scans_contradict_ruins_nothing(seed):
     assert 6 <= figures_of(solution.recording)["odometry_jumps"] <= 10
 
 
-def test_what_bare_walls_do_not_show_is_not_left_to_odometry_that_they_contradict():
+def test_along_bare_walls_odometry_that_scans_contradict_is_not_used():
     """The recorded pose of one scan is off; beside bare walls a scan shows a part of that."""
     world = lrf3d.World([[0, 0, 40, 0], [0, 2, 40, 2], [40, 0, 40, 2], [0, 0, 0, 2]])
     scans, wheels, true = drive(world, [(5.0, 1.0), (35.0, 1.0)])
@@ -195,7 +195,7 @@ def test_what_bare_walls_do_not_show_is_not_left_to_odometry_that_they_contradic
     assert errors(true, solution.poses)[60:80].max() < 0.3
 
 
-def test_broken_revolutions_place_nothing():
+def test_broken_scans_are_not_searched_and_become_no_key_scans():
     """A few beams that are left of a scan fit in many places."""
     scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)
     for number in range(20, len(scans), 15):

@@ -146,7 +146,7 @@ def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_pat
 TWICE = [(1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4), (1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4)]
 
 
-def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
+def test_known_pairs_of_scans_close_loops_or_rule_them_out():
     scans, wheels, true = drive(ROOMS, TWICE, seed=8)
     log = recorded(scans, wheels)
     usual = solve_log(log)

@@ -21,7 +21,7 @@ def test_a_drive_is_mapped_without_true_poses(corridor):
     assert lrf3d.score_run(run).length_precision > 0.95
 
 
-def test_what_was_believed_is_kept_with_covariances_of_some_scans(corridor):
+def test_online_estimates_are_stored_with_covariances_of_some_scans(corridor):
     run, mapper = corridor
     estimate = run.estimate
     assert len(estimate) == len(run) and run.knows_truth

@@ -40,7 +40,7 @@ def test_no_closure_takes_one_room_for_another(identical_rooms):
         assert off @ closure.information @ off < 30.0
 
 
-def test_the_turn_that_wheels_of_unequal_size_add_is_found(identical_rooms):
+def test_the_turn_per_metre_of_unequal_wheels_is_estimated(identical_rooms):
     solution, _, _ = identical_rooms
     assert solution.slam.wheels.biases[1] == pytest.approx(-0.03, abs=0.006)
 
@@ -161,7 +161,7 @@ REFUSED_UPDATES = {
 
 
 @pytest.mark.parametrize("case", REFUSED_UPDATES)
-def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry(case):
+def test_updates_refuse_invalid_scans_and_odometry(case):
     scan, step, reason = REFUSED_UPDATES[case]
     slam = lrf3d.Slam(SCANNER if case == "another laser" else None)
     with pytest.raises(InputError, match=reason):
@@ -170,7 +170,7 @@ def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry(case):
 
 
 @pytest.mark.parametrize("wrong", [{"key_distance": 0.0}, {"laser_offset": "a"}])
-def test_settings_that_make_no_sense_are_refused(wrong):
+def test_invalid_settings_are_refused(wrong):
     with pytest.raises(InputError, match=r"expected finite numbers.*positive"):
         lrf3d.Slam(**wrong)
 

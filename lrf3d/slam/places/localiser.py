@@ -277,8 +277,7 @@ class Localiser:
         expect(scan, LaserScan, "scan")
         local = LocalLines.from_scan(unrolled(scan), self._range_noise)
         pose = self.estimate.pose
-        covariance = self.estimate.covariance
-        pairs = pair_lines(local, self.known, pose, covariance, self._seen)
+        pairs = pair_lines(local, self.known, pose, self.estimate.covariance, self._seen)
         self.comparisons = pairs.comparisons
         if self._strategy == "seen-objects-first":
             self._seen = pairs.objects

@@ -133,9 +133,8 @@ def follow_drive(run: Run, known: KnownLines, settings: FilterSettings, seed: in
         known, start, range_noise=ranges, odometry_noise=odometry, strategy=settings.strategy
     )
     steps = odometry(odometry_increments(poses), rng)
-    lasers = range(len(run.lasers))
     scans = (
-        [noise(run.true_scan(index, laser=laser), rng) for laser in lasers]
+        [noise(run.true_scan(index, laser=laser), rng) for laser in range(len(run.lasers))]
         for index in range(len(run))
     )
     return localise(localiser, scans, steps)

@@ -1,8 +1,9 @@
-"""Lines of a scan, lines of a known map, and which of them are pairs (end of section 3.1).
+"""Pairing: which lines of a scan and of a known map are the same (end of section 3.1).
 
-Two lines may be a pair by their innovation, the difference of both in the robot's frame: the known
-line is expected at the angle alpha − theta and at the distance p = n·(middle − position). Both are
-linear in the pose and independent of the world's origin.
+Lines of a scan, known lines and a predicted pose enter; pairs leave. The innovation of a pair is
+its difference in the robot's frame: the known line is expected at the angle alpha − theta and at
+the distance p = n·(middle − position). Both are linear in the pose and independent of the world's
+origin.
 """
 
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.matching.surface import DEVIATIONS
 from lrf3d.world import World
 
 STRATEGIES = ("seen-objects-first", "all")
@@ -50,11 +52,11 @@ class LocalLines(NamedTuple):
         A change of a line moves it sideways by t·δα − δp at the distance t along it from the foot
         of the robot's perpendicular, so the moments of its points are its information.
         """
-        # Least deviation of a range [m]: drawn walls are not straight to less, and covariances are
-        # to be inverted without noise, too.
+        # Least standard deviation of a range [m]: drawn walls are no straighter, and covariances
+        # must be invertible without noise as well.
         least_floor = 2.5e-4
         floor = max(noise.floor, least_floor)
-        gap = 2.5  # Gap between two points [m] that always parts two walls of a scan.
+        gap = 2.5  # Gap between two points [m] that always separates two walls of a scan.
         extract = LikelihoodExtractor(gap, 0.0, floor)
         found = extract.walls(scan, 0.0, RangeNoise(floor, noise.growth))
         segments = found.ends
@@ -66,7 +68,7 @@ class LocalLines(NamedTuple):
         mean = along_x * x + along_y * y
         turn = 1.0 / (along_x**2 * xx + 2.0 * along_x * along_y * xy + along_y**2 * yy)
         if scan.mount != CENTRE:
-            # A line that turns about the foot of the laser's perpendicular, and not of the robot's.
+            # The line turns about the foot of the laser's perpendicular, not of the robot's.
             segments = scan.mount.apply(segments.reshape(-1, 2)).reshape(-1, 4)
             lines = normal_lines(segments)
             aside = np.array([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
@@ -210,11 +212,11 @@ def pair_lines(
 def _misfits(
     local: LocalLines, known: KnownLines, pose: Pose, covariance: Float, rows: Int, known_rows: Int
 ) -> Float:
-    """How badly some local lines (m,) fit some known ones (n,); +inf where not at all: (m, n).
+    """Misfits (m, n) of local lines (m,) and known ones (n,); +inf where they cannot be a pair.
 
-    It is the squared Mahalanobis distance, and the squared excess of the local line: of collinear
-    walls the best is the one that the local line extends beyond least. The segments must overlap,
-    and the robot must be on the visible side of the known line.
+    A misfit is the squared Mahalanobis distance plus the squared excess of the local line: of
+    collinear walls the best is the one that the local line extends beyond least. The segments must
+    overlap, and the robot must be on the visible side of the known line.
     """
     pairs = innovation(local, known, pose, rows[:, None], known_rows)
     squares = pairs.squared_distance(covariance)
@@ -230,8 +232,7 @@ def _misfits(
     # Standard deviation of the end of a segment along its wall [m], in addition to the uncertainty
     # of the pose: about the distance between neighbouring returns.
     end_deviation = 0.1
-    slack = 3.0 * np.sqrt(variance) + end_deviation
-    # Three standard deviations of the pose, so that hardly any true pair is lost.
+    slack = DEVIATIONS * np.sqrt(variance) + end_deviation
     off = known.frames[0][known_rows] - [pose.x, pose.y]
     other = known.frames[1][known_rows]
     apart = np.abs(unit @ off.T - (unit * middle).sum(axis=1)[:, None])

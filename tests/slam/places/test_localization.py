@@ -81,7 +81,7 @@ def test_steps_lead_from_pose_to_pose(drive):
 
 
 @given(poses, st.tuples(*[st.floats(-0.05, 0.05)] * 3))
-def test_exact_lines_bring_the_pose_home(truth, off):
+def test_exact_lines_correct_the_pose(truth, off):
     normals = np.array([0.1, 1.4, -2.0])
     dx, dy, turn = off
     start = Pose(truth.x + dx, truth.y + dy, truth.theta + turn)
@@ -133,7 +133,7 @@ def test_a_world_a_thousand_kilometres_away_changes_nothing(run):
     assert np.array_equal(far.comparisons, near.comparisons)
 
 
-def test_the_pose_that_a_scan_brings_along_is_never_looked_at(run):
+def test_the_pose_stored_in_a_scan_is_never_used(run):
     moved = make_run(run.world, run.trajectory.poses[:5], run.lrf, sigma=0.04)
     scans = [replace(scan, pose=Pose(99.0, 99.0, 1.0)) for scan in moved.scans]
     assert np.array_equal(follow(moved, scans=scans).poses, follow(moved).poses)
@@ -149,7 +149,7 @@ def test_the_filter_is_consistent_over_many_seeds(run, known):
     assert score["mean_position_error_m"] < 0.02
 
 
-def test_ranges_without_noise_are_no_obstacle(run):
+def test_a_robot_is_localised_by_ranges_without_noise(run):
     quiet = make_run(run.world, run.trajectory.poses[:6], run.lrf)
     certain = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
     known = KnownLines.from_world(run.world)
@@ -175,7 +175,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("said", WRONG)
-def test_what_makes_no_sense_is_refused_in_one_line(said):
+def test_invalid_arguments_are_refused_in_one_line(said):
     with pytest.raises(InputError, match=said) as raised:
         WRONG[said]()
     assert "\n" not in str(raised.value)

@@ -77,7 +77,7 @@ def test_pairs_are_the_walls_that_beams_hit_and_seen_objects_take_a_third_of_the
 
 
 @given(angles, places, places, st.floats(1, 20), st.tuples(*[st.floats(-0.1, 0.1)] * 3))
-def test_an_innovation_is_what_the_pose_is_off(alpha, x, y, away, off):
+def test_an_innovation_is_the_error_of_the_pose(alpha, x, y, away, off):
     normal = np.array([np.cos(alpha), np.sin(alpha)])
     along = np.array([-normal[1], normal[0]])
     middle = np.array([x, y]) + away * normal + 0.3 * along
@@ -108,7 +108,7 @@ def test_a_known_lines_uncertainty_is_that_of_its_ends(deviation, along):
     assert found.noise[0] == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
-def test_the_two_faces_of_a_thin_wall_are_told_apart():
+def test_the_two_faces_of_a_thin_wall_are_distinguished():
     faces = [[5.0, -1, 5, 1], [5.02, 1, 5.02, -1]]
     known = KnownLines.from_map(LineMap(faces, [0, 1], [50, 50]))
     local = drawn_lines([5.01, -1, 5.01, 1])
@@ -125,7 +125,7 @@ def test_among_walls_on_one_line_the_one_alongside_is_the_pair():
     assert pair_lines(local, known, Pose(0.02, -0.1, 0.01), PRIOR, NONE).known.tolist() == [2]
 
 
-def test_nothing_pairs_with_nothing():
+def test_without_lines_there_are_no_pairs():
     nothing = drawn_lines()
     known = KnownLines.from_world(make_world(box(0, 0, 4, 4)))
     none_known = KnownLines.from_map(LineMap.empty())
@@ -136,6 +136,6 @@ def test_nothing_pairs_with_nothing():
 
 
 @pytest.mark.parametrize("values", [{"sigma": -1.0}, {"floor": np.inf}, {"range_max": np.nan}])
-def test_noise_that_makes_no_sense_is_refused(values):
+def test_invalid_noise_is_refused(values):
     with pytest.raises(InputError, match="range noise"):
         RangeNoise.from_sigma(**values)
