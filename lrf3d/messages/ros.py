@@ -20,19 +20,34 @@ from lrf3d.simulation.run import Run
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
 
-# The frames of the map and of the world, which are the same, and of the robot.
+# The frame of the map, which is that of the world.
 MAP = "map"
+
+# The frame of the world, in which odometry is.
 WORLD = "odom"
+
+# The frame of the robot.
 BASE = "base_link"
 
-# Types of messages that are written and read.
+# Type of the messages of scans.
 SCAN = "sensor_msgs/msg/LaserScan"
+
+# Type of the messages of odometry.
 ODOMETRY = "nav_msgs/msg/Odometry"
+
+# Type of the messages of transforms.
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 # The topic of constant transforms; a robot's namespace may come before it.
 STATIC_FRAMES = "/tf_static"
 
+# Width of the lines of the map [m]: to be seen from above a room.
+LINE_WIDTH = 0.1
+
+# Number of visualization_msgs/Marker for lines between pairs of points.
+LINE_LIST = 5
+
+# A message as a dict.
 Fields = dict[str, Any]
 
 
@@ -125,14 +140,12 @@ def occupancy_grid(world: World, finest: float, stamp: Stamp, path: Path) -> Fie
 def line_marker(segments: Float, objects: Int, stamp: Stamp) -> Fields:
     """Segments (n, 4) [m] of a map as lines in the colours of their objects (n,)."""
     tints = np.repeat(object_tints(objects), 2, axis=0).tolist()
-    line_width = 0.1  # Width of the lines of the map [m]: to be seen from above a room.
-    line_list = 5  # Number of visualization_msgs/Marker for lines between pairs of points.
     return {
         "header": header_fields(stamp, MAP),
         "ns": "map",
-        "type": line_list,
+        "type": LINE_LIST,
         "pose": {"orientation": turn(0.0)},
-        "scale": place(line_width, 0.0),
+        "scale": place(LINE_WIDTH, 0.0),
         "points": [place(x, y) for x, y in segments.reshape(-1, 2).tolist()],
         "colors": [{"r": r, "g": g, "b": b, "a": 1.0} for r, g, b in tints],
         "color": {"a": 1.0},

@@ -37,9 +37,13 @@ from lrf3d.recordings.log import (
 )
 from lrf3d.robot import Trajectory
 
-# Words that several messages have: the fan, the pose, and the end.
+# The words of a fan.
 _FAN = "type start fov step range_max accuracy mode n m "
+
+# The words of a pose.
 _POSE = "x y theta "
+
+# The words that messages end with.
 _END = "time host end"
 
 # The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
@@ -75,8 +79,10 @@ WORDS = re.compile(
     rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
 )
 
-# Unit of the bearings of a telegram [°], and the one that is ahead.
+# Unit of the bearings of a telegram [°].
 TELEGRAM_ANGLE = 1e-4
+
+# The bearing of a telegram that is ahead [°].
 TELEGRAM_AHEAD = 90
 
 # Least number of words of a message of Player.

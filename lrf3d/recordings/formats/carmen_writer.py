@@ -30,6 +30,15 @@ if TYPE_CHECKING:
 # The host name in messages.
 HOST = "lrf3d"
 
+# The numbers that messages of lasers may have.
+MOST_LASERS = 9
+
+# Share of a step by which the beams of a log may differ from an even fan: files round.
+UNEVEN = 1e-3
+
+# Largest difference [rad] of angles that count as equal.
+SAME = 1e-9
+
 
 def write_carmen(run: "Run", path: Path) -> None:
     """Write a run to a CARMEN log, completely or not at all."""
@@ -47,15 +56,12 @@ def write_log(log: LaserLog, path: Path) -> None:
     """
     if not log.placed:
         raise InputError(f"{log.name}: its scans have no poses, which a CARMEN log needs")
-    most_lasers = 9  # The numbers that messages may have.
-    if (lasers := len(log.lasers)) > most_lasers:
-        raise InputError(f"{log.name}: {lasers} lasers; a CARMEN log has {most_lasers} at most")
-    # Share of a step by which the beams of a log may stand beside an even fan: files round.
-    uneven = 1e-3
+    if (lasers := len(log.lasers)) > MOST_LASERS:
+        raise InputError(f"{log.name}: {lasers} lasers; a CARMEN log has {MOST_LASERS} at most")
     for number, scan in enumerate(log.scans, 1):
         steps = np.diff(scan.angles)
         mean = float(steps.mean()) if len(steps) else 0.0
-        if not mean > 0.0 or np.abs(steps - mean).max() > uneven * mean:
+        if not mean > 0.0 or np.abs(steps - mean).max() > UNEVEN * mean:
             raise InputError(
                 f"{log.name}: scan {number}: {len(scan.angles)} beams; a CARMEN log needs two or"
                 " more, evenly spaced and counter-clockwise"
@@ -139,6 +145,5 @@ def _scan_messages(
     )
     # FLASER and RLASER messages have a fan by the number of their beams.
     fan = even_angles(count, *front_fan(count)) if count > 1 else start + 1.0
-    same = 1e-9  # Largest difference [rad] of angles that count as equal.
-    if laser < 2 and (np.abs(scan.angles - fan) <= same).all():
+    if laser < 2 and (np.abs(scan.angles - fan) <= SAME).all():
         yield f"{'FR'[laser]}LASER {count} {ranges} {pose} {odometry} {end}"

@@ -108,9 +108,7 @@ def record(
                     # Columns are copied from the rows some megabytes at a time.
                     write_npz(path, arrays | {"origin": np.array(fingerprint)})
                 finally:
-                    # An error of closing would replace the one that ended the run.
-                    with suppress(OSError):
-                        journal.close()
+                    journal.close()
         # A program that was stopped may have left it even beside a finished run.
         journal_path.unlink(missing_ok=True)
         return load_run(path)
@@ -246,7 +244,9 @@ class Journal:
 
     def close(self) -> None:
         """Close the file, with all rows in it."""
-        self._file.close()
+        # An error of closing would replace the one that ended the run.
+        with suppress(OSError):
+            self._file.close()
 
     def _valid_rows(self) -> NDArray[Any]:
         if not (count := self.kept()):

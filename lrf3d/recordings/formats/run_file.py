@@ -54,8 +54,10 @@ _ALIGNED = 64
 # The time stamp of all members, the earliest of zip files, so that equal runs are equal files.
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
-# Sizes [bytes] of a zip member's field for large sizes, and of an empty field.
+# Size [bytes] of a zip member's field for large sizes.
 _LARGE_FIELD = 20
+
+# Size [bytes] of a zip member's empty field.
 _EMPTY_FIELD = 4
 
 # Exceptions of reading a damaged file.

@@ -61,8 +61,10 @@ MESSAGE_FIELDS = {
     "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split(), ""
 )
 
-# What stands for the elements that ``ros2 topic echo`` leaves out, and what to do.
+# What stands for the elements that ``ros2 topic echo`` leaves out.
 CUT = "..."
+
+# What to do then.
 WHOLE = "arrays are cut: ros2 topic echo --full-length prints them whole"
 
 # Words of columns that are not poses, though they have an x and a y, or that count.
@@ -85,10 +87,13 @@ SLOWEST = 5.0
 # Usual distance between two poses [m] from which on they are in millimetres.
 LONGEST_STEP = 3.0
 
-# Headings above this, and turns between scans above the next, are in degrees [rad]; but for a share
-# of turns, where headings go round.
+# Largest heading [rad], a turn and some more: larger ones may be in degrees, or go on.
 LARGEST_HEADING = 6.5
+
+# Largest usual turn from scan to scan [rad]: larger ones show degrees.
 LARGEST_TURN = 0.35
+
+# Share of turns that must be larger: a heading that jumps by a turn does so seldom.
 LEAST_TURNS = 0.05
 
 # Numbers that encoders with registers of 16 bits count.

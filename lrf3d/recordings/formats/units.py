@@ -2,13 +2,23 @@
 
 import numpy as np
 
-# The prefixes of units.
+# A millimetre [m], a millisecond [s].
 MILLI = 1e-3
+
+# A microsecond [s].
 MICRO = 1e-6
+
+# A nanosecond [s].
 NANO = 1e-9
 
-# Units by what they measure; the first one is that of lrf3d.
+# Units of times; the first one of each kind is that of lrf3d.
 TIMES = {"s": 1.0, "ms": MILLI, "us": MICRO, "ns": NANO}
+
+# Units of lengths.
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": MILLI}
+
+# Units of angles.
 ANGLES = {"rad": 1.0, "deg": np.pi / 180}
+
+# Numbers have no unit.
 COUNTS = {"": 1.0}

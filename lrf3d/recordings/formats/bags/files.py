@@ -35,10 +35,16 @@ BLOCK = 1 << 16
 # Endings of the files of bags; the last one is that of ROS 1.
 FILES = (".mcap", ".db3", ".bag")
 
-# What files begin with; the last one is that of packed files and messages.
+# What a file of MCAP begins and ends with.
 MCAP = b"\x89MCAP0\r\n"
+
+# What a database of SQLite begins with.
 SQLITE = b"SQLite format 3\0"
+
+# What a bag of ROS 1 begins with.
 OLD = b"#ROSBAG V2.0\n"
+
+# What packed files and messages begin with.
 ZSTD = b"(\xb5/\xfd"
 
 
@@ -183,11 +189,19 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 yield topics[number], received, data
 
 
-# Kinds of records of MCAP that are read, and the one after the last of the data.
+# Kind of the records of MCAP with the name of a type of messages.
 SCHEMA = 3
+
+# Kind of those with a topic.
 CHANNEL = 4
+
+# Kind of those with a message.
 MESSAGE = 5
+
+# Kind of those with packed records.
 CHUNK = 6
+
+# Kind of the one after the last of the data.
 DATA_END = 15
 
 
@@ -222,9 +236,13 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
     return data[place + 4 : end].decode("utf-8", "replace"), end
 
 
-# Kinds of records of ROS 1 that are read.
+# Kind of the records of ROS 1 with a message.
 OLD_MESSAGE = 2
+
+# Kind of those with packed records.
 OLD_CHUNK = 5
+
+# Kind of those with a topic.
 OLD_CONNECTION = 7
 
 

@@ -21,8 +21,10 @@ BACK = 1_000_000_000
 # How far the size of a quaternion may be from 1: mounts are typed as 0.7 0.7.
 UNEVEN = 0.02
 
-# Poses are unknown in a gap that is longer than this [ns], and than the usual interval by a factor.
+# Poses are unknown in a gap that is longer than this [ns].
 GAP = BACK
+
+# And that many times as long as the usual interval.
 GAPS = 5
 
 

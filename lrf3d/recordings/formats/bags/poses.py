@@ -38,9 +38,10 @@ MOST_PARTS = 20
 # Words in the names of topics of poses where no robot is.
 AIMS = ("goal", "initialpose")
 
-# Interval [s] from which on odometry is coarse, as a robot turns by ten degrees meanwhile, if it is
-# also longer than the interval of scans by a factor.
+# Interval [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
 COARSE = 0.3
+
+# And that many times the interval of scans.
 COARSE_SCANS = 3.0
 
 # Clocks that differ by more than this [ns] are not the same: transforms are published up to a

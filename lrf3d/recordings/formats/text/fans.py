@@ -6,9 +6,10 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, sealed
 
-# Beams that span more [rad] go round, by gaps of up to 18°; those that span more than the widest
-# fan [rad] have other units, since a fan is a turn and what rounding adds.
+# Beams that span more than this [rad] go round.
 WHOLE_TURN = 1.9 * np.pi
+
+# Widest fan [rad], a turn and what rounding adds; what is wider has other units.
 WIDEST_FAN = 2.1 * np.pi
 
 # First and last bearings [degrees] of usual range finders, by the number of their beams.

@@ -20,8 +20,10 @@ from lrf3d.recordings.formats.text.words import (
 )
 from lrf3d.recordings.log import Intake
 
-# Lines that show what the others are like; of lines with few words, more are needed.
+# Lines that show what the others are like.
 SAMPLE = 60
+
+# More of them, where lines have few words.
 LARGE_SAMPLE = 4000
 
 # Share of the lines that a kind of lines needs, if it is known by its length alone.

@@ -26,26 +26,34 @@ SERIES = re.compile(
     r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
 ).fullmatch
 
-# Words that may stand before the number of ranges, and fewest ranges that a number counts.
+# Words that may stand before the number of ranges.
 MOST_BEFORE_COUNT = 8
+
+# Fewest ranges that a number counts.
 FEWEST_COUNTED = 9
 
 # The columns of `ros2 topic echo --csv` of a LaserScan.
 ECHOED = {"stamp": 0, "nanosec": 1, "first": 3, "last": 4, "step": 5, "ranges": 10}
 
-# A turn [rad], [°], and the least and the largest width of bearings that go round, in turns.
+# A turn in the units that bearings may have, rad and degrees.
 TURNS = (2.0 * np.pi, 360.0)
+
+# Least width of bearings that go round, in turns.
 LEAST_SWEEP = 0.3
+
+# Their largest width, in turns: a turn and what rounding adds.
 LARGEST_SWEEP = 1.01
 
-# Share of the readings of a sweep from which on its bearings jump back too often, and least share
-# of the others whose bearings go the same way.
+# Share of the readings from which on bearings jump back too often for a sweep.
 MOST_JUMPS = 0.1
+
+# Least share of the other readings whose bearings go the same way.
 LEAST_ALIKE = 0.9
 
-# Different numbers that a column of readings has at least, and most that a quality, which is a
-# byte, may be.
+# A column of readings has more different numbers than this.
 VARIED = 10
+
+# Largest quality of a reading, which is a byte.
 LARGEST_QUALITY = 255
 
 # Largest heading [°] in a line without names: two turns.

@@ -15,10 +15,14 @@ CLOCK = re.compile(
     r"(?: ?Z| ?UTC|[-+]\d\d:?\d\d)?"
 )
 
-# Lengths of a day, an hour and a minute [s].
-DAY = 86400
-HOUR = 3600
+# Length of a minute [s].
 MINUTE = 60
+
+# Length of an hour [s].
+HOUR = 60 * MINUTE
+
+# Length of a day [s].
+DAY = 24 * HOUR
 
 
 def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
