@@ -143,7 +143,8 @@ def draw_world(
     world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
     places = [world.segments.reshape(-1, 2), legs, robots[:, :2]]
-    places += [each.reshape(-1, 2) for each in plan.left.values()] if plan is not None else []
+    if plan is not None:
+        places.append(np.concatenate([np.empty((0, 4)), *plan.left.values()]).reshape(-1, 2))
     figure, (ax,) = metre_sheet(places, 1, world.name or "world", words)
     plot.world(world, ax, poses=robots, linewidth=WALL_WIDTH)
     if plan is not None:
