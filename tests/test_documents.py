@@ -12,9 +12,10 @@ from snippets import PAGES, PARTS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.apps.cli.commands import COMMANDS
+from lrf3d.simulation.tables import TABLES, keys_of_table
 from lrf3d.world import Material
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES, settings
+from lrf3d.world.schema import OBJECT, OBSTACLE
 
 README = PAGES[0]
 LONG = {
@@ -88,7 +89,7 @@ def test_every_picture_of_the_readme_is_there():
 
 def test_every_key_of_a_world_file_is_documented():
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
-    keys = {key for table in (*map(settings, TABLES), OBJECT, OBSTACLE) for key in table}
+    keys = {key for table in (*map(keys_of_table, TABLES), OBJECT, OBSTACLE) for key in table}
     keys |= {field.name for kind in (FixedCamera, Material) for field in fields(kind)}
     assert [key for key in sorted(keys) if f"`{key}`" not in text] == []
 

@@ -22,7 +22,7 @@ PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
 # Others may be entered by their endings. Installed packages enter theirs by entry points of the
 # group ``lrf3d.world.readers``, whose names are endings.
 READERS: dict[str, tuple[str | Callable[..., Any], int]] = {
-    ".toml": ("lrf3d.world.toml_file:read_toml", 1 << 28),
+    ".toml": ("lrf3d.simulation.tables:read_toml", 1 << 28),
     **dict.fromkeys((".geojson", ".json"), ("lrf3d.world.towns.geojson:read_geojson", 1 << 28)),
     ".osm": ("lrf3d.world.towns.osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("lrf3d.world.ros_map:read_ros_map", 1 << 16)),

@@ -1,8 +1,8 @@
 """World files in TOML: what a person writes, checked; errors name the key that is wrong.
 
-A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the film, of which :mod:`lrf3d.simulation.scenario` makes a scenario.
-A world is written as text that is read again to the last bit.
+A path enters, with the converters of the tables of settings, which belong to what they describe; a
+:class:`WorldFile` leaves: the walls, and the tables, of which :mod:`lrf3d.simulation.scenario`
+makes a scenario. A world is written as text that is read again to the last bit.
 """
 
 import json
@@ -26,19 +26,6 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, runs_of, walls, world_of_parts
-
-# The keys and the tables of a world file, in the order in which they are checked.
-KEYS: Mapping[str, schema.Converter] = {
-    "name": schema.text(),
-    "place": schema.row("longitude", "latitude"),
-    "object": schema.tables(schema.table(schema.OBJECT)),
-    **{name: schema.checked(name) for name in schema.TABLES},
-    "laser": schema.tables(schema.checked("laser"), alone=True),
-    "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
-    "camera": schema.tables(schema.made(FixedCamera)),
-    "material": schema.tables(schema.made(Material)),
-    "free": lambda found, key: FreeCells.from_dict(found, key),
-}
 
 
 @dataclass(frozen=True)
@@ -70,33 +57,47 @@ class WorldFile:
         return schema.at(f"{self.path}: {key}")
 
 
-def read_toml(path: Path) -> World:
-    """The walls of a world file."""
-    return read_world_file(path).world
+def keys_of_file(settings: Mapping[str, schema.Converter]) -> dict[str, schema.Converter]:
+    """The keys and the tables of a world file, in the order in which they are checked."""
+    return {
+        "name": schema.text(),
+        "place": schema.row("longitude", "latitude"),
+        "object": schema.tables(schema.table(schema.OBJECT)),
+        **settings,
+        "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
+        "camera": schema.tables(schema.made(FixedCamera)),
+        "material": schema.tables(schema.made(Material)),
+        "free": lambda found, key: FreeCells.from_dict(found, key),
+    }
 
 
-def read_world_file(path: Path) -> WorldFile:
-    """Read a world file; errors name it and the key."""
+def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> WorldFile:
+    """Read a world file, with the converters of its settings; errors name the file and the key."""
     with reading(), schema.at(str(path)):
-        content = read_text(path)
-        try:
-            # The time and memory for a key of many parts grow with their square.
-            if re.search(r"(?m)(?:^|[{,])[\s\[]*(?:[\w\"'-]+\s*\.\s*){100}", content):
-                raise RecursionError
-            data = tomllib.loads(content)
-        except RecursionError:
-            raise InputError("nested too deeply for a world file") from None
-        except ValueError as error:
-            raise InputError(f"not TOML: {error}") from None
-        check_names(str(path), data, KEYS)
-        values = {key: KEYS[key](data[key], key) for key in KEYS if key in data}
+        data = _parsed(read_text(path))
+        keys = keys_of_file(settings)
+        check_names(str(path), data, keys)
+        values = {key: keys[key](data[key], key) for key in keys if key in data}
         obstacles = values.get("obstacle", [])
         for place, obstacle in enumerate(obstacles):
             if "radius" in obstacle and "points" in obstacle:
                 raise InputError(f"obstacle[{place}]: expected a radius or points, found both")
         lasers = tuple(values.pop("laser", ()))
-        settings = {key: values[key] for key in schema.TABLES if key in values}
-        return WorldFile(_world(values, path), settings, tuple(obstacles), path, lasers)
+        tables = {key: values[key] for key in settings if key in values}
+        return WorldFile(_world(values, path), tables, tuple(obstacles), path, lasers)
+
+
+def _parsed(content: str) -> dict[str, Any]:
+    """The values of a TOML file."""
+    try:
+        # The time and memory for a key of many parts grow with their square.
+        if re.search(r"(?m)(?:^|[{,])[\s\[]*(?:[\w\"'-]+\s*\.\s*){100}", content):
+            raise RecursionError
+        return tomllib.loads(content)
+    except RecursionError:
+        raise InputError("nested too deeply for a world file") from None
+    except ValueError as error:
+        raise InputError(f"not TOML: {error}") from None
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:

@@ -18,7 +18,7 @@ from lrf3d.mapping.mapper import MODES
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario, scenario_of
-from lrf3d.world.schema import read_settings
+from lrf3d.simulation.tables import read_settings
 from lrf3d.world.toml_file import WorldFile
 
 # The settings that have an option of their own.
