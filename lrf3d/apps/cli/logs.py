@@ -15,6 +15,7 @@ from lrf3d.apps.cli.folder import Drawing, ResultsFolder, results_folder
 from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.base.errors import InputError
 from lrf3d.base.files import make_folder
+from lrf3d.base.formats import by_name
 from lrf3d.base.interrupts import Progress
 from lrf3d.base.text import counted
 from lrf3d.geometry.pose import Pose, compose
@@ -24,7 +25,6 @@ from lrf3d.recordings import LaserLog, load_run, save_run
 from lrf3d.recordings.degrade import degrade_log
 from lrf3d.recordings.formats.carmen_writer import write_log
 from lrf3d.recordings.formats.trajectory import load_relations, save_tum
-from lrf3d.recordings.reading import CARMEN_ENDINGS
 from lrf3d.scoring import score_log, score_trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
@@ -200,8 +200,9 @@ def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, repor
 def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
     """Make a log worse on purpose, and write it."""
     out: Path = args.out
-    if not out.name.lower().endswith(CARMEN_ENDINGS):
-        raise InputError(f"--out {out}: expected a name that ends in {', '.join(CARMEN_ENDINGS)}")
+    written = by_name("log", "CARMEN").endings
+    if not out.name.lower().endswith(written):
+        raise InputError(f"--out {out}: expected a name that ends in {', '.join(written)}")
     if out.exists() and out.samefile(args.log):
         raise InputError(f"--out {out}: is the log itself; choose another name")
     changes = {name: vars(args)[name] for name in ("drop", "noise", "every", "beams_every")}

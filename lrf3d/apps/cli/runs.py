@@ -9,9 +9,10 @@ from typing import Any
 
 from lrf3d.apps.cli.console import Report, say, warn
 from lrf3d.apps.cli.inputs import refuse, routed
-from lrf3d.apps.export import EXPORTERS, export_run
+from lrf3d.apps.export import export_run
 from lrf3d.base.errors import InputError, MissingLibraryError
 from lrf3d.base.files import make_folder, replacing
+from lrf3d.base.formats import by_name
 from lrf3d.base.text import counted
 from lrf3d.recordings import load_run
 from lrf3d.simulation.run import Run
@@ -178,7 +179,7 @@ def ros(scenario: Scenario, args: Namespace, report: Report) -> int | None:
 
 def export(run: Run, args: Namespace, report: Report) -> None:
     """Write a run for another program."""
-    path = _output(args, EXPORTERS[args.to])
+    path = _output(args, f"run{by_name('export', args.to).endings[0] or '_bag'}")
     export_run(run, args.to, path, every=args.every)
     files = [path] if path.is_file() else sorted(path.iterdir())
     scans = len(range(0, len(run), args.every))
