@@ -12,7 +12,9 @@ from snippets import PAGES, PARTS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.apps.cli.commands import COMMANDS
+from lrf3d.base.formats import FORMATS, by_name, endings
 from lrf3d.simulation.tables import TABLES, keys_of_table
+from lrf3d.studio.render import encode
 from lrf3d.world import Material
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.schema import OBJECT, OBSTACLE
@@ -52,6 +54,31 @@ def workshop(shared, monkeypatch):
 
     monkeypatch.setattr(lrf3d, "render_video", small)
     return shared
+
+
+def format_row(row):
+    """A format as a row of the table in docs/formats.md."""
+    names = [f"`{ending}`" for ending in row.endings if ending]
+    written = "" if not row.write else names[0] if names else "a folder"
+    if row.kind == "export":
+        written = f"{written}, `--to {row.name}`"
+    kind = row.kind if row.kind == "export" else f"{row.kind} {row.name}".strip()
+    options = ", ".join(f"`{option}`" for option in row.options)
+    extra = f"`{row.extra}`" if row.extra else ""
+    read = "yes" if row.read else ""
+    return f"| {' '.join(names) or 'any'} | {kind} | {read} | {written} | {options} | {extra} |"
+
+
+def test_the_table_of_formats_has_a_row_for_each():
+    page = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
+    rows = [format_row(row) for row in FORMATS if row.kind != "other"]
+    assert "\n".join(rows) in page
+
+
+def test_help_pages_and_films_know_the_endings_of_the_table():
+    assert set(endings("film")) == set(encode.FORMATS)
+    for names in (endings("film"), endings("world", written=True), by_name("log", "bag").endings):
+        assert any(all(name in text for name in names) for text in COMMANDS.values()), names
 
 
 @pytest.mark.parametrize(
