@@ -122,15 +122,10 @@ class World(Value, Pictured):
             raise WorldError(f"{len(names)} names for {count} objects: expected one for each")
         filmed = _items(cameras, FixedCamera, "cameras")
         check_unique("cameras", [camera.name for camera in filmed])
-        point = None
-        if place is not None:
-            if not (isinstance(place, list | tuple) and len(place) == 2 and is_finite(*place)):
-                raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
-            point = float(place[0]), float(place[1])
         made_of = _items(() if materials is None else materials, str | Material | None, "materials")
         [called] = _items([name], str, "name")
         [cells] = _items([free], FreeCells | None, "free")
-        looks = (called, names, shades, filmed, point, cells, checked(made_of, count))
+        looks = (called, names, shades, filmed, _place(place), cells, checked(made_of, count))
         values = (rows, owned, tops, *looks)
         for each, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, each.name, value)
@@ -211,6 +206,15 @@ def _check(good: Any, row: str, what: str, values: Float, expected: str) -> None
     if not good.all():
         place = int(np.argmin(good))
         raise WorldError(f"{row} {place}: {what} {values[place].tolist()}, expected {expected}")
+
+
+def _place(place: Any) -> tuple[float, float] | None:
+    """A longitude and latitude from outside, or None."""
+    if place is None:
+        return None
+    if not (isinstance(place, list | tuple) and len(place) == 2 and is_finite(*place)):
+        raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
+    return float(place[0]), float(place[1])
 
 
 def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:

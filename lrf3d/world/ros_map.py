@@ -54,6 +54,24 @@ KEYS: Mapping[str, Converter] = {
 
 def read_ros_map(path: Path) -> World:
     """Read the occupied cells of a ROS map as walls."""
+    data = _described(path)
+    texts = ("image", "mode")
+    values: dict[str, Any] = {
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+        "negate": 0,
+        "mode": "trinary",
+    }
+    for key in filter(KEYS.__contains__, data):
+        values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
+    picture = _picture_of(path, values["image"])
+    if values["free_thresh"] > values["occupied_thresh"]:
+        raise WorldError("free_thresh is above occupied_thresh")
+    return _world(path, picture, values)
+
+
+def _described(path: Path) -> dict[str, Any]:
+    """The description of a map, whose keys stand in it once."""
     import yaml
 
     loader = yaml.BaseLoader(read_text(path))
@@ -73,20 +91,18 @@ def read_ros_map(path: Path) -> World:
         if (first := lines.setdefault(name, line)) != line:
             twice = f"the key {shown(name)} stands in line {first}, too; remove one"
             raise WorldError(f"line {line}: {twice}")
-    texts = ("image", "mode")
-    usual = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
-    values: dict[str, Any] = {**usual}
-    for key in filter(KEYS.__contains__, data):
-        values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
-    name = re.split(r"[/\\]", values["image"])[-1]
-    if name != values["image"].removeprefix("./") or not name.strip("."):
-        elsewhere = f"image is {shown(values['image'])}"
+    return data
+
+
+def _picture_of(path: Path, image: str) -> Path:
+    """The picture of a description at a path, next to which it is."""
+    name = re.split(r"[/\\]", image)[-1]
+    if name != image.removeprefix("./") or not name.strip("."):
+        elsewhere = f"image is {shown(image)}"
         if not (path.parent / name).is_file():
             raise WorldError(f"{elsewhere}; put the picture next to this file and name it so")
         warnings.warn(f"{path}: {elsewhere}; {name} next to it is read", Lrf3dWarning, 4)
-    if values["free_thresh"] > values["occupied_thresh"]:
-        raise WorldError("free_thresh is above occupied_thresh")
-    return _world(path, path.parent / name, values)
+    return path.parent / name
 
 
 def _plain(value: Any) -> Any:

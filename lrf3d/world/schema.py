@@ -49,8 +49,8 @@ def text(*choices: str) -> Converter:
 def parse_colour(value: Any) -> tuple[float, float, float] | None:
     """Red, green, blue in 0…1 of a colour from a file, or None if it is invalid."""
     if isinstance(value, str) and re.fullmatch(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})", value):
-        digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
-        value = [int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4)]
+        digits = value[1:] if len(value) == 7 else re.sub("(.)", r"\1\1", value[1:])
+        value = [part / 255 for part in bytes.fromhex(digits)]
     if not isinstance(value, list) or len(value) != 3:
         return None
     red, green, blue = value

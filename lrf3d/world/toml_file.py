@@ -61,7 +61,7 @@ def keys_of_file(settings: Mapping[str, schema.Converter]) -> dict[str, schema.C
     """The keys and the tables of a world file, in the order in which they are checked."""
     return {
         "name": schema.text(),
-        "place": schema.row("longitude", "latitude"),
+        "place": _place,
         "object": schema.tables(schema.table(schema.OBJECT)),
         **settings,
         "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
@@ -69,6 +69,11 @@ def keys_of_file(settings: Mapping[str, schema.Converter]) -> dict[str, schema.C
         "material": schema.tables(schema.made(Material)),
         "free": lambda found, key: FreeCells.from_dict(found, key),
     }
+
+
+def _place(found: Any, key: str) -> tuple[float, ...]:
+    """A longitude and latitude [°]."""
+    return tuple(schema.row("longitude", "latitude")(found, key).tolist())
 
 
 def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> WorldFile:
@@ -112,14 +117,10 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         if looks and number in known:
             word = next(iter(looks))
             raise InputError(f"{key}.{word}: stands with another object of the same number")
-        segments = _segments(each, key)
-        height = each.get("height", DEFAULT_HEIGHT)
-        if isinstance(height, tuple) and len(height) != len(segments):
-            found = f"{len(height)} heights for {len(segments)} walls"
-            raise InputError(f"{key}.height: {found}, expected one for each")
+        walled = _walled(each, key)
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")
-        parts.append(Part(number, segments, np.array(height), **looks))
+        parts.append(Part(number, *walled, **looks))
         known.add(number)
     if not any(len(part.segments) for part in parts):
         raise InputError("object: expected at least one table [[object]] with points")
@@ -127,9 +128,19 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         parts,
         values.get("name", own_name(path)),
         cameras=values.get("camera", ()),
-        place=tuple(values["place"].tolist()) if "place" in values else None,
+        place=values.get("place"),
         free=values.get("free"),
     )
+
+
+def _walled(values: Mapping[str, Any], key: str) -> tuple[Float, Float]:
+    """The walls (n, 4) of an object, and their height [m], or one for each."""
+    segments = _segments(values, key)
+    height = values.get("height", DEFAULT_HEIGHT)
+    if isinstance(height, tuple) and len(height) != len(segments):
+        found = f"{len(height)} heights for {len(segments)} walls"
+        raise InputError(f"{key}.height: {found}, expected one for each")
+    return segments, np.array(height)
 
 
 def _segments(values: Mapping[str, Any], key: str) -> Float:
@@ -160,15 +171,7 @@ def write_toml(world: World, path: Path) -> None:
         described.add(number)
         if "material" in looks:
             looks["material"] = looks["material"].name
-        outline: dict[str, Any] = {"lines": []}
-        if lines:
-            # A ring needs no point twice.
-            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in lines)
-            lines = [line[:-1] for line in lines] if closed else lines
-            outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
-            outline |= {"closed": True} if closed else {}
-            outline["height"] = height
-        blocks.append(_table("[[object]]", {"number": number, **looks, **outline}))
+        blocks.append(_table("[[object]]", {"number": number, **looks, **_outline(lines, height)}))
     used = dict.fromkeys(material for material in world.materials if material is not None)
     own = [material for material in used if BUILT_IN.get(material.name) != material]
     blocks += [_table("[[material]]", material.as_dict()) for material in own]
@@ -176,6 +179,17 @@ def write_toml(world: World, path: Path) -> None:
     if world.free is not None:
         blocks.append(_table("[free]", world.free.as_dict()))
     write_text(path, "\n".join(blocks))
+
+
+def _outline(lines: list[Any], height: Any) -> dict[str, Any]:
+    """The keys of the lines and the heights of an object."""
+    if not lines:
+        return {"lines": []}
+    # A ring needs no point twice.
+    closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in lines)
+    lines = [line[:-1] for line in lines] if closed else lines
+    outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
+    return outline | ({"closed": True} if closed else {}) | {"height": height}
 
 
 def _table(head: str, values: Mapping[str, Any]) -> str:

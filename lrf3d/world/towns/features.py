@@ -85,9 +85,11 @@ class Feature:
     flat: bool = False
     """Whether it is a road, water or land, on which nothing stands."""
 
-    def of_kind(self, kind: str) -> list[Any]:
-        """Its ``Polygon`` or ``LineString`` shapes."""
-        return [shape for shape in self.shapes if shape.geom_type == kind]
+    @property
+    def lines(self) -> Float:
+        """The walls (n, 4) along its lines."""
+        lines = [each for each in self.shapes if each.geom_type == "LineString"]
+        return np.concatenate([np.empty((0, 4)), *(walls(np.array(each.coords)) for each in lines)])
 
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""
@@ -97,9 +99,14 @@ class Feature:
         return Part(number, segments, np.array(height), self.name, self.colour, self.material)
 
 
+def shapes_of(features: Sequence[Feature]) -> list[Any]:
+    """The shapes of all features."""
+    return [shape for feature in features for shape in feature.shapes]
+
+
 def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[Feature]:
     """Features with all their points (k, 2) moved."""
-    shapes = np.array([shape for feature in features for shape in feature.shapes], dtype=object)
+    shapes = np.array(shapes_of(features), dtype=object)
     rest = iter(shapely.transform(shapes, move))
     return [replace(f, shapes=tuple(islice(rest, len(f.shapes)))) for f in features]
 
@@ -147,11 +154,16 @@ def _shapes(geometry: Any) -> Iterator[Any]:
     # A collection may hold several polygons in one.
     for part in shapely.get_parts(shapely.get_parts([whole])):
         if part.geom_type in ("LineString", "Polygon") and not part.is_empty:
-            if part.geom_type == "Polygon" and not encloses(part):
-                raise WorldError(f"{kind}: lies on one line and encloses nothing")
-            if not part.length > 0.0:
-                raise WorldError(f"{kind} of no length: expected two different points")
+            _check_shape(part, kind)
             yield shapely.remove_repeated_points(part)
+
+
+def _check_shape(part: Any, kind: str) -> None:
+    """Check that a polygon encloses something, and that a line has a length."""
+    if part.geom_type == "Polygon" and not encloses(part):
+        raise WorldError(f"{kind}: lies on one line and encloses nothing")
+    if not part.length > 0.0:
+        raise WorldError(f"{kind} of no length: expected two different points")
 
 
 def encloses(polygon: Any) -> bool:
@@ -206,7 +218,7 @@ def metres_of(text: str) -> float | None:
 
 def looks_geographic(features: Sequence[Feature]) -> bool:
     """Whether the coordinates of features are in degrees and not in metres."""
-    shapes = [shape for feature in features for shape in feature.shapes]
+    shapes = shapes_of(features)
     points = shapely.get_coordinates(shapes)
     boxes = shapely.bounds(shapes)
     if (np.abs(points) > [180.0, 90.0]).any():
@@ -219,7 +231,7 @@ def looks_geographic(features: Sequence[Feature]) -> bool:
 
 def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
     """Features in degrees laid flat around their middle (2,) [°], and their largest extent [°]."""
-    points = shapely.get_coordinates([shape for feature in features for shape in feature.shapes])
+    points = shapely.get_coordinates(shapes_of(features))
     local = _from(points, points[0])
     low = local.min(axis=0)
     high = local.max(axis=0)
@@ -255,12 +267,13 @@ def world_of_features(
     """
     parts = list(_blocks(features))
     numbered = not parts and all(feature.number is not None for feature in features)
+    following = parts[-1].number + 1 if parts else 0
     for feature in features:
-        lines = [walls(np.array(line.coords)) for line in feature.of_kind("LineString")]
-        if lines or numbered:
-            number = feature.number if numbered else parts[-1].number + 1 if parts else 0
-            segments = np.concatenate([np.empty((0, 4)), *lines])
-            parts.append(feature.part(number or 0, segments, DEFAULT_HEIGHT))
+        segments = feature.lines
+        if len(segments) or numbered:
+            number: Any = feature.number if numbered else following
+            parts.append(feature.part(number, segments, DEFAULT_HEIGHT))
+            following = number + 1
     if not any(len(part.segments) for part in parts):
         raise WorldError("the footprints are too small to leave a wall")
     return world_of_parts(parts, name, place=place)
@@ -272,7 +285,8 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     Outer rings are counter-clockwise and courtyards clockwise; after them comes a part without
     walls for the looks of each footprint.
     """
-    owned = [(feature, polygon) for feature in features for polygon in feature.of_kind("Polygon")]
+    shapes = [(feature, shape) for feature in features for shape in feature.shapes]
+    owned = [each for each in shapes if each[1].geom_type == "Polygon"]
     if not owned:
         return
     polygons = np.array([polygon for _, polygon in owned])
@@ -296,16 +310,9 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
             gaps, nearest = map(np.asarray, source.query(points))
             exact = np.where((gaps <= 0.002)[:, None], corners[nearest], points + origin)
             once = (exact != np.roll(exact, 1, axis=0)).any(axis=1)
-            exact = exact[once]
-            points = points[once]
-            if len(points) < 3:
-                continue
-            ring = shapely.linearrings(points)
-            # A hole of less than a square metre is a gap between footprints and no courtyard.
-            if shapely.area(shapely.polygons(ring)) > (1.0 if index else 0.0):
-                turn = 1 if shapely.is_ccw(ring) == (index == 0) else -1
-                tops = _heights(points[::turn], local[members], tall[members])
-                rings.append(Part(number, walls(exact[::turn], closed=True), tops))
+            if turn := _turn_of(points[once], is_hole=index > 0):
+                tops = _heights(points[once][::turn], local[members], tall[members])
+                rings.append(Part(number, walls(exact[once][::turn], closed=True), tops))
         if rings:
             yield from rings
             yield from (alone[each]._replace(number=number) for each in members.tolist())
@@ -326,6 +333,17 @@ def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
             line = shapely.simplify(shapely.linestrings(from_corner(ring)), STRAIGHT)
             corners = shapely.get_coordinates(line) @ [1.0, 1.0j]
             yield index, ring[:-1][np.isin(ring[:-1] @ [1.0, 1.0j], corners)]
+
+
+def _turn_of(points: Float, is_hole: bool) -> int:
+    """1 or, if it has to be reversed, −1 for a ring (k, 2) that becomes walls, and 0 for others."""
+    if len(points) < 3:
+        return 0
+    ring = shapely.linearrings(points)
+    # A hole of less than a square metre is a gap between footprints and no courtyard.
+    if shapely.area(shapely.polygons(ring)) <= (1.0 if is_hole else 0.0):
+        return 0
+    return -1 if shapely.is_ccw(ring) == is_hole else 1
 
 
 def _heights(ring: Float, polygons: Any, heights: Float) -> Float:
