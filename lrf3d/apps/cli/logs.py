@@ -1,8 +1,9 @@
 """``lrf3d map``, ``slam`` and ``localise``: logs with known poses, with odometry, and on a map."""
 
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from math import radians
 from pathlib import Path
 from time import perf_counter
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.apps.cli.console import Report, warn
+from lrf3d.apps.cli.console import Console, warn
 from lrf3d.apps.cli.folder import Drawing, ResultsFolder, results_folder
 from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.base.errors import InputError
@@ -37,11 +38,11 @@ from lrf3d.slam.solution import SolvedLog
 from lrf3d.world import World
 
 
-def map_(log: LaserLog, args: Namespace, report: Report) -> None:
+def map_(log: LaserLog, args: Namespace, console: Console) -> None:
     """Map a log whose poses are known, and test the map."""
     settings = {"mode": args.mode or "robust", "sigma": args.sigma}
     log = punctual(log)
-    with report.progress("scans") as progress:
+    with console.progress("scans") as progress:
         progress, milliseconds = timed(progress)
         run = map_scans(log, **settings, all_scans=args.all, progress=progress)
     tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
@@ -66,22 +67,23 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
         if score.explained < least_explained:
             warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
-    output = results_folder(report, [args.log], run.world.name, args.out)
+    output = results_folder(console, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run)
     following = f"lrf3d run {output.path}/map.geojson"
     files = {"map": "map.geojson"}
     output.finish(summary, files, drawings, rows=rows, following=following, kept=kept)
 
 
-def slam(log: LaserLog, args: Namespace, report: Report) -> None:
+def slam(log: LaserLog, args: Namespace, console: Console) -> None:
     """Find poses and map of a log from odometry and scans."""
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
     on = None if args.on is None else load_run(args.on)
-    pairs = [[(min(pair), max(pair)) for pair in given or ()] for given in (args.close, args.not_)]
-    with report.progress("scans") as progress:
+    close = _pairs(args.close)
+    apart = _pairs(args.not_)
+    with console.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(log, on=on, close=pairs[0], apart=pairs[1], progress=progress, **chosen)
+        solved = solve_log(log, on=on, close=close, apart=apart, progress=progress, **chosen)
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
@@ -91,24 +93,12 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     if (both := solved.joined) is not None:
         keys = np.concatenate([both.keys, len(both.run) + keys])
 
-    def draw(picture: Path) -> None:
-        from lrf3d.studio.figures.figures import Pass, draw_check
-
-        title = f"{log.name}: where the map contradicts itself"
-        shown, poses = solved.key_scans
-        surfaces = (moved(key.surface, pose) for key, pose in zip(shown, poses, strict=True))
-        points = [np.column_stack([surface["x"], surface["y"]]) for surface in surfaces]
-        scans = np.array([key.scan for key in shown])
-        check = solved.check
-        stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, LATER)
-        draw_check(stretch, poses, solved.refused, title, picture)
-
-    output = results_folder(report, [args.log], run.world.name, args.out)
+    output = results_folder(console, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
     save_tum(solved.log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
     if solved.tried:
-        drawings["check picture"] = "check.png", draw
+        drawings["check picture"] = "check.png", partial(_draw_check, solved)
     output.finish(
         summary,
         {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
@@ -119,25 +109,44 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     )
 
 
-def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
+def _pairs(given: Iterable[tuple[int, int]] | None) -> list[tuple[int, int]]:
+    """Pairs of scans, the earlier one first."""
+    return [(min(pair), max(pair)) for pair in given or ()]
+
+
+def _draw_check(solved: SolvedLog, picture: Path) -> None:
+    """Draw the place where the map of a log contradicts itself, as each pass saw it."""
+    from lrf3d.studio.figures.figures import Pass, draw_check
+
+    title = f"{solved.log.name}: where the map contradicts itself"
+    shown, poses = solved.key_scans
+    surfaces = (moved(key.surface, pose) for key, pose in zip(shown, poses, strict=True))
+    points = [np.column_stack([surface["x"], surface["y"]]) for surface in surfaces]
+    scans = np.array([key.scan for key in shown])
+    check = solved.check
+    stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, LATER)
+    draw_check(stretch, poses, solved.refused, title, picture)
+
+
+def localise(source: Scenario | MapAndLog, args: Namespace, console: Console) -> None:
     """Localise a recorded drive on a known map; or simulated ones, and score that."""
     if isinstance(source, tuple):
-        return _localise_recorded(*source, args, report)
-    scenario = routed(source, args, report)
+        return _localise_recorded(*source, args, console)
+    scenario = routed(source, args, console)
     sigma = scenario.sigmas[0] if args.sigma is None else args.sigma
     odometry = OdometryNoise(args.position, radians(args.heading))
-    with report.progress("first run") as progress:
+    with console.progress("first run") as progress:
         run = scenario.run(
             mode="robust", sigma=sigma, rng=0, snapshots=1, on_collision=on_collision(args),
             progress=progress,
         )  # fmt: skip
-    with report.progress("seeds") as progress:
+    with console.progress("seeds") as progress:
         score = score_localisation(
             run, sigma, odometry, known=args.known, strategy=args.strategy, seeds=args.seeds,
             workers=args.workers, progress=progress,
         )  # fmt: skip
     noise = {"position_m": args.position, "heading_deg": args.heading}
-    report.print(
+    console.print(
         {"name": scenario.name, "sigma_m": sigma, "odometry_noise": noise, **score},
         [
             ("known", f"{score['lines']} lines: the {args.known} of {scenario.name}"),
@@ -149,8 +158,10 @@ def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> N
     )  # fmt: skip
 
 
-def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
-    with report.progress("scans") as progress:
+def _localise_recorded(
+    known: Run | World, log: LaserLog, args: Namespace, console: Console
+) -> None:
+    with console.progress("scans") as progress:
         progress, milliseconds = timed(progress)
         found = localise_log(known, log, progress=progress)
     if not found.stretches:
@@ -177,7 +188,9 @@ def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, repor
         draw_map(line_map, picture, points=np.concatenate(points), poses=drawn,
                  world=true, title=f"{found.log.name} on {world.name or 'the map'}")  # fmt: skip
 
-    output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
+    output = results_folder(
+        console, [args.world, args.log], f"{found.log.name}_localised", args.out
+    )
     save_tum(times, poses, output.path / "trajectory.tum")
     rows = [*log_rows(log), ("map", f"{args.world}, {counted(len(world.segments), 'wall')}")]
     for each in found.stretches:
@@ -197,7 +210,7 @@ def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, repor
     )
 
 
-def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
+def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     """Make a log worse on purpose, and write it."""
     out: Path = args.out
     written = by_name("log", "CARMEN").endings
@@ -227,7 +240,7 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
         "scans": len(worse), "returns": there,
         "returns_lost": lost,
     }  # fmt: skip
-    report.print(figures, rows)
+    console.print(figures, rows)
 
 
 def timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:

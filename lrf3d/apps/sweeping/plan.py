@@ -1,4 +1,4 @@
-"""Plan: all runs of a sweep, with keys and seeds that are derived from their contents."""
+"""The plan of a sweep: all its runs, with keys and seeds that are derived from their contents."""
 
 import inspect
 import json
@@ -54,7 +54,7 @@ class PlannedRun(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """All runs of a sweep in the order of its table, and the values of what is varied by column."""
 
     runs: tuple[PlannedRun, ...]
@@ -76,7 +76,7 @@ def make_plan(
     *,
     routed: Callable[[Scenario], Scenario] = Scenario.with_route,
     collision: Callable[[str], None] | None = None,
-) -> Plan:
+) -> SweepPlan:
     """Plan the runs of every combination of worlds, settings of world files, mappers and seeds.
 
     The other arguments are those of `sweep`. Each drive is computed once, on a route that is
@@ -109,11 +109,8 @@ def make_plan(
             known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
             known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
             bare = replace(scenario, mapper={})
-            for label, mapper in mappers.items():
-                if isinstance(mapper, str | dict):
-                    own = {"mode": mapper} if isinstance(mapper, str) else mapper
-                    mapper = {**scenario.mapper, **own}
-                    line_mapper(scenario.noise, **mapper)  # An invalid threshold is found here.
+            for label, given in mappers.items():
+                mapper = _mapper_of(scenario, given)
                 # The repr of a noise contains its class as well as its numbers.
                 identity = digest((repr(scenario.noise), _identity(mapper)))
                 named: Row = {"world": scenario.name, "mapper": label, **known}
@@ -126,7 +123,16 @@ def make_plan(
                     columns = {**named, "seed": seed, "noise_seed": noise_seed}
                     runs.append(PlannedRun(key, columns, bare, drive, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
-    return Plan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
+    return SweepPlan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
+
+
+def _mapper_of(scenario: Scenario, mapper: Any) -> Any:
+    """The settings of a LineMapper in a scenario, checked; or a user's own mapper as it is."""
+    if not isinstance(mapper, str | dict):
+        return mapper
+    settings = {**scenario.mapper, **({"mode": mapper} if isinstance(mapper, str) else mapper)}
+    line_mapper(scenario.noise, **settings)
+    return settings
 
 
 def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seeds: int) -> None:
