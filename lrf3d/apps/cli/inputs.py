@@ -226,15 +226,19 @@ def _imported(module_name: str, place: str) -> Any:
             raise ModuleNotFoundError(name=plain)
         found: Any = import_module(plain)
     except ModuleNotFoundError as error:
-        if error.name != plain and not plain.startswith(f"{error.name}."):
+        if not f"{plain}.".startswith(f"{error.name}."):
             raise
-        as_file = file.suffix == ".py" and not module_name.isidentifier()
-        what = "such file" if as_file else f"module {module_name!r}"
-        installed = "" if as_file else " or installed"
-        raise InputError(f"{place}: no {what} in {Path.cwd()}{installed}") from None
+        raise InputError(f"{place}: {_not_found(module_name)}") from None
     if is_file and Path(found.__file__ or "").resolve() != file.resolve():
         raise InputError(f"{place}: another module is called {plain}; rename the file")
     return found
+
+
+def _not_found(module: str) -> str:
+    """The message on a module, or a ``.py`` file, that is not there."""
+    if module.endswith(".py"):
+        return f"no such file in {Path.cwd()}"
+    return f"no module {module!r} in {Path.cwd()} or installed"
 
 
 def _is_module_name(name: str) -> bool:

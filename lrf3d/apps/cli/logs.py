@@ -70,8 +70,9 @@ def map_(log: LaserLog, args: Namespace, console: Console) -> None:
     output = results_folder(console, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run)
     following = f"lrf3d run {output.path}/map.geojson"
-    files = {"map": "map.geojson"}
-    output.finish(summary, files, drawings, rows=rows, following=following, kept=kept)
+    output.finish(
+        summary, {"map": "map.geojson"}, drawings, rows=rows, following=following, kept=kept
+    )
 
 
 def slam(log: LaserLog, args: Namespace, console: Console) -> None:
@@ -79,11 +80,16 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
     on = None if args.on is None else load_run(args.on)
-    close = _pairs(args.close)
-    apart = _pairs(args.not_)
     with console.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(log, on=on, close=close, apart=apart, progress=progress, **chosen)
+        solved = solve_log(
+            log,
+            on=on,
+            close=_pairs(args.close),
+            apart=_pairs(args.not_),
+            progress=progress,
+            **chosen,
+        )
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
@@ -161,6 +167,7 @@ def localise(source: Scenario | MapAndLog, args: Namespace, console: Console) ->
 def _localise_recorded(
     known: Run | World, log: LaserLog, args: Namespace, console: Console
 ) -> None:
+    """Localise a recorded drive on a known map."""
     with console.progress("scans") as progress:
         progress, milliseconds = timed(progress)
         found = localise_log(known, log, progress=progress)
@@ -198,8 +205,7 @@ def _localise_recorded(
         rows.append(("carried" if each.carried else "found", (
             f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
             f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
-    count = len(found.poses)
-    rows.append(("scans", f"{len(chosen):,} of {count:,} placed on the map"))
+    rows.append(("scans", f"{len(chosen):,} of {len(found.poses):,} placed on the map"))
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
     output.finish(
         {**found.summary(), "milliseconds_a_scan": milliseconds()},

@@ -125,17 +125,14 @@ def _map_files(
 def _pictures(
     run: Run, scenario: Scenario, args: Namespace, console: Console
 ) -> dict[str, Drawing]:
+    """The picture of the world of a run, and its film."""
     shown = drawn_part(run)
-    route = scenario.route
-    poses = scenario.poses
-    pictures: dict[str, Drawing] = {
-        "world picture": (
-            "world.png",
-            lambda path: draw_world(
-                shown.world, path, scan=shown.scan(0), route=route, poses=poses
-            ),
-        )
-    }
+
+    def draw(path: Path) -> None:
+        scan = shown.scan(0)
+        draw_world(shown.world, path, scan=scan, route=scenario.route, poses=scenario.poses)
+
+    pictures: dict[str, Drawing] = {"world picture": ("world.png", draw)}
     if args.video:
         pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, console)
     return pictures
@@ -144,8 +141,11 @@ def _pictures(
 def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     """The figures of a run, and what a user's mapper reports of it, in JSON's types."""
     mapper: Any = main.mapper
-    seen = seen_share(judged_part(run))
-    figures = {"mode": getattr(mapper, "mode", None), **summarise(run), "seen_share": seen}
+    figures = {
+        "mode": getattr(mapper, "mode", None),
+        **summarise(run),
+        "seen_share": seen_share(judged_part(run)),
+    }
     if not callable(getattr(mapper, "report", None)):
         return figures
     if not main.done:
@@ -198,8 +198,8 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
     if summary["milliseconds_a_scan"] is not None:
         time += f", {summary['milliseconds_a_scan']:.1f} ms a scan"
     if summary["milliseconds_an_update"] is not None:
-        by = summary.get("mapper", "mapping")
-        time += f", {summary['milliseconds_an_update']:.1f} ms of it {by}"
+        time += f", {summary['milliseconds_an_update']:.1f} ms of it "
+        time += summary.get("mapper", "mapping")
     return [*rows, ("time", time)]
 
 

@@ -80,10 +80,8 @@ def write_film(
     look = _look(args)
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
-    # Frames a second. A GIF of 15 s then has less than 10 MB.
-    film_rate = 25.0
-    gif_rate = 10.0
-    rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
+    # Frames a second: a GIF of 15 s then has less than 10 MB.
+    rate = args.fps or (10.0 if ending == ".gif" else 25.0)
     began = perf_counter()
     stamps = list[float]()
     with console.progress("film") as progress:

@@ -143,12 +143,13 @@ def crosscheck(scenario: Scenario, args: Namespace, console: Console) -> int:
     figures = {"world": scenario.name, "scans": len(poses), **result.as_dict()}
     unexplained = result.counts.get(UNEXPLAINED, 0)
     agree = result.beams - len(result.causes)
-    largest = result.largest_difference
-    furthest = result.largest_error
     rows = [
         ("beams", f"{result.beams:,} in {len(poses)} scans"),
-        ("agree", f"{agree:,}, the largest difference {largest:.1e} m"),
-        ("differ", f"{len(result.causes)}, by up to {furthest:.2g} m, {unexplained} unexplained"),
+        ("agree", f"{agree:,}, the largest difference {result.largest_difference:.1e} m"),
+        (
+            "differ",
+            f"{len(result.causes)}, by up to {result.largest_error:.2g} m, {unexplained} unexplained",
+        ),
         *((f"  {cause}", f"{n}: {CAUSES[cause]}") for cause, n in result.counts.items()),
     ]
     if args.figure is not None:

@@ -92,7 +92,6 @@ def make_plan(
     # Incremented when the same run gives other figures, so that old and new ones are not mixed.
     format_number = 2
     for file in files:
-        walls = [getattr(file.world, name) for name in ("segments", "objects", "heights")]
         drives: dict[Any, Trajectory] = {}
         for row in product(*values.values()):
             settings = dict(zip(values, row, strict=True))
@@ -103,9 +102,7 @@ def make_plan(
             if driven not in drives:
                 drives[driven] = routed(scenario).trajectory(on_collision=collision)
             drive = drives[driven]
-            held = (digest((*walls, *file.world.materials)), scenario.lrf, scenario.obstacles)
-            others = [(lrf, repr(noise)) for lrf, noise in scenario.further]
-            place = digest((*held, scenario.radius, drive.times, drive.poses, *others))
+            place = _place_of(scenario, drive)
             known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
             known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
             bare = replace(scenario, mapper={})
@@ -119,11 +116,19 @@ def make_plan(
                     # With 128 bits no two keys are equal by chance.
                     key = digest((format_number, named, place, identity, seed))[:32]
                     # All mappers and noises have the same seeds, to be compared run by run.
-                    noise_seed = seed_of((place, seed))
-                    columns = {**named, "seed": seed, "noise_seed": noise_seed}
+                    columns = {**named, "seed": seed, "noise_seed": seed_of((place, seed))}
                     runs.append(PlannedRun(key, columns, bare, drive, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
     return SweepPlan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
+
+
+def _place_of(scenario: Scenario, drive: Trajectory) -> str:
+    """The digest of what is seen on a drive, and by which lasers, but for noise and seed."""
+    world = scenario.world
+    held = digest((world.segments, world.objects, world.heights, *world.materials))
+    others = [(lrf, repr(noise)) for lrf, noise in scenario.further]
+    seen = (held, scenario.lrf, scenario.obstacles, scenario.radius)
+    return digest((*seen, drive.times, drive.poses, *others))
 
 
 def _mapper_of(scenario: Scenario, mapper: Any) -> Any:
@@ -144,8 +149,8 @@ def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seed
         raise InputError(f"sweep: {MODE}: vary it by --mapper robust,paper")
     for label, mapper in mappers.items():
         if isinstance(mapper, str) and mapper not in MODES:
-            known = ", ".join(MODES)
-            raise InputError(f"sweep: mapper {shown(mapper)}: expected {known} or FILE.py:NAME")
+            expected = f"expected {', '.join(MODES)} or FILE.py:NAME"
+            raise InputError(f"sweep: mapper {shown(mapper)}: {expected}")
         if not (isinstance(mapper, str | dict) or callable(getattr(mapper, "update", mapper))):
             raise InputError(f"sweep: mapper {label}: has no method update(scan)")
     # Largest number of runs: their plan is held in memory, and even the fastest take hours on one

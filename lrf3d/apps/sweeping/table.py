@@ -144,17 +144,15 @@ class SweepTable:
             values = [row[name] for name in shown]
             line = [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
             for name, (_, factor, digits) in MEASURES.items():
-                mean = row[name]["mean"]
-                high = row[name]["high"]
-                known = () if mean is None else (mean,) if high is None else (mean, high - mean)
-                line.append(_scaled(known, factor, digits, sign))
+                line.append(_scaled(row[name]["mean"], row[name]["high"], factor, digits, sign))
             lines.append(line)
         head = [name.removesuffix("_m") for name in shown]
         return head + [heading for heading, *_ in MEASURES.values()], lines
 
 
-def _scaled(values: Sequence[float], factor: float, digits: int, sign: str) -> str:
+def _scaled(mean: float | None, high: float | None, factor: float, digits: int, sign: str) -> str:
     """A mean and half of its interval in other units, as far as they are known."""
+    values = () if mean is None else (mean,) if high is None else (mean, high - mean)
     return sign.join(f"{factor * each:.{digits}f}" for each in values) or "–"
 
 
