@@ -55,6 +55,7 @@ _LOGS = "lrf3d.recordings.reading"
 _FILM = "lrf3d.studio.render.video:render_video"
 _CLOUD = "a point cloud without scans"
 
+# All formats; the order is that of lists in messages.
 FORMATS: list[Format] = [
     Format(
         kind="world", endings=(".toml",), read="lrf3d.simulation.tables:read_toml",
@@ -153,7 +154,6 @@ FORMATS: list[Format] = [
         },
     ),
 ]  # fmt: skip
-"""All formats; the order is that of lists in messages."""
 
 # Kinds of files that a world is read from; of the last two a plan is made first.
 WORLDS = ("world", "picture", "drawing")

@@ -29,14 +29,19 @@ from lrf3d.world.schema import MOST_OBJECTS, check_unique
 # Height of a wall [m] if none is given: a room's storey.
 DEFAULT_HEIGHT = 2.5
 
-# Sides [m] below which there is no room for a robot, and below which a plan may be on paper.
+# Side [m] of a world below which there is no room for a robot.
 LEAST = 0.5
+
+# Side [m] below which a plan may be a drawing on paper.
 SHEET = 2.0
+
+# Largest factor by which a plan is enlarged.
+LARGEST_SCALE = 1e6
 
 
 def check_scale(factor: float) -> None:
     """Check a factor by which a plan is enlarged."""
-    if not (is_finite(factor) and 1e-6 <= factor <= 1e6):
+    if not (is_finite(factor) and 1.0 / LARGEST_SCALE <= factor <= LARGEST_SCALE):
         raise WorldError(f"scale {shown(factor)}: expected 0.000001 to 1000000")
 
 

@@ -15,9 +15,11 @@ from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
 
-# Largest numbers of pairs of shapes that touch, beyond four of each, and of pairs of boxes that do:
-# seconds of work. A town with 100,000 buildings has some 200,000.
+# Largest number of pairs of shapes that touch, beyond four of each: seconds of work. A town with
+# 100,000 buildings has some 200,000.
 MOST_PAIRS = 1_000_000
+
+# Largest number of pairs of shapes whose boxes touch: seconds of work.
 MOST_BOXES = 100_000_000
 
 # Largest gap [m] between walls that touch: no beam can separate them, so they are one object.

@@ -30,9 +30,13 @@ from lrf3d.world.pieces import connected
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import Converter, accepting, row, text
 
-# Values of the pixels of cells as map_saver writes them.
+# Grey of an occupied cell, as map_saver writes it.
 OCCUPIED = 0
+
+# Grey of an unknown cell, likewise.
 UNKNOWN = 205
+
+# Grey of a free cell, likewise.
 FREE = 254
 
 # Width of the free space [m] around the walls.
@@ -142,8 +146,8 @@ def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     known = opaque if values["mode"] == "scale" else (value != UNKNOWN) | bool(values["negate"])
     if values["mode"] == "raw":
         # The value of a pixel is the occupancy in percent, not negated; above 100 it is unknown.
-        known = value <= 100.0
         share = value / 100.0
+        known = share <= 1.0
     occupied = known & (share >= values["occupied_thresh"])
     return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]
 

@@ -102,7 +102,7 @@ def poses(convert: Converter) -> Converter:
 
     def turned(found: Any, key: str) -> Any:
         converted = convert(found, key)
-        eighth = 0.25 * np.pi
+        eighth = np.pi / 4
         headings = converted[..., 2].ravel()
         eighths = np.round(headings / eighth)
         # Nobody turns a laser by 0.785 degrees: the digits of an eighth of a turn are radians.

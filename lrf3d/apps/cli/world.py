@@ -148,7 +148,8 @@ def crosscheck(scenario: Scenario, args: Namespace, console: Console) -> int:
         ("agree", f"{agree:,}, the largest difference {result.largest_difference:.1e} m"),
         (
             "differ",
-            f"{len(result.causes)}, by up to {result.largest_error:.2g} m, {unexplained} unexplained",
+            f"{len(result.causes)}, by up to {result.largest_error:.2g} m,"
+            f" {unexplained} unexplained",
         ),
         *((f"  {cause}", f"{n}: {CAUSES[cause]}") for cause, n in result.counts.items()),
     ]

@@ -40,35 +40,47 @@ LEVEL_HEIGHT = 3.0
 # Default height of a building [m]: two storeys and a roof.
 DEFAULT_BUILDING_HEIGHT = 8.0
 
-# Widest gap [m] between footprints that touch, as surveys leave hairline gaps; largest distance [m]
-# from a straight façade of a corner that is left out.
+# Widest gap [m] between footprints that touch: surveys leave hairline gaps.
 CLOSING = 0.05
+
+# Largest distance [m] from a straight façade of a corner that is left out.
 STRAIGHT = 0.01
 
-# How often an outline may cross itself; surveyors let it cross once or twice.
+# A full turn, and the latitude of a pole [°].
+TURN = 360.0
+POLE = 90.0
+
+# Largest number of times that an outline crosses itself; surveyors let it cross once or twice.
 MOST_CROSSINGS = 200
 
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
 
+# Metres in a foot, and in an inch.
+FOOT = 0.3048
+INCH = 0.0254
+
 # Metres in the units of heights.
 UNITS = {
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
-    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), 0.3048),
-    **dict.fromkeys(("in", "inch", "inches", '"', "″"), 0.0254),
+    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), FOOT),
+    **dict.fromkeys(("in", "inch", "inches", '"', "″"), INCH),
     "mm": 1e-3,
     "cm": 1e-2,
     "km": 1e3,
     "yd": 0.9144,
 }
 
+# Matches a number and its unit in a length.
 _LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
 
+# Properties of roads, water and land, on which nothing stands.
 FLAT = frozenset(
     "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
     " power place parking public_transport".split()
 )
-# Properties of roads, water and land, on which nothing stands; and of what is built.
+
+# Properties of what is built.
 STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
 
 
@@ -82,8 +94,8 @@ class Feature:
     colour: tuple[float, float, float] | None = None
     number: int | None = None
     material: Material | None = None
+    # Whether it is a road, water or land, on which nothing stands.
     flat: bool = False
-    """Whether it is a road, water or land, on which nothing stands."""
 
     @property
     def lines(self) -> Float:
@@ -210,7 +222,7 @@ def metres_of(text: str) -> float | None:
     parts = _LENGTH.findall(text)
     # After feet come inches.
     units = [UNITS.get(unit.lower()) for _, unit in parts]
-    if None in units or units not in ([0.3048, 0.0254], units[:1]) or _LENGTH.sub("", text).strip():
+    if None in units or units not in ([FOOT, INCH], units[:1]) or _LENGTH.sub("", text).strip():
         return None
     numbers = [float(number.replace(",", ".")) for number, _ in parts]
     return sum(map(mul, numbers, units)) if parts else None
@@ -221,7 +233,7 @@ def looks_geographic(features: Sequence[Feature]) -> bool:
     shapes = shapes_of(features)
     points = shapely.get_coordinates(shapes)
     boxes = shapely.bounds(shapes)
-    if (np.abs(points) > [180.0, 90.0]).any():
+    if (np.abs(points) > [0.5 * TURN, POLE]).any():
         return False
     sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
     widest = np.ptp(_from(points, points[0]), axis=0).max()
@@ -236,7 +248,7 @@ def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]
     low = local.min(axis=0)
     high = local.max(axis=0)
     longitude, latitude = points[0] + 0.5 * (low + high)
-    centre = np.array([(longitude + 180.0) % 360.0 - 180.0, latitude])
+    centre = np.array([(longitude + 0.5 * TURN) % TURN - 0.5 * TURN, latitude])
     flat = moved(features, partial(lay_flat, centre=centre))
     return flat, centre, float((high - low).max())
 
@@ -254,7 +266,7 @@ def _from(points: Float, centre: Float) -> Float:
     """Points (k, 2) [°] from a centre (2,) [°], the short way round, also across the dateline."""
     local = points - centre
     # Only what lies on the other side is turned, so that rounding touches nothing else.
-    local[:, 0] -= 360.0 * np.round(local[:, 0] / 360.0)
+    local[:, 0] -= TURN * np.round(local[:, 0] / TURN)
     return np.asarray(local, dtype=np.float64)
 
 
@@ -325,7 +337,8 @@ def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
     if len(polygons) > 1:
         # Slightly more than half on each side, so that a gap of exactly this width is closed.
         # Corners sharper than 6° are cut; all others come back as they were.
-        for distance in (0.5001 * CLOSING, -0.5001 * CLOSING):
+        half = 0.5001 * CLOSING
+        for distance in (half, -half):
             union = shapely.buffer(union, distance, join_style="mitre", mitre_limit=20.0)
     for part in shapely.get_parts([union]):
         for index, outline in enumerate((part.exterior, *part.interiors)):

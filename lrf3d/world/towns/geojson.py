@@ -33,6 +33,8 @@ from lrf3d.world.model import World
 from lrf3d.world.pieces import runs_of
 from lrf3d.world.schema import at, made, several
 from lrf3d.world.towns.features import (
+    POLE,
+    TURN,
     Feature,
     feature_of,
     laid_flat,
@@ -45,7 +47,7 @@ from lrf3d.world.towns.features import (
 # EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart.
 DEGREES = {"4326", "4258", "4269"}
 
-# EPSG's codes of the zones of UTM, by WGS 84 and ETRS89.
+# Matches EPSG's codes of the zones of UTM, by WGS 84 and ETRS89.
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
 
 
@@ -241,7 +243,7 @@ def _by_pyproj(
         raise WorldError(f"crs {shown(name)}: {reason}; {remedy}") from None
     degrees = moved(features, lambda points: np.column_stack(to_degrees.transform(*points.T)))
     points = shapely.get_coordinates(shapes_of(degrees))
-    if not (np.abs(points) <= [360.0, 90.0]).all():
+    if not (np.abs(points) <= [TURN, POLE]).all():
         raise WorldError(f"crs {shown(name)}: coordinates are outside of where it is used")
     axes = {axis.direction for axis in system.axis_info[:2]}
     if system.is_geographic or axes != {"east", "north"}:

@@ -29,6 +29,8 @@ from lrf3d.world.pieces import MOST_PAIRS, pairs_within
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.towns.features import (
     LEVEL_HEIGHT,
+    POLE,
+    TURN,
     Feature,
     encloses,
     laid_flat,
@@ -41,9 +43,13 @@ from lrf3d.world.towns.features import (
 # Height [m] of a tree of which nothing is given: one along a street, some decades old.
 DEFAULT_TREE = 8.0
 
-# A node without a number, as within a relation, is named by its place.
+# The tags of an element, by their keys.
 Tags = dict[str, str]
+
+# A longitude and latitude [°].
 Place = tuple[float, float]
+
+# A node by its number, or by its place where it has none, as within a relation.
 Node = int | Place
 
 
@@ -162,7 +168,7 @@ def _add(extract: _Extract, element: Element) -> None:
 
 def _place(element: Element) -> Place:
     place = float(element.get("lon", "")), float(element.get("lat", ""))
-    if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
+    if not (abs(place[0]) <= 0.5 * TURN and abs(place[1]) <= POLE):
         raise ValueError(f"longitude and latitude {place}, expected degrees")
     return place
 
