@@ -50,8 +50,6 @@ class Format:
 
 
 _PLAN = "lrf3d.plans.reading:plan_of_file"
-_TOWNS = "lrf3d.world.towns"
-_LOGS = "lrf3d.recordings.reading"
 _FILM = "lrf3d.studio.render.video:render_video"
 _CLOUD = "a point cloud without scans"
 
@@ -62,10 +60,12 @@ FORMATS: list[Format] = [
         write="lrf3d.world.toml_file:write_toml",
     ),
     Format(
-        kind="world", endings=(".geojson", ".json"), read=f"{_TOWNS}.geojson:read_geojson",
-        write=f"{_TOWNS}.geojson:write_geojson",
+        kind="world", endings=(".geojson", ".json"), read="lrf3d.world.towns.geojson:read_geojson",
+        write="lrf3d.world.towns.geojson:write_geojson",
     ),
-    Format(kind="world", endings=(".osm",), read=f"{_TOWNS}.osm:read_osm", options=("trees",)),
+    Format(
+        kind="world", endings=(".osm",), read="lrf3d.world.towns.osm:read_osm", options=("trees",),
+    ),
     Format(
         kind="world", endings=(".yaml", ".yml"), read="lrf3d.world.ros_map:read_ros_map",
         write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16,
@@ -101,7 +101,8 @@ FORMATS: list[Format] = [
         options=("poses", "scan_topic", "part"), extra="ros",
     ),
     Format(
-        kind="log", name="arrays", endings=(".npz", ".npy", ".mat"), read=f"{_LOGS}:arrays_log",
+        kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
+        read="lrf3d.recordings.reading:arrays_log",
         looks={
             b"PK": "arrays of NumPy or a zip: name it .npz",
             b"\x93NUMPY": "an array: name it .npy",
@@ -110,11 +111,12 @@ FORMATS: list[Format] = [
         options=("format",),
     ),
     Format(
-        kind="log", name="run", endings=(".npz",), read=f"{_LOGS}:run_log", options=("poses",),
+        kind="log", name="run", endings=(".npz",), read="lrf3d.recordings.reading:run_log",
+        options=("poses",),
         write="lrf3d.recordings.formats.run_file:save_run",
     ),
-    Format(kind="log", name="records", read=f"{_LOGS}:records_log"),
-    Format(kind="log", name="text", read=f"{_LOGS}:text_log", options=("format",)),
+    Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
+    Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),
     Format(
         kind="map", endings=(".geojson",), read="lrf3d.mapping.line_map:load_map",
         write="lrf3d.mapping.line_map:save_map",

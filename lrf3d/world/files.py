@@ -54,7 +54,7 @@ def load_world(
 
 
 def options_of(path: Path, **options: Any) -> dict[str, Any]:
-    """The options that are given, each of which the format of a file must have."""
+    """The options that are given, checked to be options of the file's format."""
     # What is 0 is given, and refused by the reader.
     given = {
         name: value
@@ -83,8 +83,8 @@ def read_file(path: Path, options: dict[str, Any]) -> Any:
             raise WorldError(f"cannot be read: {error.strerror}") from None
         # What a library raises depends on the damage.
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-        kind = path.suffix[1:].lower()
-        raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
+        what = f"damaged, or not a {path.suffix[1:].lower()} file"
+        raise WorldError(f"{what} ({reason}); save it again") from error
 
 
 def is_picture(path: str | Path) -> bool:
@@ -101,7 +101,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     """Write a world to a file in the format that its ending names.
 
     TOML and GeoJSON keep the world to the last bit; GLB keeps it in float32 about its ``origin``,
-    and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell.
+    and a ROS map (``.yaml`` and, next to it, ``.pgm``) to half a cell.
 
     Args:
         world: The world.

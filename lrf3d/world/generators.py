@@ -119,8 +119,9 @@ def city(size: float, seed: int) -> World:
     facades = "b5654e c8b494 a88468 929aa2 cfc4b0".split()
     shades = np.array([[*bytes.fromhex(each)] for each in facades]) / 255.0
     colours = shades[rng.integers(0, len(shades), blocks**2)]
-    segments = np.round(plain.segments, 3)
-    return World(segments, plain.objects, heights, f"city {seed}", colours=colours)
+    return World(
+        np.round(plain.segments, 3), plain.objects, heights, f"city {seed}", colours=colours
+    )
 
 
 def office(size: float, seed: int) -> World:
@@ -282,8 +283,8 @@ def maze(size: float, seed: int) -> World:
         if (one, other) not in passages:
             x = PASSAGE * (one % count + 1)
             y = PASSAGE * (one // count + 1)
-            beside = other == one + 1
-            plan.wall(*((x, y - PASSAGE) if beside else (x - PASSAGE, y)), x, y)
+            is_right = other == one + 1
+            plan.wall(*((x, y - PASSAGE) if is_right else (x - PASSAGE, y)), x, y)
     return plan.world(f"maze {seed}")
 
 

@@ -231,8 +231,7 @@ def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:
     if array.size == 0 and shape[0] <= 0:
         return sealed(np.empty((0, *shape[1:])))
     if not array.ndim or array.shape != (len(array) if shape[0] < 0 else shape[0], *shape[1:]):
-        expected = str(shape).replace("-1", "n")
-        raise WorldError(f"{name} of shape {array.shape}: expected {expected}")
+        raise WorldError(f"{name} of shape {array.shape}: expected {shape}".replace("-1", "n"))
     return array
 
 

@@ -110,7 +110,7 @@ def _picture_of(path: Path, image: str) -> Path:
 
 
 def _plain(value: Any) -> Any:
-    """The number of YAML 1.2 that a text is, or those in a list: for PyYAML ``5e-2`` is none."""
+    """Convert texts to the numbers of YAML 1.2, also in a list: PyYAML reads ``5e-2`` as a text."""
     if isinstance(value, list):
         # A list within the list stays: aliases may make it endless.
         return [_plain(each) if isinstance(each, str) else each for each in value]
@@ -162,7 +162,7 @@ def _light(picture: Path) -> tuple[Single, Bool]:
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:
-    """Write the walls and free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``."""
+    """Write the walls and free cells of a world as a ``.yaml`` file and, next to it, a ``.pgm``."""
     resolution = cell_size(world) if resolution is None else resolution
     cells, (x, y) = map_cells(world, resolution, path)
     picture = path.with_suffix(".pgm")

@@ -115,8 +115,8 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         number = each.get("number", parts[-1].number + 1 if parts else 0)
         looks = {name: each[name] for name in ("name", "colour", "material") if name in each}
         if looks and number in known:
-            word = next(iter(looks))
-            raise InputError(f"{key}.{word}: stands with another object of the same number")
+            twice = "stands with another object of the same number"
+            raise InputError(f"{key}.{next(iter(looks))}: {twice}")
         walled = _walled(each, key)
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")

@@ -39,7 +39,7 @@ ROUTE = """\
 --outside: Plan it outside the walls.
 --ignore-collisions: Only warn if the robot hits a wall."""
 MODE = "--mode robust|paper: Mode of the mapper."
-# What a log may be, beside arrays.
+# What a log may be, besides arrays.
 TEXT_OR_BAG = f"""\
 A CARMEN log or a text of a scan a line, also gzipped, a ROS bag
  ({", ".join(by_name("log", "bag").endings)}, a folder)"""
@@ -119,7 +119,7 @@ The ending of --out selects the kind.
 --from S: Begin the film at this time of the run [s].
 --to S: End the film at this time of the run [s].
 --points-by range|intensity: What the colour of hit points shows; that of the run if not given.
---trajectory FILE: Show this estimate, a TUM file, beside the truth.
+--trajectory FILE: Show this estimate, a TUM file, next to the truth.
 
 {FILM}
 
@@ -258,8 +258,8 @@ Example: lrf3d slam drive.log.gz --out out/drive""",
     "localise": f"""\
 Localise a recorded drive on a known map, without a first pose; or score simulated drives.
 
-With a LOG, places are kept as hypotheses until one is left: beside them that the robot is nowhere
-on the map. Writes map.png, trajectory.tum of the scans whose places are known, and summary.json.
+With a LOG, places are kept as hypotheses until one is left; that the robot is nowhere on the map is
+one, too. Writes map.png, trajectory.tum of the scans whose places are known, and summary.json.
 
 Without one, a filter of lines follows simulated drives from known starts.
 

@@ -86,11 +86,13 @@ def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, 
     matched, count = errors.matched
     how = "between whose stamps the truth is interpolated" if errors.interpolated else "by stamps"
     absolute = trajectory["ape_m"]
-    relative = trajectory["rpe_m"]
     rows = [
         ("poses", f"{matched:,} of {count:,} matched, {how}"),
         ("absolute", f"{absolute['rmse']:.4f} m RMSE, {absolute['max']:.4f} m at most"),
-        ("relative", f"{relative['rmse']:.4f} m RMSE, {trajectory['rpe_deg']['rmse']:.3f}° RMSE"),
+        (
+            "relative",
+            f"{trajectory['rpe_m']['rmse']:.4f} m RMSE, {trajectory['rpe_deg']['rmse']:.3f}° RMSE",
+        ),
     ]
     plain = trajectory["ape_unaligned_m"]["rmse"]
     # Errors that are this many times larger without the alignment are those of another frame.

@@ -161,20 +161,21 @@ def write_geojson(world: World, path: Path) -> None:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = []
-    for number, looks, lines, height in runs_of(world):
-        properties = {"object": number, **looks}
-        if "material" in looks:
-            properties["material"] = material_value(looks["material"])
-        geometry = None
-        if lines:
-            properties["height"] = height
-            kind = "LineString" if len(lines) == 1 else "MultiLineString"
-            geometry = {"type": kind, "coordinates": lines[0] if len(lines) == 1 else lines}
-        feature = {"type": "Feature", "properties": properties, "geometry": geometry}
-        features.append(json.dumps(feature))
-    text = ",\n".join(features)
-    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{text}\n]}}\n')
+    features = ",\n".join(json.dumps(_feature(*run)) for run in runs_of(world))
+    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
+
+
+def _feature(number: int, looks: dict[str, Any], lines: list[Any], height: Any) -> dict[str, Any]:
+    """The feature of a run of walls; without walls it has no geometry."""
+    properties = {"object": number, **looks}
+    if "material" in looks:
+        properties["material"] = material_value(looks["material"])
+    geometry = None
+    if lines:
+        properties["height"] = height
+        kind = "LineString" if len(lines) == 1 else "MultiLineString"
+        geometry = {"type": kind, "coordinates": lines[0] if len(lines) == 1 else lines}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def in_metres(
@@ -239,8 +240,9 @@ def _by_pyproj(
         to_degrees = Transformer.from_crs(system, "OGC:CRS84", always_xy=True)
     except (ProjError, ValueError) as error:
         reason = str(error) if len(str(error)) < 50 else "is not known"
-        remedy = "name a system of EPSG, or leave it out"
-        raise WorldError(f"crs {shown(name)}: {reason}; {remedy}") from None
+        raise WorldError(
+            f"crs {shown(name)}: {reason}; name a system of EPSG, or leave it out"
+        ) from None
     degrees = moved(features, lambda points: np.column_stack(to_degrees.transform(*points.T)))
     points = shapely.get_coordinates(shapes_of(degrees))
     if not (np.abs(points) <= [TURN, POLE]).all():
