@@ -42,11 +42,5 @@ def _film(run: "Run", *args: "Any", **options: "Any") -> "Any":
     return render_video(run, *args, **options)
 
 
-def _settings(table: str) -> "Any":
-    from lrf3d.simulation.tables import settings
-
-    return settings(table)
-
-
-# Layers above draw values and know their settings; they are loaded when they are asked for it.
-ABOVE.update(figure=_figure, frame=_frame, film=_film, settings=_settings)
+# The studio draws values; it is loaded with the first picture.
+ABOVE.update(figure=_figure, frame=_frame, film=_film)

@@ -12,9 +12,12 @@ from snippets import PAGES, PARTS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.apps.cli.commands import COMMANDS
+from lrf3d.base.formats import FORMATS, by_name, endings
+from lrf3d.simulation.tables import TABLES, keys_of_table
+from lrf3d.studio.render import encode
 from lrf3d.world import Material
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES, settings
+from lrf3d.world.schema import OBJECT, OBSTACLE
 
 README = PAGES[0]
 LONG = {
@@ -53,6 +56,31 @@ def workshop(shared, monkeypatch):
     return shared
 
 
+def format_row(row):
+    """A format as a row of the table in docs/formats.md."""
+    names = [f"`{ending}`" for ending in row.endings if ending]
+    written = "" if not row.write else names[0] if names else "a folder"
+    if row.kind == "export":
+        written = f"{written}, `--to {row.name}`"
+    kind = row.kind if row.kind == "export" else f"{row.kind} {row.name}".strip()
+    options = ", ".join(f"`{option}`" for option in row.options)
+    extra = f"`{row.extra}`" if row.extra else ""
+    read = "yes" if row.read else ""
+    return f"| {' '.join(names) or 'any'} | {kind} | {read} | {written} | {options} | {extra} |"
+
+
+def test_the_table_of_formats_has_a_row_for_each():
+    page = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
+    rows = [format_row(row) for row in FORMATS if row.kind != "other"]
+    assert "\n".join(rows) in page
+
+
+def test_help_pages_and_films_know_the_endings_of_the_table():
+    assert set(endings("film")) == set(encode.FORMATS)
+    for names in (endings("film"), endings("world", written=True), by_name("log", "bag").endings):
+        assert any(all(name in text for name in names) for text in COMMANDS.values()), names
+
+
 @pytest.mark.parametrize(
     "page",
     [pytest.param(p, marks=[pytest.mark.slow] if p.name in LONG else []) for p in PAGES[1:]],
@@ -88,7 +116,7 @@ def test_every_picture_of_the_readme_is_there():
 
 def test_every_key_of_a_world_file_is_documented():
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
-    keys = {key for table in (*map(settings, TABLES), OBJECT, OBSTACLE) for key in table}
+    keys = {key for table in (*map(keys_of_table, TABLES), OBJECT, OBSTACLE) for key in table}
     keys |= {field.name for kind in (FixedCamera, Material) for field in fields(kind)}
     assert [key for key in sorted(keys) if f"`{key}`" not in text] == []
 

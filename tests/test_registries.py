@@ -1,6 +1,7 @@
 """What each kind of noise, reader, mode of the mapper and mark keeps, over all that are entered."""
 
 from dataclasses import dataclass, replace
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -9,17 +10,19 @@ from test_render import room_run
 
 import lrf3d
 from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World
+from lrf3d.base import formats
 from lrf3d.base.errors import InputError, WorldError
+from lrf3d.base.formats import Format
 from lrf3d.laser import Chain, Limits
 from lrf3d.laser.imperfections import NOISES
 from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.mapping.mapper import MODES
+from lrf3d.recordings import LaserLog
 from lrf3d.studio.page.message import part_of
 from lrf3d.studio.scene.cameras import overview
 from lrf3d.studio.scene.moments import MARKS, Scene
 from lrf3d.studio.scene.shapes import Lines, level_lines
 from lrf3d.studio.scene.timeline import Timeline
-from lrf3d.world import READERS
 
 LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
 WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))
@@ -90,27 +93,80 @@ def test_a_noise_that_is_entered_has_a_key_in_world_files(monkeypatch, tmp_path)
         lrf3d.load_scenario(file, ["noise.bais=0.5"])
 
 
+# Endings of installed readers, of which the first is that of a format of lrf3d.
+ENDS = (".toml", ".own")
+
+
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x00\xff" * 500, b"a word " * 99, b"{" * 99])
-@pytest.mark.parametrize("ending", READERS)
+@pytest.mark.parametrize("ending", formats.endings(*formats.WORLDS))
 def test_every_reader_refuses_what_is_no_file_of_its_own_in_one_line_that_names_it(ending, content):
     path = Path(f"w{ending}")
     path.write_bytes(content)
-    options = {"resolution": 0.05} if ending in (".png", ".pgm", ".jpg", ".jpeg", ".bmp") else {}
+    options = {"resolution": 0.05} if ending in formats.endings("picture") else {}
     with pytest.raises(WorldError) as refused:
         lrf3d.load_world(path, **options)
     assert str(refused.value).startswith(str(path)) and "\n" not in str(refused.value)
+
+
+def enter(monkeypatch, *rows):
+    monkeypatch.setattr(formats, "FORMATS", [*formats.FORMATS, *rows])
+
+
+def test_every_function_that_a_format_names_is_there():
+    targets = {each for row in formats.FORMATS for each in (row.read, row.write) if each}
+    assert all(callable(formats.function(each)) for each in targets) and len(targets) > 20
+
+
+def test_a_log_format_that_is_entered_is_read_by_its_ending_or_its_first_bytes(monkeypatch):
+    def read_own(intake, poses):
+        return LaserLog(f"{intake.path.name} by {poses}", [WALL])
+
+    row = {"kind": "log", "name": "own", "read": read_own, "options": ("poses",)}
+    enter(monkeypatch, Format(**row, endings=(".own",), looks={b"OWN 1": "an own log"}))
+    for name in ("a.own", "a.log"):
+        Path(name).write_bytes(b"OWN 1\n")
+        assert lrf3d.load_log(name, poses="odom").name == f"{name} by odom"
+    Path("a.bin").write_bytes(b"\0")
+    with pytest.raises(InputError, match=r"not a log: it looks like no text; .*\.mat, \.own$"):
+        lrf3d.load_log("a.bin")
+
+
+def test_a_world_format_that_is_entered_is_written_and_takes_its_options(monkeypatch):
+    def read_rows(path, turned=False):
+        return World(np.loadtxt(path, ndmin=2)[:, [1, 0, 3, 2] if turned else [0, 1, 2, 3]])
+
+    def write_rows(world, path):
+        np.savetxt(path, world.segments)
+
+    own = {"read": read_rows, "write": write_rows, "options": ("turned",)}
+    enter(monkeypatch, Format(kind="world", endings=(".rows",), **own))
+    lrf3d.save_world(World([[0, 0, 4, 1]]), "a.rows")
+    assert lrf3d.load_world("a.rows", turned=True).segments.tolist() == [[0, 0, 1, 4]]
+    with pytest.raises(WorldError, match=r"city\.toml: turned is for \.rows files alone"):
+        lrf3d.load_world("city", turned=True)
+    with pytest.raises(InputError, match="did you mean 'layers'"):
+        lrf3d.load_world("city", layer=["A"])
+
+
+def test_installed_packages_enter_readers_of_worlds_but_replace_none(monkeypatch):
+    installed = [metadata.EntryPoint(end, "json:load", "lrf3d.world.readers") for end in ENDS]
+    monkeypatch.setattr(metadata, "entry_points", lambda group: installed)
+    enter(monkeypatch)
+    before = [*formats.FORMATS]
+    formats.enter_installed.__wrapped__()
+    assert formats.FORMATS[:-1] == before and formats.FORMATS[-1].endings == (".own",)
 
 
 def test_a_format_that_is_entered_is_read_listed_and_must_give_a_world(monkeypatch):
     def read_rows(path):
         return World(np.loadtxt(path, ndmin=2))
 
-    monkeypatch.setitem(READERS, ".rows", (read_rows, 100))
+    enter(monkeypatch, Format(kind="world", endings=(".rows",), read=read_rows, largest=100))
     Path("a.rows").write_text("0 0 4 0\n4 0 4 3\n")
     assert lrf3d.load_scenario("a.rows").world.segments.tolist() == [[0, 0, 4, 0], [4, 0, 4, 3]]
     assert lrf3d.load_world("a.rows", scale=2.0).segments.tolist() == [[0, 0, 8, 0], [8, 0, 8, 6]]
@@ -120,7 +176,7 @@ def test_a_format_that_is_entered_is_read_listed_and_must_give_a_world(monkeypat
             lrf3d.load_world("b.rows")
     with pytest.raises(WorldError, match=r"\.rows"):
         lrf3d.load_world("c.unknown")
-    monkeypatch.setitem(READERS, ".rows", (np.loadtxt, 100))
+    enter(monkeypatch, Format(kind="world", endings=(".rows",), read=np.loadtxt, largest=100))
     with pytest.raises(InputError, match="expected a World"):
         lrf3d.load_world("a.rows")
 

@@ -6,17 +6,9 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.files import as_path, replacing
+from lrf3d.base.formats import function, of_kind
 from lrf3d.geometry.lines import whole_number
 from lrf3d.simulation.run import Run
-
-# The formats, with default names of their files; what follows the first dot is the ending.
-EXPORTERS = {
-    "carmen": "run.log.gz",
-    "mcap": "run.mcap",
-    "rosbag2": "run_bag",
-    "glb": "run.glb",
-    "html": "run.html",
-}
 
 
 def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
@@ -24,7 +16,7 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
 
     Args:
         run: The run.
-        to: Name of the format, of :data:`EXPORTERS`.
+        to: Name of the format: ``carmen``, ``mcap``, ``rosbag2``, ``glb`` or ``html``.
         path: The file, or the folder.
         every: Keep every n-th scan, or moment of a page.
 
@@ -42,28 +34,17 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     """
     expect(run, Run, "run")
     every = whole_number(every, "every")
-    if not isinstance(to, str) or to not in EXPORTERS:
-        raise InputError(f"--to {shown(to)}: expected one of {', '.join(EXPORTERS)}")
+    known = {row.name: row for row in of_kind("export")}
+    if not isinstance(to, str) or to not in known:
+        raise InputError(f"--to {shown(to)}: expected one of {', '.join(known)}")
     path = as_path(path)
-    _, dot, ending = EXPORTERS[to].partition(".")
-    endings = (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
-    if not path.name.lower().endswith(endings):
-        raise InputError(f"--out {path}: expected a name that ends in {endings[0]}")
-    if to in ("glb", "html"):
-        if to == "glb":
-            from lrf3d.studio.gltf import run_glb as written
-        else:
-            from lrf3d.studio.page.page_file import page_file as written
-        with replacing(path) as unfinished:
-            unfinished.write_bytes(written(run, every=every))
+    row = known[to]
+    if not path.name.lower().endswith(row.endings):
+        raise InputError(f"--out {path}: expected a name that ends in {row.endings[0]}")
+    write = function(row.write)
+    if "every" not in row.options:
+        write(run if every == 1 else run.part(np.arange(0, len(run), every)), path)
         return
-    if every > 1:
-        run = run.part(np.arange(0, len(run), every))
-    if to == "carmen":
-        from lrf3d.recordings.formats.carmen_writer import write_carmen
-
-        write_carmen(run, path)
-    else:
-        from lrf3d.recordings.formats.bags.writer import write, write_folder
-
-        (write if to == "mcap" else write_folder)(run, path)
+    # A scene keeps moments, not scans: what it is made of is the whole run.
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(write(run, every=every))

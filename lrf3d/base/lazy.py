@@ -30,8 +30,8 @@ def loading(
     return get, lambda: sorted(module_globals["__all__"])
 
 
-# What layers above do for those below, entered by the head of the package: the ``figure`` of a
-# value, a ``frame`` and the ``film`` of a run, and what the ``settings`` of a world file make.
+# How values are drawn, entered by the head of the package: the ``figure`` of a value, and a
+# ``frame`` and the ``film`` of a run.
 ABOVE: "dict[str, Callable[..., Any]]" = {}
 
 

@@ -8,30 +8,15 @@ from pathlib import Path
 
 from lrf3d.base.errors import InputError, shown
 from lrf3d.base.files import as_path, opened, own_name
+from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
 from lrf3d.base.interrupts import reading
 from lrf3d.geometry.lines import number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
-from lrf3d.recordings.formats.bags.files import FILES, MCAP, OLD, SQLITE, ZSTD
-from lrf3d.recordings.formats.carmen import WORDS, load_carmen
+from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
 from lrf3d.recordings.log import GZIPPED, Intake, LaserLog
 from lrf3d.world import world_names
-
-# Endings of CARMEN logs; the last two are what the University of Freiburg calls them.
-CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
-
-# What files look like that are no text of a log, by their first bytes.
-LOOKS = {
-    b"PK": "arrays of NumPy or a zip: name it .npz", b"\x93NUMPY": "an array: name it .npy",
-    b"\xff\xfe": "text in UTF-16: save it as UTF-8",
-    b"MATLAB 5": "a .mat file: name it .mat", b"ply": "a point cloud without scans",
-    b"LASF": "a point cloud without scans", b"# .PCD": "a point cloud without scans",
-    b"\x89PNG": "a picture", b"<": "XML", b"%PDF": "a document",
-}  # fmt: skip
-
-# Endings of files of arrays.
-ARRAYS = (".npz", ".npy", ".mat")
 
 # Bytes at the beginning of a file that say what it is.
 HEAD = 1 << 16
@@ -49,8 +34,9 @@ def is_run(name: str) -> bool:
 
 def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: a bag may know the truth, others keep the odometry apart."""
-    is_bag = as_path(path).is_dir() or str(path).lower().endswith((*FILES, ".npz"))
-    return "odom" if is_bag else "auto"
+    bags_and_runs = (*by_name("log", "bag").endings, *by_name("log", "run").endings)
+    is_either = as_path(path).is_dir() or str(path).lower().endswith(bags_and_runs)
+    return "odom" if is_either else "auto"
 
 
 @reading()
@@ -96,68 +82,96 @@ def load_log(
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
-    in_columns = format and not path.name.lower().endswith(ARRAYS)
-    intake = Intake(path, largest_range, without_repairs)
-    kind = "text" if in_columns else _kind(path)
-    if kind != "bag" and (scan_topic or part):
+    row = _format_of(path, in_columns=bool(format))
+    given = {"poses": poses, "scan_topic": scan_topic, "part": part, "format": format}
+    if row.name != "bag" and (scan_topic or part):
         name = "scan topic" if scan_topic else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
-    if kind == "CARMEN":
-        return load_carmen(intake, poses)
-    if kind == "run":
-        from lrf3d.recordings.formats.run_file import load_run
-
-        if poses not in ("auto", "truth"):
-            raise InputError(
-                f"{path}: no poses from {poses} in it; a run has only true poses (--poses truth);"
-                " for SLAM write its log: lrf3d export RUN --to carmen"
-            )
-        run = load_run(path)
-        # Another name than the run's, so that its map does not replace that of the run.
-        name = own_name(path.resolve().parent if path.name == "run.npz" else path)
-        return LaserLog(f"{name}_map", list(run.scans), source="the run")
-    if kind == "bag":
-        from lrf3d.recordings.formats.bags.reader import load_bag
-
-        return load_bag(intake, poses=poses, scan_topic=scan_topic, part=part)
-    if poses not in ("auto", "odom"):
+    if "poses" not in row.options and poses not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
-    if kind == "arrays":
-        table = array_table(intake)
-        if format:
-            described(format, []).settle(table)
-        return table.log()
-    table = record_table(intake) if kind == "records" else text_table(intake, format)
+    options = {name: given[name] for name in row.options}
+    log: LaserLog = function(row.read)(Intake(path, largest_range, without_repairs), **options)
+    return log
+
+
+def run_log(intake: Intake, poses: str) -> LaserLog:
+    """The log of a run."""
+    from lrf3d.recordings.formats.run_file import load_run
+
+    path = intake.path
+    if poses not in ("auto", "truth"):
+        raise InputError(
+            f"{path}: no poses from {poses} in it; a run has only true poses (--poses truth);"
+            " for SLAM write its log: lrf3d export RUN --to carmen"
+        )
+    run = load_run(path)
+    # Another name than the run's, so that its map does not replace that of the run.
+    name = own_name(path.resolve().parent if path.name == "run.npz" else path)
+    return LaserLog(f"{name}_map", list(run.scans), source="the run")
+
+
+def arrays_log(intake: Intake, format: str | None) -> LaserLog:
+    """The log of a file of arrays."""
+    table = array_table(intake)
+    if format:
+        described(format, []).settle(table)
+    return table.log()
+
+
+def records_log(intake: Intake) -> LaserLog:
+    """The log of a text of records: JSON, or printed messages of ROS."""
+    table = record_table(intake)
     add_partner(table)
     return table.log()
 
 
-def _kind(path: Path) -> str:
-    """The kind of a log, by its name, or else by what it looks like."""
-    ending = path.name.lower()
+def text_log(intake: Intake, format: str | None) -> LaserLog:
+    """The log of a text of a scan, or a reading, a line."""
+    table = text_table(intake, format)
+    add_partner(table)
+    return table.log()
+
+
+def _format_of(path: Path, in_columns: bool) -> Format:
+    """The format of a log, by its name, or else by what it looks like."""
+    named = by_ending(path, "log")
+    name = "" if named is None else named.name
+    if in_columns and name not in ("arrays", "run"):
+        return by_name("log", "text")
     if (path / "run.npz").exists():
-        return "run"
-    if ending.endswith(FILES) or path.is_dir():
-        return "bag"
+        return by_name("log", "run")
+    if path.is_dir():
+        return by_name("log", "bag")
+    # Texts of any form are called .log, too.
+    if named is not None and name not in ("CARMEN", "arrays", "run"):
+        return named
     with opened(path, what="a log") as file:
         head = file.read(HEAD)
-    if ending.endswith(ARRAYS):
-        return "run" if ending.endswith(".npz") and not is_foreign(path) else "arrays"
-    if head.startswith((MCAP, SQLITE, OLD, ZSTD)):
-        return "bag"
+    if name in ("arrays", "run"):
+        return by_name("log", "arrays" if name == "arrays" or is_foreign(path) else "run")
+    return _format_by_looks(path, head, is_carmen=name == "CARMEN")
+
+
+def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
+    """The format of a log that begins so, and whose name may be that of a CARMEN log."""
+    looks = by_looks(head)
+    # Arrays are read under their own names alone.
+    if looks is not None and looks[0].kind == "log" and looks[0].name != "arrays":
+        return looks[0]
     if head.startswith(GZIPPED):
         # What a packed file begins with is enough.
         with suppress(zlib.error):
             head = zlib.decompressobj(31).decompress(head, HEAD)
-    is_text = b"\0" not in head and not head.startswith(tuple(LOOKS))
+        looks = by_looks(head)
+    is_text = b"\0" not in head and looks is None
     if is_text and re.search(WORDS, head):
-        return "CARMEN"
+        return by_name("log", "CARMEN")
     if is_text and RECORDS(head):
-        return "records"
-    if ending.endswith(CARMEN_ENDINGS) and not re.search(rb"(?m)^\s*[-+.\d]+[\s,;]", head):
-        return "CARMEN"
+        return by_name("log", "records")
+    if is_carmen and not re.search(rb"(?m)^\s*[-+.\d]+[\s,;]", head):
+        return by_name("log", "CARMEN")
     if is_text:
-        return "text"
-    looks = next((what for magic, what in LOOKS.items() if head.startswith(magic)), "no text")
-    known = ", ".join((*CARMEN_ENDINGS, *FILES, *ARRAYS))
-    raise InputError(f"{path}: not a log: it looks like {looks}; expected text, or {known}")
+        return by_name("log", "text")
+    found = "no text" if looks is None else looks[1]
+    known = ", ".join(endings("log"))
+    raise InputError(f"{path}: not a log: it looks like {found}; expected text, or {known}")

@@ -25,13 +25,18 @@ from lrf3d.robot import Trajectory, follow_route, following
 from lrf3d.robot.following import LOOKAHEAD, SCAN_INTERVAL, SPEED, Patrol
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
-from lrf3d.simulation.tables import lasers_with_noise, motion_sensors
+from lrf3d.simulation.tables import (
+    TABLES,
+    lasers_with_noise,
+    motion_sensors,
+    read_file,
+    read_settings,
+)
 from lrf3d.world import World, load_world
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.model import DEFAULT_HEIGHT
-from lrf3d.world.schema import TABLES, read_settings
-from lrf3d.world.toml_file import WorldFile, read_world_file
+from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:
     from lrf3d.casting.collision import Body
@@ -360,7 +365,7 @@ def read_scenario_file(name_or_path: str | Path, scale: float = 1.0, **options: 
     """Read the file of a world, given by its name or its path, by the options of `load_world`."""
     path = find_world(name_or_path)
     if path.suffix.lower() == ".toml" and not options:
-        return read_world_file(path).scaled(scale)
+        return read_file(path).scaled(scale)
     return WorldFile(load_world(path, scale=scale, **options), path=path)
 
 

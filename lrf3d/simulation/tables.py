@@ -1,13 +1,16 @@
-"""What a robot carries: the lasers, the wheels and the IMU of a world file.
+"""The tables of a world file: the robot, its lasers, wheels and IMU, the mapper and the film.
 
-The tables of a file enter, overridden by settings; range finders with their noise, and the errors
-of the motion sensors leave.
+Each table has the keys of what it describes, and is checked by making that. The tables of a file
+enter, overridden by settings; range finders with their noise, and the errors of the motion sensors
+leave.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
+from lrf3d.base.errors import InputError, check_names, shown
 from lrf3d.geometry.lines import number
 from lrf3d.laser import LaserRangeFinder, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
@@ -15,9 +18,11 @@ from lrf3d.laser.noise import SIGMA
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping.mapper import LineMapper
 from lrf3d.robot.odometry import Imu, WheelOdometry
+from lrf3d.world import schema
 from lrf3d.world.cameras import FilmPlan
-from lrf3d.world.schema import Converter, keys_of, several
-from lrf3d.world.toml_file import WorldFile
+from lrf3d.world.model import World
+from lrf3d.world.schema import Converter, at, poses, row, rows, several
+from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
 def laser_with_noise(
@@ -32,21 +37,86 @@ def laser_with_noise(
     return lrf, imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
 
 
-def settings(table: str) -> tuple[Mapping[str, Converter], Callable[..., Any]]:
-    """The keys of a table of settings, and what checks the values that a file has for them."""
-    if table == "noise":
+# The keys of the table of the robot.
+ROBOT: Mapping[str, Converter] = {
+    "start": poses(row("x", "y", "degrees")),
+    "route": rows("x", "y"),
+    "poses": poses(rows("x", "y", "degrees")),
+    "outline": rows("x", "y", least=3),
+    **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), schema.LENGTH),
+}
+
+# What checks the values of each table, in the order in which tables are checked.
+TABLES: Mapping[str, Callable[..., object]] = {
+    "robot": dict,
+    "laser": laser_with_noise,
+    "noise": lambda **values: laser_with_noise(values),
+    "odometry": WheelOdometry,
+    "imu": Imu,
+    "mapper": LineMapper,
+    "film": FilmPlan,
+}
+
+
+def keys_of_table(name: str) -> Mapping[str, Converter]:
+    """The keys of a table; those of the noise are those of all kinds that are entered."""
+    if name == "robot":
+        return ROBOT
+    if name == "laser":
+        return schema.keys_of(LaserRangeFinder)
+    if name == "noise":
         keys: dict[str, Converter] = dict.fromkeys((key for kind in NOISES for key in kind), number)
         # Of several standard deviations the maps are compared.
-        keys["sigma"] = several(number, "sigmas", alone=True)
-        return keys, lambda **values: laser_with_noise(values)
-    if table == "laser":
-        return keys_of(LaserRangeFinder), laser_with_noise
-    kinds = {"odometry": WheelOdometry, "imu": Imu, "mapper": LineMapper, "film": FilmPlan}
-    keys = keys_of(kinds[table])
-    if table == "mapper":
+        return {**keys, "sigma": several(number, "sigmas", alone=True)}
+    keys = schema.keys_of(TABLES[name])
+    if name == "mapper":
         # It is that of the noise.
         del keys["sigma"]
-    return keys, kinds[table]
+    return keys
+
+
+def checked(name: str) -> Converter:
+    """A table of settings, checked by making what it describes; the values stay as they are."""
+    # A laser of several may have a noise of its own.
+    own = {"noise": schema.table(keys_of_table("noise"))} if name == "laser" else {}
+    convert = schema.table({**keys_of_table(name), **own})
+
+    def check(found: Any, key: str) -> Any:
+        values = convert(found, key)
+        with at(key):
+            TABLES[name](**values)
+        return values
+
+    return check
+
+
+def read_file(path: Path) -> WorldFile:
+    """Read a world file with all its tables."""
+    several_lasers = schema.tables(checked("laser"), alone=True)
+    return read_world_file(path, {n: checked(n) for n in TABLES} | {"laser": several_lasers})
+
+
+def read_toml(path: Path) -> World:
+    """The walls of a world file, all tables of which are checked."""
+    return read_file(path).world
+
+
+def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The values of settings by table and key; the last one counts if a key is set twice."""
+    tables: dict[str, dict[str, Any]] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        table, dot, key = name.strip().partition(".")
+        if not (equals and dot):
+            expected = "expected TABLE.KEY=VALUE, such as laser.range_max=20"
+            raise InputError(f"setting {shown(text)}: {expected}")
+        place = f"setting {name[:80]}"
+        with at(place):
+            check_names(place, [table], TABLES)
+            keys = keys_of_table(table)
+            check_names(place, [key], keys)
+            tables.setdefault(table, {})[key] = keys[key](schema.value_of(value), place)
+    return tables
 
 
 def motion_sensors(file: WorldFile, tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -59,8 +59,8 @@ class FixedCamera:
 
     def _check(self, good: bool, key: str, expected: str) -> None:
         if not good:
-            found = shown(getattr(self, key))
-            raise WorldError(f"camera {self.name!r}: {key} is {found}, expected {expected}")
+            found = f"{key} is {shown(getattr(self, key))}"
+            raise WorldError(f"camera {self.name!r}: {found}, expected {expected}")
 
     def scaled(self, factor: float) -> "FixedCamera":
         """The camera with x and y scaled; heights stay the same."""

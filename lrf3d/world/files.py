@@ -1,54 +1,15 @@
 """World files: built-in worlds by name, others by path; the ending of a file gives its format."""
 
-from collections.abc import Callable
 from difflib import get_close_matches
-from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, expect
+from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, check_names, expect
 from lrf3d.base.files import as_path, check_ordinary, data_folder
+from lrf3d.base.formats import WORLDS, by_ending, endings, enter_installed, function, of_kind
 from lrf3d.base.interrupts import reading
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
-
-# Endings of what becomes a plan, and then a world.
-DRAWINGS = (".dxf", ".svg", ".pdf")
-PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
-
-# What reads a world from a path, a function or ``module:function``, and the largest file [bytes].
-#
-# Others may be entered by their endings. Installed packages enter theirs by entry points of the
-# group ``lrf3d.world.readers``, whose names are endings.
-READERS: dict[str, tuple[str | Callable[..., Any], int]] = {
-    ".toml": ("lrf3d.world.toml_file:read_toml", 1 << 28),
-    **dict.fromkeys((".geojson", ".json"), ("lrf3d.world.towns.geojson:read_geojson", 1 << 28)),
-    ".osm": ("lrf3d.world.towns.osm:read_osm", 1 << 28),
-    **dict.fromkeys((".yaml", ".yml"), ("lrf3d.world.ros_map:read_ros_map", 1 << 16)),
-    **dict.fromkeys(PICTURES, ("lrf3d.plans.reading:plan_of_file", 1 << 28)),
-    **dict.fromkeys(DRAWINGS, ("lrf3d.plans.reading:plan_of_file", 1 << 26)),
-    **dict.fromkeys(
-        (".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), ("lrf3d.world.mesh:read_mesh", 1 << 27)
-    ),
-}
-
-# Endings of the files for which an option is.
-OPTIONS = {
-    "trees": (".osm",),
-    "resolution": PICTURES,
-    "threshold": (*PICTURES, ".pdf"),
-    "page": (".pdf",),
-    **dict.fromkeys(("layers", "without"), DRAWINGS),
-}
-
-# The module and the function that write a world, by the ending of the file.
-WRITERS = {
-    ".toml": "lrf3d.world.toml_file:write_toml",
-    ".geojson": "lrf3d.world.towns.geojson:write_geojson",
-    ".yaml": "lrf3d.world.ros_map:write_ros_map",
-    ".glb": "lrf3d.world.mesh:write_glb",
-}
 
 
 def load_world(
@@ -93,23 +54,28 @@ def load_world(
 
 
 def options_of(path: Path, **options: Any) -> dict[str, Any]:
-    """The options that are given, each of which the format of a file must have."""
+    """The options that are given, checked to be options of the file's format."""
     # What is 0 is given, and refused by the reader.
     given = {
         name: value
         for name, value in options.items()
         if value is not None and value is not False and not (type(value) is tuple and not value)
     }
+    check_names("load_world", given, [name for row in of_kind(*WORLDS) for name in row.options])
+    row = by_ending(path, *WORLDS)
     for name in given:
-        if path.suffix.lower() not in OPTIONS[name]:
-            raise WorldError(f"{path}: {name} is for {', '.join(OPTIONS[name])} files alone")
+        if row is None or name not in row.options:
+            fitting = ", ".join(endings(*WORLDS, option=name))
+            raise WorldError(f"{path}: {name} is for {fitting} files alone")
     return given
 
 
 def read_file(path: Path, options: dict[str, Any]) -> Any:
     """What the reader of a file returns."""
+    row = by_ending(path, *WORLDS)
+    assert row is not None
     try:
-        return _function(READERS[path.suffix.lower()][0])(path, **options)
+        return function(row.read)(path, **options)
     except (Lrf3dError, MemoryError):
         raise
     except Exception as error:
@@ -117,25 +83,25 @@ def read_file(path: Path, options: dict[str, Any]) -> Any:
             raise WorldError(f"cannot be read: {error.strerror}") from None
         # What a library raises depends on the damage.
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-        kind = path.suffix[1:].lower()
-        raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
+        what = f"damaged, or not a {path.suffix[1:].lower()} file"
+        raise WorldError(f"{what} ({reason}); save it again") from error
 
 
 def is_picture(path: str | Path) -> bool:
     """Whether a file is a bare picture of a floor plan, which needs a resolution."""
-    return Path(path).suffix.lower() in PICTURES
+    return by_ending(Path(path), "picture") is not None
 
 
 def is_plan(path: str | Path) -> bool:
     """Whether a file is a drawing or a picture, of which a plan is made."""
-    return Path(path).suffix.lower() in (*DRAWINGS, *PICTURES)
+    return by_ending(Path(path), "picture", "drawing") is not None
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:
     """Write a world to a file in the format that its ending names.
 
     TOML and GeoJSON keep the world to the last bit; GLB keeps it in float32 about its ``origin``,
-    and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell.
+    and a ROS map (``.yaml`` and, next to it, ``.pgm``) to half a cell.
 
     Args:
         world: The world.
@@ -157,29 +123,14 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     path = as_path(path)
     expect(world, World, "world")
     ending = path.suffix.lower()
-    if ending not in WRITERS:
-        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
+    writers = {row.endings[0]: row.write for row in of_kind("world") if row.write}
+    if ending not in writers:
+        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(writers)}")
     options = {} if resolution is None else {"resolution": resolution}
     if options and not (ending == ".yaml" and 1e-4 <= options["resolution"] <= 1e4):
         expected = "expected 0.0001 to 10000 m, for a ROS map (.yaml)"
         raise OutputError(f"{path}: resolution {resolution:g}: {expected}")
-    _function(WRITERS[ending])(world, path, **options)
-
-
-def _function(target: str | Callable[..., Any]) -> Callable[..., Any]:
-    """The function of a table's entry; its module loads the libraries of that format alone."""
-    if not isinstance(target, str):
-        return target
-    module, name = target.split(":")
-    return getattr(import_module(module), name)  # type: ignore[no-any-return]
-
-
-@lru_cache(1)
-def _enter_installed() -> None:
-    from importlib.metadata import entry_points
-
-    for entry in entry_points(group="lrf3d.world.readers"):
-        READERS.setdefault(entry.name, (entry.value, 1 << 28))
+    function(writers[ending])(world, path, **options)
 
 
 def world_names() -> list[str]:
@@ -202,23 +153,29 @@ def find_world(name_or_path: str | Path) -> Path:
     if isinstance(name_or_path, str) and name_or_path in names:
         return data_folder("worlds") / f"{name_or_path}.toml"
     path = as_path(name_or_path)
-    if path.suffix.lower() not in READERS:
-        _enter_installed()
-    known = ", ".join(READERS)
+    if by_ending(path, *WORLDS) is None:
+        enter_installed()
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
-    if (reader := READERS.get(path.suffix.lower())) is not None:
-        known_file: dict[str, Any] = {"what": "a world file", "largest": reader[1]}
-        missing = f"no such file{suggestion}"
-        check_ordinary(path, missing=missing, error=WorldError, **known_file)
+    if (row := by_ending(path, *WORLDS)) is not None:
+        check_ordinary(
+            path, what="a world file", largest=row.largest, missing=f"no such file{suggestion}",
+            error=WorldError,
+        )  # fmt: skip
         return path
+    raise _not_a_world(path, name_or_path, suggestion)
+
+
+def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
+    """The error of what is neither a built-in world nor a file of one."""
+    known = ", ".join(endings(*WORLDS))
+    names = ", ".join(world_names())
     if path.is_dir() or path.suffix.lower() == ".npz":
         run = not path.is_dir() or (path / "run.npz").exists()
         what = "a run, for `lrf3d view` and others" if run else "a folder"
-        worlds = f"{', '.join(names)}, or a file ({known})"
-        raise WorldError(f"{path}: {what}; expected a world: {worlds}")
+        return WorldError(f"{path}: {what}; expected a world: {names}, or a file ({known})")
     if path.is_file() or path.suffix:
         logs = "; logs are read by `lrf3d slam` and `lrf3d map`" if ".log" in path.suffixes else ""
-        raise WorldError(f"{path}: unknown ending; worlds are read from {known}{logs}")
-    worlds = f"built-in are {', '.join(names)}; or give a file ({known})"
-    raise WorldError(f"{name_or_path}: unknown world{suggestion}; {worlds}")
+        return WorldError(f"{path}: unknown ending; worlds are read from {known}{logs}")
+    worlds = f"built-in are {names}; or give a file ({known})"
+    return WorldError(f"{given}: unknown world{suggestion}; {worlds}")

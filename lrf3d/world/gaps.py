@@ -16,9 +16,10 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
 
-# Widest gap [m] that is closed, half of a door, and largest end of a wall beyond its corner [m],
-# which is cut off.
+# Widest gap [m] that is closed: half of a door.
 WIDEST = 0.4
+
+# Largest length [m] by which a wall is cut back to its corner.
 OVERSHOOT = 0.3
 
 # Distance [m] between the points of a closing piece that are compared with the free cells.
@@ -29,8 +30,7 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
     """A map as a world: its walls meet at corners, and walls that touch are one object."""
     segments, walls = close_gaps(mapped.segments, free)
     heights = mapped.heights[walls]
-    place = mapped.place
-    return World(segments, connected(segments), heights, mapped.name, place=place, free=free)
+    return World(segments, connected(segments), heights, mapped.name, place=mapped.place, free=free)
 
 
 def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:

@@ -18,18 +18,26 @@ from lrf3d.geometry.lines import Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 
-# Thickness of walls, and clear width of a door [m]: three robots of usual size.
+# Thickness of walls [m].
 THICKNESS = 0.2
+
+# Clear width of a door [m]: three robots of usual size.
 DOOR = 2.2
 
-# Width of an office's corridor, depth of its rooms, and their least and largest width [m].
+# Width [m] of an office's corridor.
 CORRIDOR = 2.6
+
+# Depth [m] of an office's rooms.
 ROOM_DEPTH = 5.0
+
+# Least and largest width [m] of an office's rooms.
 ROOM_WIDTHS = (3.8, 6.0)
 
-# Distances between the centres of buildings, and between neighbouring walls of a maze [m].
+# Distance [m] between the centres of neighbouring buildings of a city.
 BLOCK_SIDE = 20.0
-PASSAGE = 2.6
+
+# Distance [m] between neighbouring walls of a maze: as wide as a corridor.
+PASSAGE = CORRIDOR
 
 # The left, lower, right and upper side of a part of a plan [m].
 Box = tuple[float, float, float, float]
@@ -111,8 +119,9 @@ def city(size: float, seed: int) -> World:
     facades = "b5654e c8b494 a88468 929aa2 cfc4b0".split()
     shades = np.array([[*bytes.fromhex(each)] for each in facades]) / 255.0
     colours = shades[rng.integers(0, len(shades), blocks**2)]
-    segments = np.round(plain.segments, 3)
-    return World(segments, plain.objects, heights, f"city {seed}", colours=colours)
+    return World(
+        np.round(plain.segments, 3), plain.objects, heights, f"city {seed}", colours=colours
+    )
 
 
 def office(size: float, seed: int) -> World:
@@ -161,14 +170,19 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
     left, bottom, right, top = room
     desk = np.array([min(1.8, right - left - 2.0), 0.8])
     x = float(rng.uniform(left + 0.4, right - 0.4 - desk[0]))
-    y = bottom + 0.3 if faces > 0.0 else top - 0.3 - desk[1]
+    y = _beside(bottom, top, 0.3, desk[1], faces > 0.0)
     wood = (0.66, 0.50, 0.36)  # The colour of furniture.
     plan.box("desk", np.array([x, y]), desk, 0.75, wood)
     if rng.random() < 0.5:
         shelf = np.array([0.4, 1.6])
-        x = left + 0.15 if rng.random() < 0.5 else right - 0.15 - shelf[0]
-        y = bottom + 1.5 if faces > 0.0 else top - 1.5 - shelf[1]
+        x = _beside(left, right, 0.15, shelf[0], rng.random() < 0.5)
+        y = _beside(bottom, top, 1.5, shelf[1], faces > 0.0)
         plan.box("shelf", np.array([x, y]), shelf, 1.9, wood)
+
+
+def _beside(low: float, high: float, gap: float, size: float, is_low: bool) -> float:
+    """The low side [m] of furniture that stands a gap [m] from the low or the high wall."""
+    return low + gap if is_low else high - gap - size
 
 
 def rooms(size: float, seed: int) -> World:
@@ -208,9 +222,9 @@ def _divide(
     ]
     if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * smallest_room:
         if sides.min() > 1.8 * smallest_room:
-            corner = np.round(low + 0.5 * sides - 0.3, 2)
-            stone = (0.62, 0.63, 0.65)
-            plan.box("pillar", corner, np.array([0.6, 0.6]), DEFAULT_HEIGHT, stone)
+            pillar = np.full(2, 0.6)  # Its sides [m].
+            corner = np.round(low + 0.5 * sides - 0.5 * pillar, 2)
+            plan.box("pillar", corner, pillar, DEFAULT_HEIGHT, (0.62, 0.63, 0.65))
         return
     cut = float(np.round(rng.choice(free), 2))
     start = float(low[1 - axis])
@@ -269,8 +283,8 @@ def maze(size: float, seed: int) -> World:
         if (one, other) not in passages:
             x = PASSAGE * (one % count + 1)
             y = PASSAGE * (one // count + 1)
-            beside = other == one + 1
-            plan.wall(*((x, y - PASSAGE) if beside else (x - PASSAGE, y)), x, y)
+            is_right = other == one + 1
+            plan.wall(*((x, y - PASSAGE) if is_right else (x - PASSAGE, y)), x, y)
     return plan.world(f"maze {seed}")
 
 

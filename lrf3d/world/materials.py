@@ -29,7 +29,7 @@ class Material:
         transmission: Share that passes straight through.
         index: Refractive index of a pane, or 0. The shares that it mirrors and lets through, of
             what is not reflected diffusely, then follow from Fresnel's equations.
-        retro: Brightness of a retro-reflector beside that of a white wall.
+        retro: Brightness of a retro-reflector, relative to a white wall.
 
     Raises:
         WorldError: A value is out of range, or the shares are more than 1 together.

@@ -70,13 +70,13 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
     # Only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
-    single = len(scene.graph.nodes_geometry) == 1 and not y_up
+    graph = scene.graph
+    single = len(graph.nodes_geometry) == 1 and not y_up
     # The graph gives its nodes in any order; the file has its meshes in one.
-    order = {key: place for place, key in enumerate(scene.geometry)}
-    nodes = [(order[scene.graph[node][1]], str(node), node) for node in scene.graph.nodes_geometry]
+    order = dict(zip(scene.geometry, range(len(scene.geometry)), strict=True))
     parts = []
-    for _, name, node in sorted(nodes, key=lambda item: item[:2]):
-        matrix, key = scene.graph[node]
+    for node in sorted(graph.nodes_geometry, key=lambda n: (order[graph[n][1]], str(n))):
+        matrix, key = graph[node]
         mesh = scene.geometry[key]
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
             continue
@@ -84,16 +84,20 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
         triangles = (vertices @ UPRIGHT if y_up else vertices)[mesh.faces]
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
             far = f"has a vertex that is not finite, or over {LARGEST_COORDINATE:g} m away"
-            raise WorldError(f"part {shown(name)} {far}")
-        look = getattr(mesh.visual, "material", None)
-        factor = getattr(look, "baseColorFactor", None)
-        colour = None if factor is None else np.asarray(factor[:3]) / 255.0
-        # The material that lrf3d wrote, or that the name of the part's own is one of.
-        material = material_of(mesh.metadata.get("material"))
-        material = material or material_of(str(getattr(look, "name", None)).lower())
-        called = "" if single else name
-        parts.append((Part(0, np.empty((0, 4)), np.empty(0), called, colour, material), triangles))
+            raise WorldError(f"part {shown(str(node))} {far}")
+        parts.append((_looks(mesh, "" if single else str(node)), triangles))
     return parts
+
+
+def _looks(mesh: Any, name: str) -> Part:
+    """A part without walls that looks like a mesh."""
+    look = getattr(mesh.visual, "material", None)
+    factor = getattr(look, "baseColorFactor", None)
+    colour = None if factor is None else np.asarray(factor[:3]) / 255.0
+    # The material that lrf3d wrote, or else the built-in one of the name that the mesh's own has.
+    written = material_of(mesh.metadata.get("material"))
+    material = written or material_of(str(getattr(look, "name", None)).lower())
+    return Part(0, np.empty((0, 4)), np.empty(0), name, colour, material)
 
 
 def _check_zeros(path: Path) -> None:

@@ -29,14 +29,19 @@ from lrf3d.world.schema import MOST_OBJECTS, check_unique
 # Height of a wall [m] if none is given: a room's storey.
 DEFAULT_HEIGHT = 2.5
 
-# Sides [m] below which there is no room for a robot, and below which a plan may be on paper.
+# Side [m] of a world below which there is no room for a robot.
 LEAST = 0.5
+
+# Side [m] below which a plan may be a drawing on paper.
 SHEET = 2.0
+
+# Largest factor by which a plan is enlarged.
+LARGEST_SCALE = 1e6
 
 
 def check_scale(factor: float) -> None:
     """Check a factor by which a plan is enlarged."""
-    if not (is_finite(factor) and 1e-6 <= factor <= 1e6):
+    if not (is_finite(factor) and 1.0 / LARGEST_SCALE <= factor <= LARGEST_SCALE):
         raise WorldError(f"scale {shown(factor)}: expected 0.000001 to 1000000")
 
 
@@ -122,15 +127,10 @@ class World(Value, Pictured):
             raise WorldError(f"{len(names)} names for {count} objects: expected one for each")
         filmed = _items(cameras, FixedCamera, "cameras")
         check_unique("cameras", [camera.name for camera in filmed])
-        point = None
-        if place is not None:
-            if not (isinstance(place, list | tuple) and len(place) == 2 and is_finite(*place)):
-                raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
-            point = float(place[0]), float(place[1])
         made_of = _items(() if materials is None else materials, str | Material | None, "materials")
         [called] = _items([name], str, "name")
         [cells] = _items([free], FreeCells | None, "free")
-        looks = (called, names, shades, filmed, point, cells, checked(made_of, count))
+        looks = (called, names, shades, filmed, _place(place), cells, checked(made_of, count))
         values = (rows, owned, tops, *looks)
         for each, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, each.name, value)
@@ -213,6 +213,15 @@ def _check(good: Any, row: str, what: str, values: Float, expected: str) -> None
         raise WorldError(f"{row} {place}: {what} {values[place].tolist()}, expected {expected}")
 
 
+def _place(place: Any) -> tuple[float, float] | None:
+    """A longitude and latitude from outside, or None."""
+    if place is None:
+        return None
+    if not (isinstance(place, list | tuple) and len(place) == 2 and is_finite(*place)):
+        raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
+    return float(place[0]), float(place[1])
+
+
 def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:
     """Values from outside as an array of a shape, in which −1 is any number."""
     try:
@@ -222,8 +231,7 @@ def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:
     if array.size == 0 and shape[0] <= 0:
         return sealed(np.empty((0, *shape[1:])))
     if not array.ndim or array.shape != (len(array) if shape[0] < 0 else shape[0], *shape[1:]):
-        expected = str(shape).replace("-1", "n")
-        raise WorldError(f"{name} of shape {array.shape}: expected {expected}")
+        raise WorldError(f"{name} of shape {array.shape}: expected {shape}".replace("-1", "n"))
     return array
 
 

@@ -15,9 +15,11 @@ from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
 
-# Largest numbers of pairs of shapes that touch, beyond four of each, and of pairs of boxes that do:
-# seconds of work. A town with 100,000 buildings has some 200,000.
+# Largest number of pairs of shapes that touch, beyond four of each: seconds of work. A town with
+# 100,000 buildings has some 200,000.
 MOST_PAIRS = 1_000_000
+
+# Largest number of pairs of shapes whose boxes touch: seconds of work.
 MOST_BOXES = 100_000_000
 
 # Largest gap [m] between walls that touch: no beam can separate them, so they are one object.
@@ -37,7 +39,8 @@ class Part(NamedTuple):
 
 def world_of_parts(parts: Sequence[Part], name: str, **others: Any) -> World:
     """The world of walls; the first part of an object that has a name, a colour, … gives it."""
-    objects = np.repeat([part.number for part in parts], [len(part.segments) for part in parts])
+    numbers, segments, *_ = zip(*parts, strict=True)
+    objects = np.repeat(numbers, [len(own) for own in segments])
     count = int(objects.max()) + 1
     names = [""] * count
     colours = np.full((count, 3), np.nan)
@@ -48,7 +51,7 @@ def world_of_parts(parts: Sequence[Part], name: str, **others: Any) -> World:
         if part.colour is not None:
             colours[part.number] = part.colour
     return World(
-        np.concatenate([part.segments for part in parts]),
+        np.concatenate(segments),
         objects,
         np.concatenate([np.broadcast_to(part.heights, len(part.segments)) for part in parts]),
         name,
@@ -100,18 +103,8 @@ def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]
     The looks are the name, the colour and the material, as far as it has them; lines are lists of
     points; there is one height [m], or one for each wall. Objects without walls come first.
     """
-
-    def looks(number: int) -> dict[str, Any]:
-        colour = world.colours[number]
-        held = {
-            "name": world.object_names[number] if world.object_names else "",
-            "colour": colour_value(colour) if np.isfinite(colour).all() else None,
-            "material": world.materials[number] if world.materials else None,
-        }
-        return {key: value for key, value in held.items() if value}
-
     for number in sorted(set(range(world.object_count)) - set(world.objects.tolist())):
-        if own := looks(number):
+        if own := _looks(world, number):
             yield number, own, [], []
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
@@ -119,7 +112,23 @@ def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]
             number = int(world.objects[first])
             heights = world.heights[first:end].tolist()
             lines = [line.tolist() for line in lines_of(world.segments[first:end])]
-            yield number, looks(number), lines, heights[0] if len(set(heights)) == 1 else heights
+            yield (
+                number,
+                _looks(world, number),
+                lines,
+                heights[0] if len(set(heights)) == 1 else heights,
+            )
+
+
+def _looks(world: World, number: int) -> dict[str, Any]:
+    """The name, the colour and the material of an object, as far as it has them."""
+    colour = world.colours[number]
+    held = {
+        "name": world.object_names[number] if world.object_names else "",
+        "colour": colour_value(colour) if np.isfinite(colour).all() else None,
+        "material": world.materials[number] if world.materials else None,
+    }
+    return {key: value for key, value in held.items() if value}
 
 
 def world_of_walls(segments: Float, heights: Float, path: Path, gap: float = TOUCHING) -> World:

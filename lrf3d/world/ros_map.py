@@ -30,9 +30,13 @@ from lrf3d.world.pieces import connected
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import Converter, accepting, row, text
 
-# Values of the pixels of cells as map_saver writes them.
+# Grey of an occupied cell, as map_saver writes it.
 OCCUPIED = 0
+
+# Grey of an unknown cell, likewise.
 UNKNOWN = 205
+
+# Grey of a free cell, likewise.
 FREE = 254
 
 # Width of the free space [m] around the walls.
@@ -54,6 +58,24 @@ KEYS: Mapping[str, Converter] = {
 
 def read_ros_map(path: Path) -> World:
     """Read the occupied cells of a ROS map as walls."""
+    data = _described(path)
+    texts = ("image", "mode")
+    values: dict[str, Any] = {
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+        "negate": 0,
+        "mode": "trinary",
+    }
+    for key in filter(KEYS.__contains__, data):
+        values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
+    picture = _picture_of(path, values["image"])
+    if values["free_thresh"] > values["occupied_thresh"]:
+        raise WorldError("free_thresh is above occupied_thresh")
+    return _world(path, picture, values)
+
+
+def _described(path: Path) -> dict[str, Any]:
+    """The description of a map, whose keys stand in it once."""
     import yaml
 
     loader = yaml.BaseLoader(read_text(path))
@@ -73,24 +95,22 @@ def read_ros_map(path: Path) -> World:
         if (first := lines.setdefault(name, line)) != line:
             twice = f"the key {shown(name)} stands in line {first}, too; remove one"
             raise WorldError(f"line {line}: {twice}")
-    texts = ("image", "mode")
-    usual = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
-    values: dict[str, Any] = {**usual}
-    for key in filter(KEYS.__contains__, data):
-        values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
-    name = re.split(r"[/\\]", values["image"])[-1]
-    if name != values["image"].removeprefix("./") or not name.strip("."):
-        elsewhere = f"image is {shown(values['image'])}"
+    return data
+
+
+def _picture_of(path: Path, image: str) -> Path:
+    """The picture of a description at a path, next to which it is."""
+    name = re.split(r"[/\\]", image)[-1]
+    if name != image.removeprefix("./") or not name.strip("."):
+        elsewhere = f"image is {shown(image)}"
         if not (path.parent / name).is_file():
             raise WorldError(f"{elsewhere}; put the picture next to this file and name it so")
         warnings.warn(f"{path}: {elsewhere}; {name} next to it is read", Lrf3dWarning, 4)
-    if values["free_thresh"] > values["occupied_thresh"]:
-        raise WorldError("free_thresh is above occupied_thresh")
-    return _world(path, path.parent / name, values)
+    return path.parent / name
 
 
 def _plain(value: Any) -> Any:
-    """The number of YAML 1.2 that a text is, or those in a list: for PyYAML ``5e-2`` is none."""
+    """Convert texts to the numbers of YAML 1.2, also in a list: PyYAML reads ``5e-2`` as a text."""
     if isinstance(value, list):
         # A list within the list stays: aliases may make it endless.
         return [_plain(each) if isinstance(each, str) else each for each in value]
@@ -126,8 +146,8 @@ def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     known = opaque if values["mode"] == "scale" else (value != UNKNOWN) | bool(values["negate"])
     if values["mode"] == "raw":
         # The value of a pixel is the occupancy in percent, not negated; above 100 it is unknown.
-        known = value <= 100.0
         share = value / 100.0
+        known = share <= 1.0
     occupied = known & (share >= values["occupied_thresh"])
     return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]
 
@@ -142,7 +162,7 @@ def _light(picture: Path) -> tuple[Single, Bool]:
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:
-    """Write the walls and free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``."""
+    """Write the walls and free cells of a world as a ``.yaml`` file and, next to it, a ``.pgm``."""
     resolution = cell_size(world) if resolution is None else resolution
     cells, (x, y) = map_cells(world, resolution, path)
     picture = path.with_suffix(".pgm")

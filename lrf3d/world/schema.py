@@ -1,7 +1,7 @@
-"""The schema of world files: the keys of each table, and the converter of their values.
+"""The schema of world files: converters of values and tables, and the keys of objects.
 
 A converter takes a value and the path of its key, such as ``object[2].points``, with which its
-errors begin. Settings on the command line, such as ``laser.range_max=20``, use the same schema.
+errors begin. The tables of the robot and of what it carries are in ``lrf3d.simulation.tables``.
 """
 
 import re
@@ -18,7 +18,6 @@ from typing import Any, get_args
 import numpy as np
 
 from lrf3d.base.errors import InputError, Lrf3dWarning, WorldError, check_names, shown
-from lrf3d.base.lazy import ABOVE
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, number, whole_number
 from lrf3d.geometry.pose import Pose
 
@@ -50,8 +49,8 @@ def text(*choices: str) -> Converter:
 def parse_colour(value: Any) -> tuple[float, float, float] | None:
     """Red, green, blue in 0…1 of a colour from a file, or None if it is invalid."""
     if isinstance(value, str) and re.fullmatch(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})", value):
-        digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
-        value = [int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4)]
+        digits = value[1:] if len(value) == 7 else re.sub("(.)", r"\1\1", value[1:])
+        value = [part / 255 for part in bytes.fromhex(digits)]
     if not isinstance(value, list) or len(value) != 3:
         return None
     red, green, blue = value
@@ -103,7 +102,7 @@ def poses(convert: Converter) -> Converter:
 
     def turned(found: Any, key: str) -> Any:
         converted = convert(found, key)
-        eighth = 0.25 * np.pi
+        eighth = np.pi / 4
         headings = converted[..., 2].ravel()
         eighths = np.round(headings / eighth)
         # Nobody turns a laser by 0.785 degrees: the digits of an eighth of a turn are radians.
@@ -154,41 +153,29 @@ def tables(convert: Converter, *, alone: bool = False) -> Converter:
     return convert_all
 
 
-_LENGTH = partial(number, positive=True, most=LARGEST_COORDINATE)
+# The converter of a length [m] or a speed [m/s], which is above 0.
+LENGTH: Converter = partial(number, positive=True, most=LARGEST_COORDINATE)
 
-
-def _each(convert: Converter, *keys: str) -> dict[str, Converter]:
-    return dict.fromkeys(keys, convert)
-
-
+# The keys of an object.
 OBJECT: Mapping[str, Converter] = {
     "name": text(),
     "points": rows("x", "y", least=2),
     "lines": several(rows("x", "y", least=2), "lines, each a list of [x, y]", least=0),
     "closed": accepting("true or false", lambda x: isinstance(x, bool), bool),
-    "height": several(_LENGTH, "heights", alone=True),
+    "height": several(LENGTH, "heights", alone=True),
     "colour": accepting('a colour such as "#c8b49a"', parse_colour, parse_colour),
     "number": partial(whole_number, least=0, most=MOST_OBJECTS),
     "material": text(),
 }
 
+# The keys of a dynamic obstacle.
 OBSTACLE: Mapping[str, Converter] = {
     "route": rows("x", "y", least=2),
     "points": rows("x", "y", least=3),
-    **_each(_LENGTH, "speed", "radius", "height"),
+    **dict.fromkeys(("speed", "radius", "height"), LENGTH),
 }
 
-ROBOT: Mapping[str, Converter] = {
-    "start": poses(row("x", "y", "degrees")),
-    "route": rows("x", "y"),
-    "poses": poses(rows("x", "y", "degrees")),
-    "outline": rows("x", "y", least=3),
-    **_each(_LENGTH, "speed", "scan_interval", "lookahead", "radius"),
-}
-
-# The tables of settings, in the order in which they are checked.
-TABLES = ("robot", "laser", "noise", "odometry", "imu", "mapper", "film")
-
+# The converters of parameters that a table names, by their types.
 _BY_TYPE: Mapping[type, Converter] = {
     float: partial(number, least=-LARGEST_COORDINATE, most=LARGEST_COORDINATE),
     int: partial(whole_number, least=0),
@@ -212,28 +199,6 @@ def keys_of(make: Callable[..., Any]) -> dict[str, Converter]:
     return keys
 
 
-def settings(name: str) -> Mapping[str, Converter]:
-    """The keys of a table of settings."""
-    return ROBOT if name == "robot" else ABOVE["settings"](name)[0]
-
-
-def checked(name: str) -> Converter:
-    """A table of settings, checked by making what it describes; the values stay as they are."""
-
-    def convert(found: Any, key: str) -> Any:
-        if name == "robot":
-            return table(ROBOT)(found, key)
-        keys, make = ABOVE["settings"](name)
-        if name == "laser":
-            keys = {**keys, "noise": table(ABOVE["settings"]("noise")[0])}
-        values = table(keys)(found, key)
-        with at(key):
-            make(**values)
-        return values
-
-    return convert
-
-
 def value_of(text: str) -> Any:
     """Parse a TOML value; strings need no quotes unless they begin like a list or with one."""
     text = text.strip()
@@ -247,24 +212,6 @@ def value_of(text: str) -> Any:
         expected = 'expected one such as 20, true, [1, 2], paper or "paper"'
         raise InputError(f"{shown(text)} is not a TOML value; {expected}")
     return text
-
-
-def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The values of settings by table and key; the last one counts if a key is set twice."""
-    tables: dict[str, dict[str, Any]] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        table, dot, key = name.strip().partition(".")
-        if not (equals and dot):
-            expected = "expected TABLE.KEY=VALUE, such as laser.range_max=20"
-            raise InputError(f"setting {shown(text)}: {expected}")
-        place = f"setting {name[:80]}"
-        with at(place):
-            check_names(place, [table], TABLES)
-            keys = settings(table)
-            check_names(place, [key], keys)
-            tables.setdefault(table, {})[key] = keys[key](value_of(value), place)
-    return tables
 
 
 def check_unique(place: str, names: Sequence[str]) -> None:

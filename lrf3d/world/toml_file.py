@@ -1,8 +1,8 @@
 """World files in TOML: what a person writes, checked; errors name the key that is wrong.
 
-A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the film, of which :mod:`lrf3d.simulation.scenario` makes a scenario.
-A world is written as text that is read again to the last bit.
+A path enters, with the converters of the tables of settings, which belong to what they describe; a
+:class:`WorldFile` leaves: the walls, and the tables, of which :mod:`lrf3d.simulation.scenario`
+makes a scenario. A world is written as text that is read again to the last bit.
 """
 
 import json
@@ -26,19 +26,6 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, runs_of, walls, world_of_parts
-
-# The keys and the tables of a world file, in the order in which they are checked.
-KEYS: Mapping[str, schema.Converter] = {
-    "name": schema.text(),
-    "place": schema.row("longitude", "latitude"),
-    "object": schema.tables(schema.table(schema.OBJECT)),
-    **{name: schema.checked(name) for name in schema.TABLES},
-    "laser": schema.tables(schema.checked("laser"), alone=True),
-    "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
-    "camera": schema.tables(schema.made(FixedCamera)),
-    "material": schema.tables(schema.made(Material)),
-    "free": lambda found, key: FreeCells.from_dict(found, key),
-}
 
 
 @dataclass(frozen=True)
@@ -70,33 +57,52 @@ class WorldFile:
         return schema.at(f"{self.path}: {key}")
 
 
-def read_toml(path: Path) -> World:
-    """The walls of a world file."""
-    return read_world_file(path).world
+def keys_of_file(settings: Mapping[str, schema.Converter]) -> dict[str, schema.Converter]:
+    """The keys and the tables of a world file, in the order in which they are checked."""
+    return {
+        "name": schema.text(),
+        "place": _place,
+        "object": schema.tables(schema.table(schema.OBJECT)),
+        **settings,
+        "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
+        "camera": schema.tables(schema.made(FixedCamera)),
+        "material": schema.tables(schema.made(Material)),
+        "free": lambda found, key: FreeCells.from_dict(found, key),
+    }
 
 
-def read_world_file(path: Path) -> WorldFile:
-    """Read a world file; errors name it and the key."""
+def _place(found: Any, key: str) -> tuple[float, ...]:
+    """A longitude and latitude [°]."""
+    return tuple(schema.row("longitude", "latitude")(found, key).tolist())
+
+
+def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> WorldFile:
+    """Read a world file, with the converters of its settings; errors name the file and the key."""
     with reading(), schema.at(str(path)):
-        content = read_text(path)
-        try:
-            # The time and memory for a key of many parts grow with their square.
-            if re.search(r"(?m)(?:^|[{,])[\s\[]*(?:[\w\"'-]+\s*\.\s*){100}", content):
-                raise RecursionError
-            data = tomllib.loads(content)
-        except RecursionError:
-            raise InputError("nested too deeply for a world file") from None
-        except ValueError as error:
-            raise InputError(f"not TOML: {error}") from None
-        check_names(str(path), data, KEYS)
-        values = {key: KEYS[key](data[key], key) for key in KEYS if key in data}
+        data = _parsed(read_text(path))
+        keys = keys_of_file(settings)
+        check_names(str(path), data, keys)
+        values = {key: keys[key](data[key], key) for key in keys if key in data}
         obstacles = values.get("obstacle", [])
         for place, obstacle in enumerate(obstacles):
             if "radius" in obstacle and "points" in obstacle:
                 raise InputError(f"obstacle[{place}]: expected a radius or points, found both")
         lasers = tuple(values.pop("laser", ()))
-        settings = {key: values[key] for key in schema.TABLES if key in values}
-        return WorldFile(_world(values, path), settings, tuple(obstacles), path, lasers)
+        tables = {key: values[key] for key in settings if key in values}
+        return WorldFile(_world(values, path), tables, tuple(obstacles), path, lasers)
+
+
+def _parsed(content: str) -> dict[str, Any]:
+    """The values of a TOML file."""
+    try:
+        # The time and memory for a key of many parts grow with their square.
+        if re.search(r"(?m)(?:^|[{,])[\s\[]*(?:[\w\"'-]+\s*\.\s*){100}", content):
+            raise RecursionError
+        return tomllib.loads(content)
+    except RecursionError:
+        raise InputError("nested too deeply for a world file") from None
+    except ValueError as error:
+        raise InputError(f"not TOML: {error}") from None
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:
@@ -109,16 +115,12 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         number = each.get("number", parts[-1].number + 1 if parts else 0)
         looks = {name: each[name] for name in ("name", "colour", "material") if name in each}
         if looks and number in known:
-            word = next(iter(looks))
-            raise InputError(f"{key}.{word}: stands with another object of the same number")
-        segments = _segments(each, key)
-        height = each.get("height", DEFAULT_HEIGHT)
-        if isinstance(height, tuple) and len(height) != len(segments):
-            found = f"{len(height)} heights for {len(segments)} walls"
-            raise InputError(f"{key}.height: {found}, expected one for each")
+            twice = "stands with another object of the same number"
+            raise InputError(f"{key}.{next(iter(looks))}: {twice}")
+        walled = _walled(each, key)
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")
-        parts.append(Part(number, segments, np.array(height), **looks))
+        parts.append(Part(number, *walled, **looks))
         known.add(number)
     if not any(len(part.segments) for part in parts):
         raise InputError("object: expected at least one table [[object]] with points")
@@ -126,9 +128,19 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         parts,
         values.get("name", own_name(path)),
         cameras=values.get("camera", ()),
-        place=tuple(values["place"].tolist()) if "place" in values else None,
+        place=values.get("place"),
         free=values.get("free"),
     )
+
+
+def _walled(values: Mapping[str, Any], key: str) -> tuple[Float, Float]:
+    """The walls (n, 4) of an object, and their height [m], or one for each."""
+    segments = _segments(values, key)
+    height = values.get("height", DEFAULT_HEIGHT)
+    if isinstance(height, tuple) and len(height) != len(segments):
+        found = f"{len(height)} heights for {len(segments)} walls"
+        raise InputError(f"{key}.height: {found}, expected one for each")
+    return segments, np.array(height)
 
 
 def _segments(values: Mapping[str, Any], key: str) -> Float:
@@ -159,15 +171,7 @@ def write_toml(world: World, path: Path) -> None:
         described.add(number)
         if "material" in looks:
             looks["material"] = looks["material"].name
-        outline: dict[str, Any] = {"lines": []}
-        if lines:
-            # A ring needs no point twice.
-            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in lines)
-            lines = [line[:-1] for line in lines] if closed else lines
-            outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
-            outline |= {"closed": True} if closed else {}
-            outline["height"] = height
-        blocks.append(_table("[[object]]", {"number": number, **looks, **outline}))
+        blocks.append(_table("[[object]]", {"number": number, **looks, **_outline(lines, height)}))
     used = dict.fromkeys(material for material in world.materials if material is not None)
     own = [material for material in used if BUILT_IN.get(material.name) != material]
     blocks += [_table("[[material]]", material.as_dict()) for material in own]
@@ -175,6 +179,17 @@ def write_toml(world: World, path: Path) -> None:
     if world.free is not None:
         blocks.append(_table("[free]", world.free.as_dict()))
     write_text(path, "\n".join(blocks))
+
+
+def _outline(lines: list[Any], height: Any) -> dict[str, Any]:
+    """The keys of the lines and the heights of an object."""
+    if not lines:
+        return {"lines": []}
+    # A ring needs no point twice.
+    closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in lines)
+    lines = [line[:-1] for line in lines] if closed else lines
+    outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
+    return outline | ({"closed": True} if closed else {}) | {"height": height}
 
 
 def _table(head: str, values: Mapping[str, Any]) -> str:

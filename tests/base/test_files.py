@@ -12,8 +12,9 @@ import pytest
 import lrf3d
 from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.base.files import locked, make_folder, own_name, replacing, unfinished_folder
+from lrf3d.base.formats import WORLDS, endings
 from lrf3d.recordings.reading import is_run
-from lrf3d.world.files import READERS, find_world
+from lrf3d.world.files import find_world
 
 ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 
@@ -54,7 +55,7 @@ READ = {
     "e.npz": load_log,
     "f.npz": load_run,
     "map.json": load_map,
-    **{f"world{ending}": load_world for ending in READERS},
+    **{f"world{ending}": load_world for ending in endings(*WORLDS)},
 }
 
 
@@ -128,6 +129,7 @@ def test_a_world_is_called_as_it_says_or_as_its_file_or_with_the_folder_before_i
 HOLD = """
 import sys
 from pathlib import Path
+from lrf3d.base.formats import WORLDS, endings
 from lrf3d.base.files import locked, replacing
 target = Path("film.mp4")
 with locked(target), replacing(target) as unfinished:

@@ -8,8 +8,8 @@ from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder, imperfect
 from lrf3d.scoring import buildings_seen, visible_walls
 from lrf3d.simulation.scenario import Scenario, load_scenario, start_of
+from lrf3d.simulation.tables import read_settings
 from lrf3d.world import World
-from lrf3d.world.schema import read_settings
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
 

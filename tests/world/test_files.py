@@ -111,12 +111,12 @@ def test_every_built_in_world_can_be_read_by_its_name():
         assert load_world(name).name == name
 
 
-def test_an_unknown_world_is_told_the_worlds_there_are():
+def test_the_error_of_an_unknown_world_lists_the_worlds():
     with pytest.raises(WorldError, match=r"citty.*did you mean 'city'.*corridor.*paper_room"):
         load_world("citty")
 
 
-def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path):
+def test_the_error_of_an_unknown_ending_lists_the_endings(tmp_path):
     (tmp_path / "plan.xyz").touch()
     with pytest.raises(WorldError, match=r"plan\.xyz: unknown ending.*\.toml.*\.geojson"):
         load_world(tmp_path / "plan.xyz")
@@ -198,7 +198,7 @@ def test_a_world_with_the_name_of_any_file_can_be_saved(tmp_path):
     assert load_world(tmp_path / "w.toml").name == "a?"
 
 
-def test_a_layer_of_which_a_part_is_left_out_is_not_said_to_be_left_out(tmp_path):
+def test_a_layer_of_which_only_a_part_is_left_out_is_not_reported(tmp_path):
     stroke = '<path d="M{0} 0v4" stroke="#000" stroke-width=".01"/>'
     text = f'<g id="text_1">{stroke.format(1)}{stroke.format(2)}</g>'
     head = '<svg xmlns="http://www.w3.org/2000/svg" width="9m" height="9m" viewBox="0 0 9 9">'

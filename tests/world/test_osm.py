@@ -143,7 +143,7 @@ def test_a_ring_cut_into_ways_in_any_order_is_closed_again(tmp_path):
         assert len(world.segments) == 4
 
 
-def test_the_height_of_a_building_is_told_by_its_tags():
+def test_the_height_of_a_building_follows_from_its_tags():
     assert tag_height({"height": "12"}) == 12.0
     assert tag_height({"height": "12,5 m"}) == 12.5
     for text, height in (("10'6\"", 3.2004), ("40 ft", 12.192), ("950 cm", 9.5), ("0.1 km", 100.0)):

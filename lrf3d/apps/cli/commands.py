@@ -5,6 +5,17 @@ option: its names, what it takes, its default and its help. What an option takes
 read: ``N`` is a whole number from 1, ``M`` a length [m], ``a|b`` a choice, and ``M,M,…`` a list.
 """
 
+from lrf3d.base.formats import by_name, endings, of_kind
+
+
+def either(names: tuple[str, ...]) -> str:
+    """Names as a list of alternatives: ``a, b or c``."""
+    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+# The endings of the files that a world is written to.
+WRITTEN = either(endings("world", written=True))
+
 WORLD = "WORLD: A built-in world, or a world file; ./NAME is a file named like a built-in world."
 RUN = "RUN: A run.npz, or its folder."
 OUT = """\
@@ -28,6 +39,11 @@ ROUTE = """\
 --outside: Plan it outside the walls.
 --ignore-collisions: Only warn if the robot hits a wall."""
 MODE = "--mode robust|paper: Mode of the mapper."
+# What a log may be, besides arrays.
+TEXT_OR_BAG = f"""\
+A CARMEN log or a text of a scan a line, also gzipped, a ROS bag
+ ({", ".join(by_name("log", "bag").endings)}, a folder)"""
+ARRAYS = f"arrays ({', '.join(by_name('log', 'arrays').endings)})"
 LOG = """\
 --largest-range M: Readings [m] of this or more are no return.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
@@ -100,12 +116,13 @@ Draw the film of a run, or a picture of one moment.
 The ending of --out selects the kind.
 
 {RUN}
--o --out FILE: The film: .mp4, .webp or .gif; with --at a .png. In the run's folder if not given.
+-o --out FILE: The film: {either(endings("film"))}; with --at a .png. In the run's folder if not
+ given.
 --at S: Draw one picture at this time [s] instead of a film.
 --from S: Begin the film at this time of the run [s].
 --to S: End the film at this time of the run [s].
 --points-by range|intensity: What the colour of hit points shows; that of the run if not given.
---trajectory FILE: Show this estimate, a TUM file, beside the truth.
+--trajectory FILE: Show this estimate, a TUM file, next to the truth.
 
 {FILM}
 
@@ -171,7 +188,7 @@ ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender an
 is the page of lrf3d view in one file, which plays in any browser.
 
 {RUN}
---to carmen|mcap|rosbag2|glb|html: The format (required).
+--to {"|".join(row.name for row in of_kind("export"))}: The format (required).
 -o --out FILE: The file; in the run's folder if not given.
 --every N = 1: Keep every n-th scan, or moment of a page.
 
@@ -195,8 +212,7 @@ The even scans build the map, the odd ones test it.
 
 Writes map.geojson, map.png and summary.json.
 
-LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .db3, .bag, a folder),
- arrays (.npz, .mat), or a run.
+LOG: {TEXT_OR_BAG}, {ARRAYS}, or a run.
 {OUT}
 {MODE}
 --sigma M: Noise [m] of the ranges at the largest range.
@@ -213,7 +229,7 @@ The scans, with their poses and the odometry, are written as a CARMEN log, which
 holds no light and no times of beams.
 
 LOG: A log, as for map.
--o --out FILE: The log to write: .log, .clf, or gzipped .log.gz, .clf.gz (required).
+-o --out FILE: The log to write: {either(by_name("log", "CARMEN").endings)} (required).
 --drop SHARE = 0: Share of the returns that are lost, at random.
 --noise M = 0: Standard deviation [m] of the noise that is added to each range.
 --every N = 1: Keep every n-th scan.
@@ -232,8 +248,7 @@ estimated.
 Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json; where the map contradicts
 itself also check.png: the place as each pass saw it, and the closures that were refused.
 
-LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .db3, .bag, a folder),
- or arrays (.npz, .mat).
+LOG: {TEXT_OR_BAG}, or {ARRAYS}.
 {OUT}
 --on RUN: An earlier drive, a run.npz or its folder, that this one continues: it is found on its map
  without a guess, closes loops with it, and the results are those of both in one frame.
@@ -248,8 +263,8 @@ Example: lrf3d slam drive.log.gz --out out/drive""",
     "localise": f"""\
 Localise a recorded drive on a known map, without a first pose; or score simulated drives.
 
-With a LOG, places are kept as hypotheses until one is left: beside them that the robot is nowhere
-on the map. Writes map.png, trajectory.tum of the scans whose places are known, and summary.json.
+With a LOG, places are kept as hypotheses until one is left; that the robot is nowhere on the map is
+one, too. Writes map.png, trajectory.tum of the scans whose places are known, and summary.json.
 
 Without one, a filter of lines follows simulated drives from known starts.
 
@@ -309,7 +324,7 @@ Example: lrf3d world show city --out city.png""",
 Read a world from one format and write it in another.
 
 FROM: A built-in world, or a file.
-TO: The file to write: .toml, .geojson, .glb or .yaml.
+TO: The file to write: {WRITTEN}.
 {SCALE}
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
 {THRESHOLD}
@@ -321,7 +336,7 @@ Example: lrf3d world convert plan.dxf plan.toml""",
 Generate a world that a robot can drive in.
 
 KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
--o --out FILE: The file to write: .toml, .geojson, .glb or .yaml (required).
+-o --out FILE: The file to write: {WRITTEN} (required).
 {SEED}
 --size M: Approximate width [m]; depends on the kind if not given.
 

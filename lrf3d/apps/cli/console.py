@@ -17,15 +17,15 @@ Rows = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Report:
+class Console:
     """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr."""
 
     command: str
     json: bool
     quiet: bool
     verbose: bool
+    # What is held until the command ends.
     until_end: ExitStack
-    """What is held until the command ends."""
 
     @property
     def shows(self) -> bool:

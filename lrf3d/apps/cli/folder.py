@@ -4,11 +4,12 @@ import json
 import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lrf3d.apps.cli.console import Report, Rows, json_text, print_json, print_table
+from lrf3d.apps.cli.console import Console, Rows, json_text, print_json, print_table
 from lrf3d.base.errors import DrawingError, InputError, Lrf3dError
 from lrf3d.base.files import folder_name, locked, make_folder, read_text, write_text
 from lrf3d.base.interrupts import check, noting
@@ -26,7 +27,7 @@ class ResultsFolder:
 
     path: Path
     made_by: dict[str, Any]
-    report: Report
+    console: Console
 
     def finish(
         self,
@@ -48,40 +49,44 @@ class ResultsFolder:
         self._clear({*made.values(), *(file for file, _ in drawings.values())})
         figures = {**summary, "made_by": self.made_by, "files": made}
         write_text(self.path / "summary.json", json_text(figures))
-        if self.report.shows:
-            self.report.print(summary, rows)
-        failed = []
+        if self.console.shows:
+            self.console.print(summary, rows)
+        failed: list[str] = []
         try:
             with noting(lambda: kept):
-                for name, (file, draw) in drawings.items():
-                    check()
-                    try:
-                        draw(self.path / file)
-                    except Exception as error:
-                        why = str(error)
-                        if not isinstance(error, Lrf3dError | OSError):
-                            why = (
-                                f"{type(error).__name__}: {why} (a bug of lrf3d; please report it)"
-                            )
-                        failed.append(f"{self.path / file}: not drawn: {why}")
-                    else:
-                        made[name] = file
+                failed = self._draw(drawings, made)
         finally:
             write_text(self.path / "summary.json", json_text(figures))
-            if self.report.json:
+            if self.console.json:
                 print_json(figures)
         if failed:
             raise DrawingError(f"{'; '.join(failed)}; {kept}")
-        if self.report.shows:
+        if self.console.shows:
             written = [("files", f"{self.path}: {', '.join(made.values())}")]
             written += [("next", following)] if following else []
             print_table(written, max(9, *(len(name) for name, _ in rows)))
+
+    def _draw(self, drawings: Mapping[str, Drawing], made: dict[str, str]) -> list[str]:
+        """Draw, and enter the files among those made; the messages of drawings that failed."""
+        failed = []
+        for name, (file, draw) in drawings.items():
+            check()
+            try:
+                draw(self.path / file)
+            except Exception as error:
+                why = str(error)
+                if not isinstance(error, Lrf3dError | OSError):
+                    why = f"{type(error).__name__}: {why} (a bug of lrf3d; please report it)"
+                failed.append(f"{self.path / file}: not drawn: {why}")
+            else:
+                made[name] = file
+        return failed
 
     def _clear(self, written: Collection[str]) -> None:
         """Remove what this command wrote here before, of another source or drive, and not now."""
         before = _summary_of(self.path)
         files = before.get("files", {})
-        if not isinstance(files, dict) or before["made_by"].get("command") != self.report.command:
+        if not isinstance(files, dict) or before["made_by"].get("command") != self.console.command:
             return
         for name in sorted(set(map(str, files.values())) - set(written)):
             file = self.path / name
@@ -91,9 +96,11 @@ class ResultsFolder:
                 continue
             if file.is_file() and not file.is_symlink():
                 file.unlink()
-                self.report.note(f"{file}: removed, as it was of the run before")
-            if len(parts) == 2 and file.parent.is_dir() and not any(file.parent.iterdir()):
-                file.parent.rmdir()
+                self.console.note(f"{file}: removed, as it was of the run before")
+            if len(parts) == 2:
+                # It stays as long as it holds anything.
+                with suppress(OSError):
+                    file.parent.rmdir()
 
 
 def _summary_of(folder: Path) -> dict[str, Any]:
@@ -106,8 +113,12 @@ def _summary_of(folder: Path) -> dict[str, Any]:
         return {"made_by": {"sources": ["something else"]}}
 
 
+def _without_endings(names: Sequence[str]) -> list[str]:
+    return [_ENDING.sub("", each) for each in names]
+
+
 def results_folder(
-    report: Report,
+    console: Console,
     sources: Sequence[str | Path],
     name: str,
     out: Path | None,
@@ -126,18 +137,18 @@ def results_folder(
         else os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
         for source in sources
     ]
-    made_by = {"command": report.command, "sources": named}
+    made_by = {"command": console.command, "sources": named}
     summary = folder / "summary.json"
     if alone:
-        report.until_end.enter_context(locked(folder / "results", folder))
+        console.until_end.enter_context(locked(folder / "results", folder))
         if not summary.exists():
             # What is written before a command is stopped has its origin, too.
             write_text(summary, json_text({"made_by": made_by}))
     if out is None and summary.exists():
         others = [str(source) for source in _summary_of(folder)["made_by"]["sources"]]
         # The same drive may be a log and a bag, whose names differ in their endings.
-        if [_ENDING.sub("", each) for each in others] != [_ENDING.sub("", each) for each in named]:
+        if _without_endings(others) != _without_endings(named):
             raise InputError(
                 f"{folder}: holds results of {' '.join(others)}; choose another folder with --out"
             )
-    return ResultsFolder(folder, made_by, report)
+    return ResultsFolder(folder, made_by, console)

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.apps.cli.console import Report, warn
+from lrf3d.apps.cli.console import Console, warn
 from lrf3d.apps.cli.kernels import start_compiling, wait_for
 from lrf3d.base.errors import InputError, check_names
 from lrf3d.base.files import check_ordinary
@@ -105,19 +105,24 @@ def checked_size(name: str, file: WorldFile) -> WorldFile:
 
 def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
     """Read the world of a run, and import the user's own parts, by their kinds."""
+    _check_run(args)
+    scenario = scenario_of(read_file(args.world, **options_of(args)), args.set or ())
+    check_view(args.view or scenario.film.view, scenario.world.cameras)
+    if args.noise and scenario.compared:
+        warn(f"{scenario.name}: --noise takes the place of its noise levels; none are compared")
+        scenario = scenario.changed(compared=())
+    kinds = [kind for kind in FORMS if vars(args)[kind] is not None]
+    return scenario, {kind: load_plugin(kind, vars(args)[kind]) for kind in kinds}
+
+
+def _check_run(args: Namespace) -> None:
+    """Check that no option of a run takes the place of another one."""
     if args.controller and side_of(args):
         raise InputError("--inside, --outside: a controller drives, so no route is planned")
     if args.slam and (args.mapper or args.mode):
         raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
     if args.noise and len(args.sigma or ()) > 1:
         raise InputError("--sigma: --noise takes its place; give one, for the mapper, or none")
-    scenario = scenario_of(read_file(args.world, **options_of(args)), args.set or ())
-    check_view(args.view or scenario.film.view, scenario.world.cameras)
-    if args.noise and scenario.compared:
-        warn(f"{scenario.name}: --noise takes the place of its noise levels; none are compared")
-        scenario = scenario.changed(compared=())
-    kinds = [kind for kind in ("mapper", "controller", "noise") if vars(args)[kind] is not None]
-    return scenario, {kind: load_plugin(kind, vars(args)[kind]) for kind in kinds}
 
 
 def read_log(args: Namespace) -> LaserLog:
@@ -167,7 +172,7 @@ def on_collision(args: Namespace) -> Callable[[str], None] | None:
     return warn if args.ignore_collisions else None
 
 
-def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
+def routed(scenario: Scenario, args: Namespace, console: Console) -> Scenario:
     """Plan a route through a world that has none and needs one."""
     where = side_of(args)
     scenario = scenario.with_route(where=where, say=warn)
@@ -176,10 +181,10 @@ def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
     if side is None and where is not None:
         raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
     if side is not None and scenario.world.free is not None:
-        report.note(f"{name}: the route is planned in the cells that the map shows to be free")
+        console.note(f"{name}: the route is planned in the cells that the map shows to be free")
     elif side is not None:
         other = "outside" if side == "inside" else "inside"
-        report.note(f"{name}: the route is planned {side} the walls; --{other} plans it {other}")
+        console.note(f"{name}: the route is planned {side} the walls; --{other} plans it {other}")
     return scenario
 
 
@@ -200,24 +205,7 @@ def load_plugin(kind: str, name: str) -> Any:
     place = f"--{kind} {name}"
     if not (module_name and path):
         raise InputError(f"{place}: expected module:object, such as mymodule:MyClass")
-    file = Path(f"{module_name}.py" if module_name.isidentifier() else module_name)
-    is_file = file.suffix == ".py" and file.is_file()
-    folder, plain = (file.resolve().parent, file.stem) if is_file else (Path.cwd(), module_name)
-    # At the end, so that no file of the folder replaces an installed module.
-    sys.path.append(str(folder))
-    try:
-        if not all(part.isidentifier() for part in plain.split(".")):
-            raise ModuleNotFoundError(name=plain)
-        found: Any = import_module(plain)
-    except ModuleNotFoundError as error:
-        if error.name != plain and not plain.startswith(f"{error.name}."):
-            raise
-        missing = f"no module {module_name!r} in {Path.cwd()} or installed"
-        if file.suffix == ".py" and not module_name.isidentifier():
-            missing = f"no such file in {Path.cwd()}"
-        raise InputError(f"{place}: {missing}") from None
-    if is_file and Path(found.__file__ or "").resolve() != file.resolve():
-        raise InputError(f"{place}: another module is called {plain}; rename the file")
+    found = _imported(module_name, place)
     for part in path.split("."):
         check_names(place, [part], [each for each in dir(found) if each[0] != "_"])
         found = getattr(found, part)
@@ -227,13 +215,44 @@ def load_plugin(kind: str, name: str) -> Any:
     return found
 
 
+def _imported(module_name: str, place: str) -> Any:
+    """The module of a name, or of the path of a ``.py`` file; errors name the option."""
+    file = Path(f"{module_name}.py" if module_name.isidentifier() else module_name)
+    is_file = file.suffix == ".py" and file.is_file()
+    folder, plain = (file.resolve().parent, file.stem) if is_file else (Path.cwd(), module_name)
+    # At the end, so that no file of the folder replaces an installed module.
+    sys.path.append(str(folder))
+    try:
+        if not _is_module_name(plain):
+            raise ModuleNotFoundError(name=plain)
+        found: Any = import_module(plain)
+    except ModuleNotFoundError as error:
+        if not f"{plain}.".startswith(f"{error.name}."):
+            raise
+        raise InputError(f"{place}: {_not_found(module_name)}") from None
+    if is_file and Path(found.__file__ or "").resolve() != file.resolve():
+        raise InputError(f"{place}: another module is called {plain}; rename the file")
+    return found
+
+
+def _not_found(module: str) -> str:
+    """The message on a module, or a ``.py`` file, that is not there."""
+    if module.endswith(".py"):
+        return f"no such file in {Path.cwd()}"
+    return f"no module {module!r} in {Path.cwd()} or installed"
+
+
+def _is_module_name(name: str) -> bool:
+    return all(part.isidentifier() for part in name.split("."))
+
+
 def made(found: Any) -> Any:
     """The object that a user names, or a new one of the class."""
     return found() if isinstance(found, type | partial) else found
 
 
 # What reads the input of a command, and the module and the function of the command, which gets it
-# with the options and the report.
+# with the options and the console.
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
     "render": (lambda args: load_run(args.run), "runs:render"),
@@ -259,7 +278,7 @@ def start(args: Namespace) -> int | None:
     # Commands that need the kernels of casting, mapping or SLAM.
     compiled = ("run", "map", "slam", "sweep", "localise")
     with ExitStack() as stack:
-        report = Report(args.command, args.json, args.quiet, args.verbose, stack)
+        console = Console(args.command, args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
         compiling = start_compiling(bool(slam)) if args.command in compiled else None
         if compiling is not None:
@@ -269,7 +288,7 @@ def start(args: Namespace) -> int | None:
         module, _, function = target.partition(":")
         command = getattr(import_module(f"lrf3d.apps.cli.{module}"), function)
         if compiling is not None:
-            with report.progress("compiling") as progress:
+            with console.progress("compiling") as progress:
                 wait_for(compiling, progress)
-        status: int | None = command(source, args, report)
+        status: int | None = command(source, args, console)
     return status

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.apps.cli.console import Report, warn
+from lrf3d.apps.cli.console import Console, warn
 from lrf3d.apps.cli.folder import Drawing, ResultsFolder, results_folder
 from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.base.errors import InputError
 from lrf3d.base.files import make_folder
+from lrf3d.base.formats import by_name
 from lrf3d.base.interrupts import Progress
 from lrf3d.base.text import counted
 from lrf3d.geometry.pose import Pose, compose
@@ -26,7 +27,6 @@ from lrf3d.recordings import LaserLog, save_run
 from lrf3d.recordings.degrade import degrade_log
 from lrf3d.recordings.formats.carmen_writer import write_log
 from lrf3d.recordings.formats.trajectory import load_relations, save_tum
-from lrf3d.recordings.reading import CARMEN_ENDINGS
 from lrf3d.recordings.repair.repairs import repaired_log
 from lrf3d.scoring import score_log, score_trajectory
 from lrf3d.simulation.run import Run
@@ -43,11 +43,11 @@ from lrf3d.world import World
 LEAST_EXPLAINED = 0.6
 
 
-def map_(log: LaserLog, args: Namespace, report: Report) -> None:
+def map_(log: LaserLog, args: Namespace, console: Console) -> None:
     """Map a log whose poses are known, and test the map."""
     mode = args.mode or "robust"
     log = repaired_log(log, args.without_repair or ())
-    with _timed(report) as (progress, milliseconds):
+    with _timed(console) as (progress, milliseconds):
         run = map_scans(log, mode=mode, sigma=args.sigma, all_scans=args.all, progress=progress)
     tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
     score = score_log(run.map, [] if args.all else tests)
@@ -73,7 +73,7 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
         ("explains", explained),
         ("time", f"{milliseconds():.2f} ms a scan"),
     ]
-    output = results_folder(report, [args.log], run.world.name, args.out)
+    output = results_folder(console, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run)
     output.finish(
         summary,
@@ -85,11 +85,11 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     )
 
 
-def slam(log: LaserLog, args: Namespace, report: Report) -> None:
+def slam(log: LaserLog, args: Namespace, console: Console) -> None:
     """Find poses and map of a log from odometry and scans."""
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
-    with _timed(report) as (progress, milliseconds):
+    with _timed(console) as (progress, milliseconds):
         solved = solve_log(
             log, on=args.on, close=_in_order(args.close), apart=_in_order(args.not_),
             without_repairs=args.without_repair or (), progress=progress, **chosen,
@@ -99,7 +99,7 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
     run = solved.run
-    output = results_folder(report, [args.log], run.world.name, args.out)
+    output = results_folder(console, [args.log], run.world.name, args.out)
     keys = np.array([key.scan for key in solved.key_scans[0]])
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
@@ -135,25 +135,25 @@ def _draw_check(solved: SolvedLog, picture: Path) -> None:
     draw_check(stretch, poses, solved.refused, title, picture)
 
 
-def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
+def localise(source: Scenario | MapAndLog, args: Namespace, console: Console) -> None:
     """Localise a recorded drive on a known map; or simulated ones, and score that."""
     if isinstance(source, tuple):
-        return _localise_recorded(*source, args, report)
-    scenario = routed(source, args, report)
+        return _localise_recorded(*source, args, console)
+    scenario = routed(source, args, console)
     sigma = scenario.sigmas[0] if args.sigma is None else args.sigma
     odometry = OdometryNoise(args.position, radians(args.heading))
-    with report.progress("first run") as progress:
+    with console.progress("first run") as progress:
         run = scenario.run(
             mode="robust", sigma=sigma, rng=0, snapshots=1, on_collision=on_collision(args),
             progress=progress,
         )  # fmt: skip
-    with report.progress("seeds") as progress:
+    with console.progress("seeds") as progress:
         score = score_localisation(
             run, FilterSettings(sigma, odometry, args.strategy), known=args.known,
             seeds=args.seeds, workers=args.workers, progress=progress,
         )  # fmt: skip
     noise = {"position_m": args.position, "heading_deg": args.heading}
-    report.print(
+    console.print(
         {"name": scenario.name, "sigma_m": sigma, "odometry_noise": noise, **score},
         [
             ("known", f"{score['lines']} lines: the {args.known} of {scenario.name}"),
@@ -165,8 +165,10 @@ def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> N
     )  # fmt: skip
 
 
-def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
-    with _timed(report) as (progress, milliseconds):
+def _localise_recorded(
+    known: Run | World, log: LaserLog, args: Namespace, console: Console
+) -> None:
+    with _timed(console) as (progress, milliseconds):
         found = localise_log(
             known, log, without_repairs=args.without_repair or (), progress=progress
         )
@@ -176,7 +178,8 @@ def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, repor
     world = known.world if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
     poses = found.poses[chosen]
-    output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
+    name = f"{found.log.name}_localised"
+    output = results_folder(console, [args.world, args.log], name, args.out)
     save_tum(found.log.times[chosen], poses, output.path / "trajectory.tum")
     rows = [*log_rows(log), *(("", note) for note in found.log.notes if note not in log.notes)]
     rows.append(("map", f"{args.world}, {counted(len(world.segments), 'wall')}"))
@@ -219,11 +222,12 @@ def _draw_places(known: Run | World, found: LocalisedLog, picture: Path) -> None
     )  # fmt: skip
 
 
-def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
+def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     """Make a log worse on purpose, and write it."""
     out: Path = args.out
-    if not out.name.lower().endswith(CARMEN_ENDINGS):
-        raise InputError(f"--out {out}: expected a name that ends in {', '.join(CARMEN_ENDINGS)}")
+    written = by_name("log", "CARMEN").endings
+    if not out.name.lower().endswith(written):
+        raise InputError(f"--out {out}: expected a name that ends in {', '.join(written)}")
     if out.exists() and out.samefile(args.log):
         raise InputError(f"--out {out}: is the log itself; choose another name")
     changes = {name: vars(args)[name] for name in ("drop", "noise", "every", "beams_every")}
@@ -250,14 +254,14 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
         "scans": len(worse), "returns": there,
         "returns_lost": lost,
     }  # fmt: skip
-    report.print(figures, [*log_rows(worse), *_filled(rows)])
+    console.print(figures, [*log_rows(worse), *_filled(rows)])
 
 
 @contextmanager
-def _timed(report: Report) -> Iterator[tuple[Progress, Callable[[], float]]]:
+def _timed(console: Console) -> Iterator[tuple[Progress, Callable[[], float]]]:
     """Progress by scans, and the mean time of a scan [ms] after the first, which compiles."""
     stamps: list[float] = []
-    with report.progress("scans") as progress:
+    with console.progress("scans") as progress:
 
         def note(done: int, count: int) -> None:
             stamps.append(perf_counter())

@@ -53,16 +53,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     end = list(words).index("--ros-args") if name == "ros" and "--ros-args" in words else len(words)
     ros_words = words[end:]
     words = words[:end]
-    several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
-    joined: list[str] = []
-    # A word that is a number, or meant to be one, but not `--`, after which the arguments stand.
-    number = r"[-+]?\.?[0-9][0-9.eE+-]*"
-    for word in words[len(name.split()) :]:
-        # ``--sigma 0.1 0.2`` is ``--sigma 0.1,0.2``.
-        if joined[-2:-1] and joined[-2] in several and re.fullmatch(number, word):
-            joined[-1] += f",{word}"
-        else:
-            joined.append(word)
+    joined = _joined(words[len(name.split()) :], options)
     flags = [word.partition("=")[0] for word in joined if word.startswith("-")]
     named = argparse.Namespace(command=name, ros_words=ros_words, flags=flags)
     given, rest = parser.parse_known_intermixed_args(joined, named)
@@ -72,6 +63,20 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     if rest:
         parser.error(f"unexpected {' '.join(rest)}")
     return given
+
+
+def _joined(words: Sequence[str], options: Sequence[Option]) -> list[str]:
+    """Words in which a list of numbers is one: ``--sigma 0.1 0.2`` is ``--sigma 0.1,0.2``."""
+    several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
+    joined: list[str] = []
+    # A word that is a number, or meant to be one, but not `--`, after which the arguments stand.
+    number = r"[-+]?\.?[0-9][0-9.eE+-]*"
+    for word in words:
+        if joined[-2:-1] and joined[-2] in several and re.fullmatch(number, word):
+            joined[-1] += f",{word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 class _Parser(argparse.ArgumentParser):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.apps.cli.console import Report, json_text, warn
+from lrf3d.apps.cli.console import Console, json_text, warn
 from lrf3d.apps.cli.folder import Drawing, results_folder
 from lrf3d.apps.cli.inputs import made, on_collision, routed
 from lrf3d.apps.cli.runs import write_film
@@ -21,8 +21,10 @@ from lrf3d.base.files import make_folder, write_text
 from lrf3d.base.interrupts import noting
 from lrf3d.base.text import counted
 from lrf3d.casting.collision import Body, find_collision
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.mapping import save_map
 from lrf3d.recordings import record, save_run
+from lrf3d.robot import Trajectory
 from lrf3d.scoring import seen_share
 from lrf3d.scoring.map_score import drawn_part, judged_part, summarise
 from lrf3d.simulation.fleet import before_touching, giving_way, parts_of, simulate_fleet
@@ -39,7 +41,7 @@ from lrf3d.world import World
 KEPT = "all scans kept; go on with --resume"
 
 
-def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report) -> None:
+def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Console) -> None:
     """Drive through a world, scan it, map it, and draw the results."""
     scenario, own = source
     named = {kind: vars(args)[kind] for kind in own if kind != "noise"}
@@ -47,27 +49,20 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         own["mapper"] = partial(SlamMapper, rng=args.seed)
         named["mapper"] = "SLAM"
     if args.robots > 1:
-        _run_fleet(scenario, own, named, args, report)
+        _run_fleet(scenario, own, named, args, console)
         return
     # All noise levels have the same drive, which is computed and checked once.
     if "controller" in own:
         own["drive"] = own.pop("controller")
     else:
-        scenario = routed(scenario, args, report)
+        scenario = routed(scenario, args, console)
         drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args), say=warn)
         own["drive"] = drive
-    output = results_folder(report, [args.world], scenario.name, args.out)
-    simulations = [
-        scenario.simulation(
-            sigma=level, mode=args.mode, caster=args.caster, scans=args.scans,
-            on_collision=on_collision(args), rng=args.seed,
-            **{kind: made(part) for kind, part in own.items()},
-        )
-        for level in args.sigma or [None, *scenario.compared]
-    ]  # fmt: skip
+    output = results_folder(console, [args.world], scenario.name, args.out)
+    simulations = _simulations(scenario, own, args)
     main = simulations[0]
     begin = perf_counter()
-    with report.progress("scans") as progress:
+    with console.progress("scans") as progress:
         runs = [record(main, output.path / "run.npz", resume=args.resume, progress=progress)]
         with noting(lambda: KEPT):
             runs += [collect(each, progress) for each in simulations[1:]]
@@ -85,14 +80,13 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
     if scenario.poses is not None and "controller" not in named:
         # The robot did not drive between the poses.
         summary["drive"]["length_m"] = 0.0
+    files, pictures = _map_files(run, output.path)
+    pictures |= _pictures(run, scenario, args, console)
     if len(runs) > 1:
         summary["noise_levels"] = [
             {"sigma_m": level, "segments": len(each.map), "objects": each.map.object_count}
             for level, each in zip(sigmas, runs, strict=True)
         ]
-    files, pictures = _map_files(run, output.path)
-    pictures |= _pictures(run, scenario, args, report)
-    if len(runs) > 1:
         pictures["noise picture"] = "noise.png", partial(draw_noise_levels, runs, sigmas)
     output.finish(
         summary,
@@ -102,6 +96,18 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         following=f"lrf3d {'view' if args.video else 'render'} {output.path}",
         kept=KEPT,
     )
+
+
+def _simulations(scenario: Scenario, own: dict[str, Any], args: Namespace) -> list[Simulation]:
+    """A simulation for each noise level, each with new parts of the user's own."""
+    return [
+        scenario.simulation(
+            sigma=level, mode=args.mode, caster=args.caster, scans=args.scans,
+            on_collision=on_collision(args), rng=args.seed,
+            **{kind: made(part) for kind, part in own.items()},
+        )
+        for level in args.sigma or [None, *scenario.compared]
+    ]  # fmt: skip
 
 
 def _map_files(
@@ -117,20 +123,19 @@ def _map_files(
     return {name: f"{place}map.geojson"}, {f"{name} picture": (f"{place}map.png", draw)}
 
 
-def _pictures(run: Run, scenario: Scenario, args: Namespace, report: Report) -> dict[str, Drawing]:
+def _pictures(
+    run: Run, scenario: Scenario, args: Namespace, console: Console
+) -> dict[str, Drawing]:
+    """The picture of the world of a run, and its film."""
     shown = drawn_part(run)
-    route = scenario.route
-    poses = scenario.poses
-    pictures: dict[str, Drawing] = {
-        "world picture": (
-            "world.png",
-            lambda path: draw_world(
-                shown.world, path, scan=shown.scan(0), route=route, poses=poses
-            ),
-        )
-    }
+
+    def draw(path: Path) -> None:
+        scan = shown.scan(0)
+        draw_world(shown.world, path, scan=scan, route=scenario.route, poses=scenario.poses)
+
+    pictures: dict[str, Drawing] = {"world picture": ("world.png", draw)}
     if args.video:
-        pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, report)
+        pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, console)
     return pictures
 
 
@@ -191,19 +196,23 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
     if summary["milliseconds_a_scan"] is not None:
         time += f", {summary['milliseconds_a_scan']:.1f} ms a scan"
     if summary["milliseconds_an_update"] is not None:
-        by = summary.get("mapper", "mapping")
-        time += f", {summary['milliseconds_an_update']:.1f} ms of it {by}"
+        time += f", {summary['milliseconds_an_update']:.1f} ms of it "
+        time += summary.get("mapper", "mapping")
     return [*rows, ("time", time)]
 
 
 def _run_fleet(
-    scenario: Scenario, own: dict[str, Any], named: dict[str, Any], args: Namespace, report: Report
+    scenario: Scenario,
+    own: dict[str, Any],
+    named: dict[str, Any],
+    args: Namespace,
+    console: Console,
 ) -> None:
     """Drive several robots along the route of a world, scan it, map it, and draw the results."""
     _check_fleet(scenario, own, args)
-    scenario = routed(scenario, args, report)
+    scenario = routed(scenario, args, console)
     drives = _drives(scenario, args)
-    output = results_folder(report, [args.world], scenario.name, args.out)
+    output = results_folder(console, [args.world], scenario.name, args.out)
     sigma = (args.sigma or [None])[0]
     noise = made(own.get("noise"))
 
@@ -212,7 +221,7 @@ def _run_fleet(
 
     measuring = partial(scenario.measuring, sigma, noise, args.mode)
     begin = perf_counter()
-    with report.progress("scans") as progress:
+    with console.progress("scans") as progress:
         runs = simulate_fleet(
             scenario.world, drives, scenario.lasers, radius=scenario.radius,
             outline=scenario.outline, obstacles=scenario.obstacles, mapper=mapper, rng=args.seed,
@@ -243,7 +252,7 @@ def _run_fleet(
     output.finish(
         {**common, "robots": robots},
         files,
-        pictures | _pictures(runs[0], scenario, args, report),
+        pictures | _pictures(runs[0], scenario, args, console),
         rows=[*rows, ("time", f"{common['seconds']:.1f} s")],
         following=f"lrf3d {'view' if args.video else 'render'} {output.path / 'robot1'}",
         kept=f"the runs are kept in {output.path}",
@@ -279,13 +288,20 @@ def _drives(scenario: Scenario, args: Namespace) -> list[Any]:
         warn(f"{touch}; all drives end before, after {len(kept[0]):,} of {scans:,} scans each")
         drives = kept
     for number, drive in enumerate(drives, 1):
-        if len(drive) > 1 and (drive.poses[-1] == drive.poses[-2]).all():
-            still = int((drive.poses == drive.poses[-1]).all(axis=1).argmax())
-            warn(f"robot{number}: waits for another one from t = {drive.times[still]:.1f} s on")
-        hit = find_collision(drive, World(np.empty((0, 4))), body, scenario.obstacles)
-        if hit is not None:
-            warn(f"robot{number}: {hit}; its route takes no notice of it")
+        _warn_of(f"robot{number}", drive, body, scenario.obstacles)
     return drives
+
+
+def _warn_of(
+    robot: str, drive: Trajectory, body: Body, obstacles: Sequence[DynamicObstacle]
+) -> None:
+    """Warn of a drive that ends waiting, or that meets an obstacle."""
+    if len(drive) > 1 and (drive.poses[-1] == drive.poses[-2]).all():
+        still = int((drive.poses == drive.poses[-1]).all(axis=1).argmax())
+        warn(f"{robot}: waits for another one from t = {drive.times[still]:.1f} s on")
+    hit = find_collision(drive, World(np.empty((0, 4))), body, obstacles)
+    if hit is not None:
+        warn(f"{robot}: {hit}; its route takes no notice of it")
 
 
 def _fleet_row(run: Run, figures: dict[str, Any]) -> str:

@@ -7,11 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.apps.cli.console import Report, say, warn
+from lrf3d.apps.cli.console import Console, say, warn
 from lrf3d.apps.cli.inputs import refuse, routed
-from lrf3d.apps.export import EXPORTERS, export_run
+from lrf3d.apps.export import export_run
 from lrf3d.base.errors import InputError, MissingLibraryError
 from lrf3d.base.files import make_folder, replacing
+from lrf3d.base.formats import by_name
 from lrf3d.base.text import counted
 from lrf3d.recordings import load_run
 from lrf3d.simulation.run import Run
@@ -22,7 +23,7 @@ _LARGE = (1280, 720)
 _SMALL = (640, 360)
 
 
-def render(run: Run, args: Namespace, report: Report) -> None:
+def render(run: Run, args: Namespace, console: Console) -> None:
     """Draw the film of a run, or a picture of one moment."""
     picture = args.at is not None
     if picture:
@@ -48,13 +49,13 @@ def render(run: Run, args: Namespace, report: Report) -> None:
         drawing = frame(run, args.at, **_look(args))
         with replacing(path) as unfinished:
             save_png(drawing, unfinished)
-        report.print({"picture": str(path)}, [("picture", str(path))])
+        console.print({"picture": str(path)}, [("picture", str(path))])
         return
-    drawn = write_film(run, path, args, report, part=(args.from_, args.to))
+    drawn = write_film(run, path, args, console, part=(args.from_, args.to))
     each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
     width, height = drawn["size"]
     by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
-    report.print(
+    console.print(
         {"video": str(path), "drawn": drawn},
         [
             ("film", str(path)),
@@ -68,7 +69,7 @@ def write_film(
     run: Run,
     path: Path,
     args: Namespace,
-    report: Report,
+    console: Console,
     *,
     part: tuple[float | None, float | None] = (None, None),
 ) -> dict[str, Any]:
@@ -79,13 +80,11 @@ def write_film(
     look = _look(args)
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
-    # Frames a second. A GIF of 15 s then has less than 10 MB.
-    film_rate = 25.0
-    gif_rate = 10.0
-    rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
+    # Frames a second: a GIF of 15 s then has less than 10 MB.
+    rate = args.fps or (10.0 if ending == ".gif" else 25.0)
     began = perf_counter()
     stamps = list[float]()
-    with report.progress("film") as progress:
+    with console.progress("film") as progress:
 
         def note(number: int, total: int) -> None:
             stamps.append(perf_counter())
@@ -95,7 +94,7 @@ def write_film(
             time = passed * total / max(len(stamps) - 1, 1)
             # After 3 s it is known whether the film takes over 20 s; a terminal has a bar for it.
             if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
-                report.note(f"film: {total:,} frames, which take about {time:.0f} s")
+                console.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
         render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
     figures = {"size": list(look["size"]), "renderer": look["renderer"]}
@@ -121,13 +120,13 @@ def _look(args: Namespace) -> dict[str, Any]:
     }
 
 
-def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
+def view(scenario: Scenario | None, args: Namespace, console: Console) -> None:
     """Play a run in the browser, or drive through a world by hand."""
     from lrf3d.studio.page.server import bound, run_view, serve, world_view
 
     def shown(address: str) -> None:
         text = f"{args.world} is shown at {address}; Ctrl-C ends it"
-        report.print({"address": address}, [("view", text)])
+        console.print({"address": address}, [("view", text)])
 
     if args.foxglove:
         from lrf3d.ros.foxglove import PORT, serve_foxglove
@@ -138,11 +137,11 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
                 " for Foxglove"
             )
         serve_foxglove(
-            routed(scenario, args, report),
+            routed(scenario, args, console),
             host=args.host,
             port=args.port or PORT,
             rng=args.seed,
-            say=lambda level, text: report.note(text),
+            say=lambda level, text: console.note(text),
             started=shown,
         )
         return
@@ -151,20 +150,20 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
         if scenario is None:
             make = run_view(load_run(args.world), args.playback)
         else:
-            make = world_view(routed(scenario, args, report), args.seed)
+            make = world_view(routed(scenario, args, console), args.seed)
         serve(make, door, host=args.host, browser=args.browser, started=shown)
 
 
-def ros(scenario: Scenario, args: Namespace, report: Report) -> int | None:
+def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
     """Serve a robot in ROS 2; a second clock is wrong usage, and returns 2."""
     from lrf3d.ros import SecondClockError, serve
 
     names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines")
     try:
         serve(
-            scenario if scenario.start else routed(scenario, args, report),
+            scenario if scenario.start else routed(scenario, args, console),
             arguments=args.ros_words,
-            started=report.note,
+            started=console.note,
             namespace=args.namespace or "",
             clock=not args.no_clock,
             rng=args.seed,
@@ -176,9 +175,9 @@ def ros(scenario: Scenario, args: Namespace, report: Report) -> int | None:
     return None
 
 
-def export(run: Run, args: Namespace, report: Report) -> None:
+def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
-    path = _output(args, EXPORTERS[args.to])
+    path = _output(args, f"run{by_name('export', args.to).endings[0] or '_bag'}")
     export_run(run, args.to, path, every=args.every)
     files = [path] if path.is_file() else sorted(path.iterdir())
     scans = len(range(0, len(run), args.every))
@@ -186,7 +185,7 @@ def export(run: Run, args: Namespace, report: Report) -> None:
     shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     # A page has moments, not scans.
     kept = {} if args.to == "html" else {"scans": scans}
-    report.print(
+    console.print(
         {"file": str(path), "format": args.to, **kept, "bytes": size},
         [(args.to, str(path)), *((n, f"{each:,}") for n, each in kept.items()), ("size", shown)],
     )

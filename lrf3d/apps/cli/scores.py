@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.apps.cli.console import Report
+from lrf3d.apps.cli.console import Console
 from lrf3d.apps.cli.folder import results_folder
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float
@@ -26,7 +26,7 @@ from lrf3d.world import World, load_world
 from lrf3d.world.pieces import joined_objects
 
 
-def score(run: Run, args: Namespace, report: Report) -> None:
+def score(run: Run, args: Namespace, console: Console) -> None:
     """Score an estimated trajectory of a run, and its map."""
     if args.trajectory is None:
         raise InputError("--trajectory: not given; a TUM file with lines t x y z qx qy qz qw")
@@ -36,7 +36,7 @@ def score(run: Run, args: Namespace, report: Report) -> None:
     errors = pose_errors(run.trajectory, estimate)
     path = Path(args.run).resolve()
     name = path.parent.name if path.name == "run.npz" else path.stem
-    output = results_folder(report, [args.run, args.trajectory], f"{name}_score", args.out)
+    output = results_folder(console, [args.run, args.trajectory], f"{name}_score", args.out)
     figures: dict[str, Any] = {"name": run.world.name, "trajectory": errors.as_dict()}
     line_map = LineMap.empty()
     if args.map is not None:
@@ -86,11 +86,13 @@ def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, 
     matched, count = errors.matched
     how = "between whose stamps the truth is interpolated" if errors.interpolated else "by stamps"
     absolute = trajectory["ape_m"]
-    relative = trajectory["rpe_m"]
     rows = [
         ("poses", f"{matched:,} of {count:,} matched, {how}"),
         ("absolute", f"{absolute['rmse']:.4f} m RMSE, {absolute['max']:.4f} m at most"),
-        ("relative", f"{relative['rmse']:.4f} m RMSE, {trajectory['rpe_deg']['rmse']:.3f}° RMSE"),
+        (
+            "relative",
+            f"{trajectory['rpe_m']['rmse']:.4f} m RMSE, {trajectory['rpe_deg']['rmse']:.3f}° RMSE",
+        ),
     ]
     plain = trajectory["ape_unaligned_m"]["rmse"]
     # Errors that are this many times larger without the alignment are those of another frame.

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from typing import Any
 
-from lrf3d.apps.cli.console import Report, print_text
+from lrf3d.apps.cli.console import Console, print_text
 from lrf3d.apps.cli.folder import results_folder
 from lrf3d.apps.cli.inputs import on_collision, routed
 from lrf3d.apps.sweeping.plan import BEAMS, SIGMA, SIGMAS, USUAL, make_plan
@@ -14,12 +14,11 @@ from lrf3d.world.schema import value_of
 from lrf3d.world.toml_file import WorldFile
 
 
-def sweep(source: tuple[list[WorldFile], dict[str, Any]], args: Namespace, report: Report) -> None:
-    """Compare mappers over worlds, noises, settings and seeds."""
-    files, mappers = source
-    axes: dict[str, Any] = {SIGMA: args.sigma or SIGMAS} | (
-        {BEAMS: args.beams} if args.beams else {}
-    )
+def _axes(args: Namespace) -> dict[str, Any]:
+    """The values of settings that a sweep varies."""
+    axes: dict[str, Any] = {SIGMA: args.sigma or SIGMAS}
+    if args.beams:
+        axes[BEAMS] = args.beams
     for text in args.vary or ():
         key, _, values = text.partition("=")
         axes[key.strip()] = [value_of(part) for part in values.split(",") if part.strip()]
@@ -27,28 +26,36 @@ def sweep(source: tuple[list[WorldFile], dict[str, Any]], args: Namespace, repor
             raise InputError(
                 f"--vary {text}: expected TABLE.KEY=VALUE,VALUE,…, as mapper.gap=1,2.5"
             )
+    return axes
+
+
+def sweep(
+    source: tuple[list[WorldFile], dict[str, Any]], args: Namespace, console: Console
+) -> None:
+    """Compare mappers over worlds, noises, settings and seeds."""
+    files, mappers = source
     plan = make_plan(
         files,
-        axes,
+        _axes(args),
         mappers or USUAL,
         args.seeds,
-        routed=lambda scenario: routed(scenario, args, report),
+        routed=lambda scenario: routed(scenario, args, console),
         collision=on_collision(args),
     )
     job = args.shard
     name = f"{plan.worlds[0]}_sweep"
-    output = results_folder(report, args.world, name, args.out, alone=job is None)
+    output = results_folder(console, args.world, name, args.out, alone=job is None)
     if args.merge:
         result = table_of(plan, kept_rows(plan, output.path))
     else:
-        with report.progress("runs") as bar, executor_of(args.workers, args.scheduler) as executor:
+        with console.progress("runs") as bar, executor_of(args.workers, args.scheduler) as executor:
             result = run_plan(
                 plan, output.path, executor, resume=args.resume, shard=job, progress=bar
             )
     rows = [("runs", f"{len(result.rows)}, of them {result.made} made now")]
     if job is not None:
         # Other jobs write to the folder, too: what they all made is written by --merge.
-        report.print(result.summary(), rows)
+        console.print(result.summary(), rows)
         return
     if missing := len(plan.runs) - len(result.rows):
         raise InputError(f"{output.path}: {missing} runs are missing; make them, then --merge")
@@ -56,7 +63,7 @@ def sweep(source: tuple[list[WorldFile], dict[str, Any]], args: Namespace, repor
     writers = (result.runs_to_csv, result.to_csv, result.to_latex)
     for write, file in zip(writers, written.values(), strict=True):
         write(output.path / file)
-    if report.shows:
+    if console.shows:
         print_text(f"{result}\n\n")
     kept = "all runs kept; go on with --resume"
     output.finish(result.summary(), written, figures_of(result), rows=rows, kept=kept)

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from typing import Any
 
-from lrf3d.apps.cli.console import Report, print_json, print_text
+from lrf3d.apps.cli.console import Console, print_json, print_text
 from lrf3d.apps.cli.inputs import on_collision, options_of, routed
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import lengths
@@ -14,12 +14,12 @@ from lrf3d.world.files import is_picture
 from lrf3d.world.generators import generate as generate_world
 
 
-def show(found: tuple[Scenario | None, Any], args: Namespace, report: Report) -> None:
+def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) -> None:
     """Describe a world and its plan, and draw it; without one list the built-in worlds."""
     scenario, plan = found
     if scenario is None:
         names = world_names()
-        print_json(names) if report.json else print_text("\n".join([*names, ""]))
+        print_json(names) if console.json else print_text("\n".join([*names, ""]))
         return
     route = scenario.route
     poses = scenario.poses
@@ -34,17 +34,23 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, report: Report) ->
 
         plan = plan._replace(rooms=rooms_of(scenario.world))
         rows += _plan_rows(plan)
-        figures["layers"] = [layer._asdict() for layer in plan.layers]
-        figures["doors_m"] = [door.width for door in plan.doors]
-        figures["rooms_m2"] = [area for area, _ in plan.rooms]
-        figures["left_out"] = plan.left_out
+        figures |= _plan_figures(plan)
     if args.out is not None:
         from lrf3d.studio.figures.figures import draw_world
 
         draw_world(scenario.world, args.out, route=route, poses=poses, plan=plan)
         figures["picture"] = str(args.out)
         rows.append(("picture", str(args.out)))
-    _describe(report, scenario.world, {"name": scenario.name}, figures, rows)
+    _describe(console, scenario.world, {"name": scenario.name}, figures, rows)
+
+
+def _plan_figures(plan: Plan) -> dict[str, Any]:
+    return {
+        "layers": [layer._asdict() for layer in plan.layers],
+        "doors_m": [door.width for door in plan.doors],
+        "rooms_m2": [area for area, _ in plan.rooms],
+        "left_out": plan.left_out,
+    }
 
 
 def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
@@ -66,7 +72,7 @@ def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
     ]
 
 
-def convert(_: None, args: Namespace, report: Report) -> None:
+def convert(_: None, args: Namespace, console: Console) -> None:
     """Read a world from one format and write it in another."""
     # The resolution is that of a picture, or of the cells to write.
     bare = is_picture(args.from_)
@@ -77,20 +83,20 @@ def convert(_: None, args: Namespace, report: Report) -> None:
     cells = args.to.suffix.lower() == ".yaml" or not bare
     save_world(world, args.to, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}
-    _describe(report, world, {"from": args.from_}, written, list(written.items()))
+    _describe(console, world, {"from": args.from_}, written, list(written.items()))
 
 
-def generate(_: None, args: Namespace, report: Report) -> None:
+def generate(_: None, args: Namespace, console: Console) -> None:
     """Generate a world that a robot can drive in."""
     world = generate_world(args.kind, size=args.size, seed=args.seed)
     save_world(world, args.out)
     written = {"written": str(args.out)}
     figures = {"kind": args.kind, "seed": args.seed, **written}
-    _describe(report, world, {"name": world.name}, figures, list(written.items()))
+    _describe(console, world, {"name": world.name}, figures, list(written.items()))
 
 
 def _describe(
-    report: Report,
+    console: Console,
     world: World,
     name: dict[str, str],
     more: dict[str, Any],
@@ -120,29 +126,31 @@ def _describe(
     if world.place is not None:
         longitude, latitude = world.place
         rows.append(("place", f"(0, 0) is at longitude {longitude:.7f}°, latitude {latitude:.7f}°"))
-    report.print(figures | more, [*rows, *more_rows])
+    console.print(figures | more, [*rows, *more_rows])
 
 
-def crosscheck(scenario: Scenario, args: Namespace, report: Report) -> int:
+def crosscheck(scenario: Scenario, args: Namespace, console: Console) -> int:
     """Compare bare Embree in float32 with the exact ranges; 1 if a difference is unexplained."""
     from lrf3d.casting import crosscheck as compare
     from lrf3d.casting.comparison import CAUSES, UNEXPLAINED
 
-    scenario = routed(scenario, args, report)
+    scenario = routed(scenario, args, console)
     world = scenario.world
     lrf = scenario.lrf
     poses = scenario.trajectory(on_collision=on_collision(args)).poses
-    with report.progress("crosscheck") as progress:
+    with console.progress("crosscheck") as progress:
         result = compare(world, lrf, poses, progress)
     figures = {"world": scenario.name, "scans": len(poses), **result.as_dict()}
     unexplained = result.counts.get(UNEXPLAINED, 0)
     agree = result.beams - len(result.causes)
-    largest = result.largest_difference
-    furthest = result.largest_error
     rows = [
         ("beams", f"{result.beams:,} in {len(poses)} scans"),
-        ("agree", f"{agree:,}, the largest difference {largest:.1e} m"),
-        ("differ", f"{len(result.causes)}, by up to {furthest:.2g} m, {unexplained} unexplained"),
+        ("agree", f"{agree:,}, the largest difference {result.largest_difference:.1e} m"),
+        (
+            "differ",
+            f"{len(result.causes)}, by up to {result.largest_error:.2g} m,"
+            f" {unexplained} unexplained",
+        ),
         *((f"  {cause}", f"{n}: {CAUSES[cause]}") for cause, n in result.counts.items()),
     ]
     if args.figure is not None:
@@ -151,5 +159,5 @@ def crosscheck(scenario: Scenario, args: Namespace, report: Report) -> int:
         draw_crosscheck(world, lrf, poses, result, args.figure)
         figures["picture"] = str(args.figure)
         rows.append(("picture", str(args.figure)))
-    report.print(figures, rows)
+    console.print(figures, rows)
     return 1 if unexplained else 0

@@ -1,4 +1,4 @@
-"""Plan: all runs of a sweep, with keys and seeds that are derived from their contents."""
+"""The plan of a sweep: all its runs, with keys and seeds that are derived from their contents."""
 
 import inspect
 import json
@@ -18,7 +18,7 @@ from lrf3d.mapping.mapper import MODES
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario, scenario_of
-from lrf3d.world.schema import read_settings
+from lrf3d.simulation.tables import read_settings
 from lrf3d.world.toml_file import WorldFile
 
 # The settings that have an option of their own.
@@ -54,7 +54,7 @@ class PlannedRun(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """All runs of a sweep in the order of its table, and the values of what is varied by column."""
 
     runs: tuple[PlannedRun, ...]
@@ -76,7 +76,7 @@ def make_plan(
     *,
     routed: Callable[[Scenario], Scenario] = Scenario.with_route,
     collision: Callable[[str], None] | None = None,
-) -> Plan:
+) -> SweepPlan:
     """Plan the runs of every combination of worlds, settings of world files, mappers and seeds.
 
     The other arguments are those of `sweep`. Each drive is computed once, on a route that is
@@ -92,7 +92,6 @@ def make_plan(
     # Incremented when the same run gives other figures, so that old and new ones are not mixed.
     format_number = 2
     for file in files:
-        walls = [getattr(file.world, name) for name in ("segments", "objects", "heights")]
         drives: dict[Any, Trajectory] = {}
         for row in product(*values.values()):
             settings = dict(zip(values, row, strict=True))
@@ -103,17 +102,12 @@ def make_plan(
             if driven not in drives:
                 drives[driven] = routed(scenario).trajectory(on_collision=collision)
             drive = drives[driven]
-            held = (digest((*walls, *file.world.materials)), scenario.lrf, scenario.obstacles)
-            others = [(lrf, repr(noise)) for lrf, noise in scenario.further]
-            place = digest((*held, scenario.radius, drive.times, drive.poses, *others))
+            place = _place_of(scenario, drive)
             known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
             known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
             bare = replace(scenario, mapper={})
-            for label, mapper in mappers.items():
-                if isinstance(mapper, str | dict):
-                    own = {"mode": mapper} if isinstance(mapper, str) else mapper
-                    mapper = {**scenario.mapper, **own}
-                    line_mapper(scenario.noise, **mapper)  # An invalid threshold is found here.
+            for label, given in mappers.items():
+                mapper = _mapper_of(scenario, given)
                 # The repr of a noise contains its class as well as its numbers.
                 identity = digest((repr(scenario.noise), _identity(mapper)))
                 named: Row = {"world": scenario.name, "mapper": label, **known}
@@ -122,11 +116,28 @@ def make_plan(
                     # With 128 bits no two keys are equal by chance.
                     key = digest((format_number, named, place, identity, seed))[:32]
                     # All mappers and noises have the same seeds, to be compared run by run.
-                    noise_seed = seed_of((place, seed))
-                    columns = {**named, "seed": seed, "noise_seed": noise_seed}
+                    columns = {**named, "seed": seed, "noise_seed": seed_of((place, seed))}
                     runs.append(PlannedRun(key, columns, bare, drive, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
-    return Plan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
+    return SweepPlan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
+
+
+def _place_of(scenario: Scenario, drive: Trajectory) -> str:
+    """The digest of what is seen on a drive, and by which lasers, but for noise and seed."""
+    world = scenario.world
+    held = digest((world.segments, world.objects, world.heights, *world.materials))
+    others = [(lrf, repr(noise)) for lrf, noise in scenario.further]
+    seen = (held, scenario.lrf, scenario.obstacles, scenario.radius)
+    return digest((*seen, drive.times, drive.poses, *others))
+
+
+def _mapper_of(scenario: Scenario, mapper: Any) -> Any:
+    """The settings of a LineMapper in a scenario, checked; or a user's own mapper as it is."""
+    if not isinstance(mapper, str | dict):
+        return mapper
+    settings = {**scenario.mapper, **({"mode": mapper} if isinstance(mapper, str) else mapper)}
+    line_mapper(scenario.noise, **settings)
+    return settings
 
 
 def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seeds: int) -> None:
@@ -138,8 +149,8 @@ def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seed
         raise InputError(f"sweep: {MODE}: vary it by --mapper robust,paper")
     for label, mapper in mappers.items():
         if isinstance(mapper, str) and mapper not in MODES:
-            known = ", ".join(MODES)
-            raise InputError(f"sweep: mapper {shown(mapper)}: expected {known} or FILE.py:NAME")
+            expected = f"expected {', '.join(MODES)} or FILE.py:NAME"
+            raise InputError(f"sweep: mapper {shown(mapper)}: {expected}")
         if not (isinstance(mapper, str | dict) or callable(getattr(mapper, "update", mapper))):
             raise InputError(f"sweep: mapper {label}: has no method update(scan)")
     # Largest number of runs: their plan is held in memory, and even the fastest take hours on one

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from lrf3d.apps.sweeping.plan import USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
+from lrf3d.apps.sweeping.plan import USUAL, PlannedRun, Row, SettingValue, SweepPlan, make_plan
 from lrf3d.apps.sweeping.table import MEASURES, SweepTable
 from lrf3d.base.cores import core_count, process_pool, results
 from lrf3d.base.errors import InputError, Lrf3dError, expect, missing_extra, shown
@@ -77,19 +77,8 @@ def sweep(
         >>> [row["mapper"] for row in table.rows]
         ['robust', 'robust']
     """
-    varied = axes.items() if isinstance(axes, Mapping) else ()
-    for name, value, kinds in (
-        ("worlds", worlds, str | list | tuple),
-        ("mappers", mappers, Mapping | list | tuple | None),
-        ("axes", axes, Mapping | None),
-        *((f"axes {key}", each, list | tuple) for key, each in varied),
-    ):
-        if not isinstance(value, kinds):
-            raise InputError(f"sweep: {name} {shown(value)}: expected a list, or a dict of lists")
+    _check_kinds(worlds, mappers, axes)
     expect(progress, Callable, "progress")
-    for label in mappers or ():
-        if not isinstance(label, str):
-            raise InputError(f"sweep: mapper {shown(label)}: expected a name or a path")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
@@ -102,8 +91,24 @@ def sweep(
         return run_plan(plan, as_path(folder), used, resume=resume, progress=progress)
 
 
+def _check_kinds(worlds: Any, mappers: Any, axes: Any) -> None:
+    """Check the kinds of what a sweep is of."""
+    varied = axes.items() if isinstance(axes, Mapping) else ()
+    for name, value, kinds in (
+        ("worlds", worlds, str | list | tuple),
+        ("mappers", mappers, Mapping | list | tuple | None),
+        ("axes", axes, Mapping | None),
+        *((f"axes {key}", each, list | tuple) for key, each in varied),
+    ):
+        if not isinstance(value, kinds):
+            raise InputError(f"sweep: {name} {shown(value)}: expected a list, or a dict of lists")
+    for label in mappers or ():
+        if not isinstance(label, str):
+            raise InputError(f"sweep: mapper {shown(label)}: expected a name or a path")
+
+
 def run_plan(
-    plan: Plan,
+    plan: SweepPlan,
     folder: Path,
     executor: Executor | None,
     *,
@@ -145,12 +150,12 @@ def run_plan(
     return table_of(plan, kept, made=len(missing))
 
 
-def table_of(plan: Plan, kept: Mapping[str, Row], made: int = 0) -> SweepTable:
+def table_of(plan: SweepPlan, kept: Mapping[str, Row], made: int = 0) -> SweepTable:
     """The table of the rows that are kept, by their keys."""
     return SweepTable(plan, [kept[run.key] for run in plan.runs if run.key in kept], made)
 
 
-def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
+def kept_rows(plan: SweepPlan, folder: Path) -> dict[str, Row]:
     """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
     found = dict[str, Row]()
     planned = {run.key: run.columns for run in plan.runs}
@@ -179,14 +184,14 @@ def _fits(row: Row, columns: Row) -> bool:
     measures = {name: each for name, each in row.items() if name not in ("key", *columns)}
     if not (columns.items() <= row.items() and MEASURES.keys() <= measures.keys()):
         return False
-    for name, value in measures.items():
-        # Shares lie from 0 to 1, an adjusted index from −1.
-        least = -1.0 if name == "object_purity" else 0.0
-        most = 1.0 if name.endswith(("_precision", "_recall", "_f1", "_purity")) else inf
-        number = type(value) in (int, float, bool) and is_finite(value)
-        if value is not None and not (number and least <= value <= most):
-            return False
-    return True
+    return all(each is None or _can_be(name, each) for name, each in measures.items())
+
+
+def _can_be(name: str, value: Any) -> bool:
+    """Whether a measure can have a value: shares lie from 0 to 1, an adjusted index from −1."""
+    least = -1.0 if name == "object_purity" else 0.0
+    most = 1.0 if name.endswith(("_precision", "_recall", "_f1", "_purity")) else inf
+    return type(value) in (int, float, bool) and is_finite(value) and least <= value <= most
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.apps.sweeping.plan import Plan, Row
+from lrf3d.apps.sweeping.plan import Row, SweepPlan
 from lrf3d.base.errors import one_line
 from lrf3d.base.files import folder_name, write_text
 from lrf3d.base.text import counted, table
@@ -71,7 +71,7 @@ class SweepTable:
         >>> table.to_csv("means.csv")
     """
 
-    plan: Plan
+    plan: SweepPlan
     rows: list[Row] = field(repr=False)
     made: int = 0
 
@@ -144,13 +144,16 @@ class SweepTable:
             values = [row[name] for name in shown]
             line = [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
             for name, (_, factor, digits) in MEASURES.items():
-                mean = row[name]["mean"]
-                high = row[name]["high"]
-                known = [] if mean is None else [mean] if high is None else [mean, high - mean]
-                line.append(sign.join(f"{factor * each:.{digits}f}" for each in known) or "–")
+                line.append(_scaled(row[name]["mean"], row[name]["high"], factor, digits, sign))
             lines.append(line)
         head = [name.removesuffix("_m") for name in shown]
         return head + [heading for heading, *_ in MEASURES.values()], lines
+
+
+def _scaled(mean: float | None, high: float | None, factor: float, digits: int, sign: str) -> str:
+    """A mean and half of its interval in other units, as far as they are known."""
+    values = () if mean is None else (mean,) if high is None else (mean, high - mean)
+    return sign.join(f"{factor * each:.{digits}f}" for each in values) or "–"
 
 
 def _in_latex(words: str) -> str:

@@ -40,35 +40,47 @@ LEVEL_HEIGHT = 3.0
 # Default height of a building [m]: two storeys and a roof.
 DEFAULT_BUILDING_HEIGHT = 8.0
 
-# Widest gap [m] between footprints that touch, as surveys leave hairline gaps; largest distance [m]
-# from a straight façade of a corner that is left out.
+# Widest gap [m] between footprints that touch: surveys leave hairline gaps.
 CLOSING = 0.05
+
+# Largest distance [m] from a straight façade of a corner that is left out.
 STRAIGHT = 0.01
 
-# How often an outline may cross itself; surveyors let it cross once or twice.
+# A full turn, and the latitude of a pole [°].
+TURN = 360.0
+POLE = 90.0
+
+# Largest number of times that an outline crosses itself; surveyors let it cross once or twice.
 MOST_CROSSINGS = 200
 
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
 
+# Metres in a foot, and in an inch.
+FOOT = 0.3048
+INCH = 0.0254
+
 # Metres in the units of heights.
 UNITS = {
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
-    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), 0.3048),
-    **dict.fromkeys(("in", "inch", "inches", '"', "″"), 0.0254),
+    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), FOOT),
+    **dict.fromkeys(("in", "inch", "inches", '"', "″"), INCH),
     "mm": 1e-3,
     "cm": 1e-2,
     "km": 1e3,
     "yd": 0.9144,
 }
 
+# Matches a number and its unit in a length.
 _LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
 
+# Properties of roads, water and land, on which nothing stands.
 FLAT = frozenset(
     "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
     " power place parking public_transport".split()
 )
-# Properties of roads, water and land, on which nothing stands; and of what is built.
+
+# Properties of what is built.
 STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
 
 
@@ -82,12 +94,14 @@ class Feature:
     colour: tuple[float, float, float] | None = None
     number: int | None = None
     material: Material | None = None
+    # Whether it is a road, water or land, on which nothing stands.
     flat: bool = False
-    """Whether it is a road, water or land, on which nothing stands."""
 
-    def of_kind(self, kind: str) -> list[Any]:
-        """Its ``Polygon`` or ``LineString`` shapes."""
-        return [shape for shape in self.shapes if shape.geom_type == kind]
+    @property
+    def lines(self) -> Float:
+        """The walls (n, 4) along its lines."""
+        lines = [each for each in self.shapes if each.geom_type == "LineString"]
+        return np.concatenate([np.empty((0, 4)), *(walls(np.array(each.coords)) for each in lines)])
 
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""
@@ -97,9 +111,14 @@ class Feature:
         return Part(number, segments, np.array(height), self.name, self.colour, self.material)
 
 
+def shapes_of(features: Sequence[Feature]) -> list[Any]:
+    """The shapes of all features."""
+    return [shape for feature in features for shape in feature.shapes]
+
+
 def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[Feature]:
     """Features with all their points (k, 2) moved."""
-    shapes = np.array([shape for feature in features for shape in feature.shapes], dtype=object)
+    shapes = np.array(shapes_of(features), dtype=object)
     rest = iter(shapely.transform(shapes, move))
     return [replace(f, shapes=tuple(islice(rest, len(f.shapes)))) for f in features]
 
@@ -147,11 +166,16 @@ def _shapes(geometry: Any) -> Iterator[Any]:
     # A collection may hold several polygons in one.
     for part in shapely.get_parts(shapely.get_parts([whole])):
         if part.geom_type in ("LineString", "Polygon") and not part.is_empty:
-            if part.geom_type == "Polygon" and not encloses(part):
-                raise WorldError(f"{kind}: lies on one line and encloses nothing")
-            if not part.length > 0.0:
-                raise WorldError(f"{kind} of no length: expected two different points")
+            _check_shape(part, kind)
             yield shapely.remove_repeated_points(part)
+
+
+def _check_shape(part: Any, kind: str) -> None:
+    """Check that a polygon encloses something, and that a line has a length."""
+    if part.geom_type == "Polygon" and not encloses(part):
+        raise WorldError(f"{kind}: lies on one line and encloses nothing")
+    if not part.length > 0.0:
+        raise WorldError(f"{kind} of no length: expected two different points")
 
 
 def encloses(polygon: Any) -> bool:
@@ -198,7 +222,7 @@ def metres_of(text: str) -> float | None:
     parts = _LENGTH.findall(text)
     # After feet come inches.
     units = [UNITS.get(unit.lower()) for _, unit in parts]
-    if None in units or units not in ([0.3048, 0.0254], units[:1]) or _LENGTH.sub("", text).strip():
+    if None in units or units not in ([FOOT, INCH], units[:1]) or _LENGTH.sub("", text).strip():
         return None
     numbers = [float(number.replace(",", ".")) for number, _ in parts]
     return sum(map(mul, numbers, units)) if parts else None
@@ -206,10 +230,10 @@ def metres_of(text: str) -> float | None:
 
 def looks_geographic(features: Sequence[Feature]) -> bool:
     """Whether the coordinates of features are in degrees and not in metres."""
-    shapes = [shape for feature in features for shape in feature.shapes]
+    shapes = shapes_of(features)
     points = shapely.get_coordinates(shapes)
     boxes = shapely.bounds(shapes)
-    if (np.abs(points) > [180.0, 90.0]).any():
+    if (np.abs(points) > [0.5 * TURN, POLE]).any():
         return False
     sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
     widest = np.ptp(_from(points, points[0]), axis=0).max()
@@ -219,12 +243,12 @@ def looks_geographic(features: Sequence[Feature]) -> bool:
 
 def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
     """Features in degrees laid flat around their middle (2,) [°], and their largest extent [°]."""
-    points = shapely.get_coordinates([shape for feature in features for shape in feature.shapes])
+    points = shapely.get_coordinates(shapes_of(features))
     local = _from(points, points[0])
     low = local.min(axis=0)
     high = local.max(axis=0)
     longitude, latitude = points[0] + 0.5 * (low + high)
-    centre = np.array([(longitude + 180.0) % 360.0 - 180.0, latitude])
+    centre = np.array([(longitude + 0.5 * TURN) % TURN - 0.5 * TURN, latitude])
     flat = moved(features, partial(lay_flat, centre=centre))
     return flat, centre, float((high - low).max())
 
@@ -242,7 +266,7 @@ def _from(points: Float, centre: Float) -> Float:
     """Points (k, 2) [°] from a centre (2,) [°], the short way round, also across the dateline."""
     local = points - centre
     # Only what lies on the other side is turned, so that rounding touches nothing else.
-    local[:, 0] -= 360.0 * np.round(local[:, 0] / 360.0)
+    local[:, 0] -= TURN * np.round(local[:, 0] / TURN)
     return np.asarray(local, dtype=np.float64)
 
 
@@ -255,12 +279,13 @@ def world_of_features(
     """
     parts = list(_blocks(features))
     numbered = not parts and all(feature.number is not None for feature in features)
+    following = parts[-1].number + 1 if parts else 0
     for feature in features:
-        lines = [walls(np.array(line.coords)) for line in feature.of_kind("LineString")]
-        if lines or numbered:
-            number = feature.number if numbered else parts[-1].number + 1 if parts else 0
-            segments = np.concatenate([np.empty((0, 4)), *lines])
-            parts.append(feature.part(number or 0, segments, DEFAULT_HEIGHT))
+        segments = feature.lines
+        if len(segments) or numbered:
+            number: Any = feature.number if numbered else following
+            parts.append(feature.part(number, segments, DEFAULT_HEIGHT))
+            following = number + 1
     if not any(len(part.segments) for part in parts):
         raise WorldError("the footprints are too small to leave a wall")
     return world_of_parts(parts, name, place=place)
@@ -272,7 +297,8 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     Outer rings are counter-clockwise and courtyards clockwise; after them comes a part without
     walls for the looks of each footprint.
     """
-    owned = [(feature, polygon) for feature in features for polygon in feature.of_kind("Polygon")]
+    shapes = [(feature, shape) for feature in features for shape in feature.shapes]
+    owned = [each for each in shapes if each[1].geom_type == "Polygon"]
     if not owned:
         return
     polygons = np.array([polygon for _, polygon in owned])
@@ -296,16 +322,9 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
             gaps, nearest = map(np.asarray, source.query(points))
             exact = np.where((gaps <= 0.002)[:, None], corners[nearest], points + origin)
             once = (exact != np.roll(exact, 1, axis=0)).any(axis=1)
-            exact = exact[once]
-            points = points[once]
-            if len(points) < 3:
-                continue
-            ring = shapely.linearrings(points)
-            # A hole of less than a square metre is a gap between footprints and no courtyard.
-            if shapely.area(shapely.polygons(ring)) > (1.0 if index else 0.0):
-                turn = 1 if shapely.is_ccw(ring) == (index == 0) else -1
-                tops = _heights(points[::turn], local[members], tall[members])
-                rings.append(Part(number, walls(exact[::turn], closed=True), tops))
+            if turn := _turn_of(points[once], is_hole=index > 0):
+                tops = _heights(points[once][::turn], local[members], tall[members])
+                rings.append(Part(number, walls(exact[once][::turn], closed=True), tops))
         if rings:
             yield from rings
             yield from (alone[each]._replace(number=number) for each in members.tolist())
@@ -318,7 +337,8 @@ def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
     if len(polygons) > 1:
         # Slightly more than half on each side, so that a gap of exactly this width is closed.
         # Corners sharper than 6° are cut; all others come back as they were.
-        for distance in (0.5001 * CLOSING, -0.5001 * CLOSING):
+        half = 0.5001 * CLOSING
+        for distance in (half, -half):
             union = shapely.buffer(union, distance, join_style="mitre", mitre_limit=20.0)
     for part in shapely.get_parts([union]):
         for index, outline in enumerate((part.exterior, *part.interiors)):
@@ -326,6 +346,17 @@ def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
             line = shapely.simplify(shapely.linestrings(from_corner(ring)), STRAIGHT)
             corners = shapely.get_coordinates(line) @ [1.0, 1.0j]
             yield index, ring[:-1][np.isin(ring[:-1] @ [1.0, 1.0j], corners)]
+
+
+def _turn_of(points: Float, is_hole: bool) -> int:
+    """1 or, if it has to be reversed, −1 for a ring (k, 2) that becomes walls, and 0 for others."""
+    if len(points) < 3:
+        return 0
+    ring = shapely.linearrings(points)
+    # A hole of less than a square metre is a gap between footprints and no courtyard.
+    if shapely.area(shapely.polygons(ring)) <= (1.0 if is_hole else 0.0):
+        return 0
+    return -1 if shapely.is_ccw(ring) == is_hole else 1
 
 
 def _heights(ring: Float, polygons: Any, heights: Float) -> Float:

@@ -33,18 +33,21 @@ from lrf3d.world.model import World
 from lrf3d.world.pieces import runs_of
 from lrf3d.world.schema import at, made, several
 from lrf3d.world.towns.features import (
+    POLE,
+    TURN,
     Feature,
     feature_of,
     laid_flat,
     looks_geographic,
     moved,
+    shapes_of,
     world_of_features,
 )
 
 # EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart.
 DEGREES = {"4326", "4258", "4269"}
 
-# EPSG's codes of the zones of UTM, by WGS 84 and ETRS89.
+# Matches EPSG's codes of the zones of UTM, by WGS 84 and ETRS89.
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
 
 
@@ -63,15 +66,7 @@ def read_geojson(path: Path) -> World:
     if flat:
         left = counted(flat, "feature") + " of roads, water and land"
         warnings.warn(f"{path}: left out: {left}", Lrf3dNote, stacklevel=2)
-    given: Any = data.get("place")
-    known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
-    place = (float(given[0]), float(given[1])) if known else None
-    if data.get("units") != "m" and not _is_map(data):
-        features, found = in_metres(features, data.get("crs"))
-        place = found or place
-        if found is None and data.get("crs") is None:
-            assumed = "coordinates without a crs, too large for degrees, are taken as metres"
-            warnings.warn(f"{path}: {assumed}", Lrf3dNote, stacklevel=2)
+    features, place = _placed(features, data, path)
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     world = world_of_features(features, name, place=place)
     free = FreeCells.from_dict(data["free"]) if "free" in data else None
@@ -79,6 +74,24 @@ def read_geojson(path: Path) -> World:
         return world_of_map(world, free)
     cameras = several(made(FixedCamera), "cameras", least=0)(data.get("cameras", []), "cameras")
     return replace(world, cameras=cameras, free=free)
+
+
+def _placed(
+    features: list[Feature], data: dict[str, Any], path: Path
+) -> tuple[list[Feature], tuple[float, float] | None]:
+    """The features in metres, and the longitude and latitude of (0, 0), where they are known."""
+    given = data.get("place")
+    place = None
+    if isinstance(given, list) and len(given) == 2 and is_finite(*given):
+        place = float(given[0]), float(given[1])
+    if data.get("units") == "m" or _is_map(data):
+        return features, place
+    reference = data.get("crs")
+    features, found = in_metres(features, reference)
+    if found is None and reference is None:
+        assumed = "coordinates without a crs, too large for degrees, are taken as metres"
+        warnings.warn(f"{path}: {assumed}", Lrf3dNote, stacklevel=3)
+    return features, found or place
 
 
 def _features(data: dict[str, Any]) -> Iterator[Feature]:
@@ -148,20 +161,21 @@ def write_geojson(world: World, path: Path) -> None:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = []
-    for number, looks, lines, height in runs_of(world):
-        properties = {"object": number, **looks}
-        if "material" in looks:
-            properties["material"] = material_value(looks["material"])
-        geometry = None
-        if lines:
-            properties["height"] = height
-            kind = "LineString" if len(lines) == 1 else "MultiLineString"
-            geometry = {"type": kind, "coordinates": lines[0] if len(lines) == 1 else lines}
-        feature = {"type": "Feature", "properties": properties, "geometry": geometry}
-        features.append(json.dumps(feature))
-    text = ",\n".join(features)
-    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{text}\n]}}\n')
+    features = ",\n".join(json.dumps(_feature(*run)) for run in runs_of(world))
+    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
+
+
+def _feature(number: int, looks: dict[str, Any], lines: list[Any], height: Any) -> dict[str, Any]:
+    """The feature of a run of walls; without walls it has no geometry."""
+    properties = {"object": number, **looks}
+    if "material" in looks:
+        properties["material"] = material_value(looks["material"])
+    geometry = None
+    if lines:
+        properties["height"] = height
+        kind = "LineString" if len(lines) == 1 else "MultiLineString"
+        geometry = {"type": kind, "coordinates": lines[0] if len(lines) == 1 else lines}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def in_metres(
@@ -216,28 +230,22 @@ def _by_pyproj(
 ) -> tuple[float, Sequence[Feature]]:
     """The unit [m] and the features of a plane system; or 0 and the features in degrees."""
     try:
-        from pyproj import CRS, Proj, Transformer
+        from pyproj import Proj, Transformer
         from pyproj.exceptions import ProjError
     except ImportError:
         what = f"crs {shown(name)} is neither longitude and latitude nor UTM"
         raise missing_extra(what, "geo") from None
-    authority = "ESRI" if "esri" in name.lower() else "EPSG"
     try:
-        # A text may be a system itself, in words or numbers, but must name no file.
-        if not code and re.search(r"grids|init|file", name, re.IGNORECASE):
-            raise ProjError("names a file")
-        system = CRS.from_authority(authority, code) if code else CRS.from_user_input(name)
-        system = system.sub_crs_list[0] if system.is_compound else system
-        if not (system.is_geographic or system.is_projected):
-            raise ProjError("is no system of places on Earth")
+        system = _system(name, code)
         to_degrees = Transformer.from_crs(system, "OGC:CRS84", always_xy=True)
     except (ProjError, ValueError) as error:
         reason = str(error) if len(str(error)) < 50 else "is not known"
-        remedy = "name a system of EPSG, or leave it out"
-        raise WorldError(f"crs {shown(name)}: {reason}; {remedy}") from None
+        raise WorldError(
+            f"crs {shown(name)}: {reason}; name a system of EPSG, or leave it out"
+        ) from None
     degrees = moved(features, lambda points: np.column_stack(to_degrees.transform(*points.T)))
-    points = shapely.get_coordinates([shape for each in degrees for shape in each.shapes])
-    if not (np.abs(points) <= [360.0, 90.0]).all():
+    points = shapely.get_coordinates(shapes_of(degrees))
+    if not (np.abs(points) <= [TURN, POLE]).all():
         raise WorldError(f"crs {shown(name)}: coordinates are outside of where it is used")
     axes = {axis.direction for axis in system.axis_info[:2]}
     if system.is_geographic or axes != {"east", "north"}:
@@ -249,3 +257,18 @@ def _by_pyproj(
     distorted = 0.005
     plane = bool((np.abs(scales - 1.0) < distorted).all())
     return (system.axis_info[0].unit_conversion_factor, features) if plane else (0.0, degrees)
+
+
+def _system(name: str, code: str) -> Any:
+    """The system of places on Earth of a name, by its code where it has one."""
+    from pyproj import CRS
+
+    # A text may be a system itself, in words or numbers, but must name no file.
+    if not code and re.search(r"grids|init|file", name, re.IGNORECASE):
+        raise ValueError("names a file")
+    authority = "ESRI" if "esri" in name.lower() else "EPSG"
+    system = CRS.from_authority(authority, code) if code else CRS.from_user_input(name)
+    system = system.sub_crs_list[0] if system.is_compound else system
+    if not (system.is_geographic or system.is_projected):
+        raise ValueError("is no system of places on Earth")
+    return system

@@ -11,7 +11,7 @@ text, which OpenStreetMap's wiki defines; a value that cannot be read counts as 
 
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -29,20 +29,27 @@ from lrf3d.world.pieces import MOST_PAIRS, pairs_within
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.towns.features import (
     LEVEL_HEIGHT,
+    POLE,
+    TURN,
     Feature,
     encloses,
     laid_flat,
     lay_flat,
     metres_of,
+    shapes_of,
     world_of_features,
 )
 
 # Height [m] of a tree of which nothing is given: one along a street, some decades old.
 DEFAULT_TREE = 8.0
 
-# A node without a number, as within a relation, is named by its place.
+# The tags of an element, by their keys.
 Tags = dict[str, str]
+
+# A longitude and latitude [°].
 Place = tuple[float, float]
+
+# A node by its number, or by its place where it has none, as within a relation.
 Node = int | Place
 
 
@@ -62,9 +69,8 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     if extent > 2.0:
         raise WorldError(f"buildings {extent:.1f}° apart, expected at most 2°; cut out a part")
     if trees and extract.trees:
-        places = lay_flat(np.array([place for place, _ in extract.trees.values()]), centre)
-        buildings = [polygon for feature in features for polygon in feature.shapes]
-        features += trunks(places, [tags for _, tags in extract.trees.values()], buildings)
+        places, tags = zip(*extract.trees.values(), strict=True)
+        features += trunks(lay_flat(np.array(places), centre), tags, shapes_of(features))
     if left_out:
         words = ", ".join(f"{number} {what}" for what, number in left_out.items())
         warnings.warn(f"{path}: buildings left out: {words}", Lrf3dNote, stacklevel=2)
@@ -123,6 +129,11 @@ class _Extract:
         """Whether the places of all nodes of a way are known."""
         return self.nodes.keys() >= set(self.ways[way][0])
 
+    def is_ring(self, way: int) -> bool:
+        """Whether a whole way encloses an area."""
+        refs = self.ways[way][0]
+        return len(refs) > 3 and refs[0] == refs[-1] and self.is_whole(way)
+
 
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
@@ -134,13 +145,7 @@ def _read(path: Path) -> _Extract:
             raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
         for event, element in elements:
             if event == "end" and element.tag in ("node", "way", "relation"):
-                if element.get("visible") != "false" and element.get("action") != "delete":
-                    called = f"{element.tag} {element.get('id', 'without id')[:40]}"
-                    try:
-                        extract.add(element)
-                    except ValueError as error:
-                        remedy = "export the extract again"
-                        raise WorldError(f"{called}: {error}; {remedy}") from None
+                _add(extract, element)
                 root.clear()
     except WorldError:
         raise
@@ -150,15 +155,43 @@ def _read(path: Path) -> _Extract:
     return extract
 
 
+def _add(extract: _Extract, element: Element) -> None:
+    """Add an element that is not marked as deleted."""
+    if element.get("visible") == "false" or element.get("action") == "delete":
+        return
+    try:
+        extract.add(element)
+    except ValueError as error:
+        called = f"{element.tag} {element.get('id', 'without id')[:40]}"
+        raise WorldError(f"{called}: {error}; export the extract again") from None
+
+
 def _place(element: Element) -> Place:
     place = float(element.get("lon", "")), float(element.get("lat", ""))
-    if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
+    if not (abs(place[0]) <= 0.5 * TURN and abs(place[1]) <= POLE):
         raise ValueError(f"longitude and latitude {place}, expected degrees")
     return place
 
 
 def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
     """The buildings, in degrees of longitude and latitude; counts those that are left out."""
+    found, outlines = _of_relations(extract)
+    for number, (refs, tags) in extract.ways.items():
+        if number not in outlines and _kind(tags):
+            closed = extract.is_ring(number)
+            left_out["that are not whole"] += not closed
+            if closed:
+                found.append((tags, shapely.Polygon([extract.nodes[n] for n in refs])))
+    for tags, area in _with_parts(found):
+        if is_building(tags):
+            yield _feature(tags, area)
+        elif "building" in tags:
+            left_out["that leave the ground open"] += 1
+    left_out += Counter()  # Counts of 0 go.
+
+
+def _of_relations(extract: _Extract) -> tuple[list[tuple[Tags, Any]], set[int]]:
+    """The tags and areas of buildings that are relations, and the ways that outline them."""
     outlines = set[int]()
     found = list[tuple[Tags, Any]]()
     ways = extract.ways
@@ -176,18 +209,7 @@ def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
         if building is not None:
             area = shapely.difference(extract.enclosed(outer), extract.enclosed(inner))
             found.append((building, area))
-    for number, (refs, tags) in ways.items():
-        if number not in outlines and _kind(tags):
-            closed = len(refs) > 3 and refs[0] == refs[-1] and extract.is_whole(number)
-            left_out["that are not whole"] += not closed
-            if closed:
-                found.append((tags, shapely.Polygon([extract.nodes[n] for n in refs])))
-    for tags, area in _with_parts(found):
-        if is_building(tags):
-            yield _feature(tags, area)
-        elif "building" in tags:
-            left_out["that leave the ground open"] += 1
-    left_out += Counter()  # Counts of 0 go.
+    return found, outlines
 
 
 def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
@@ -268,7 +290,7 @@ def trunk_radius(tags: Tags) -> float:
     return float(np.clip(_metres(tags, "circumference") / (2.0 * np.pi) or usual, 0.05, 1.2))
 
 
-def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
+def trunks(places: Float, tags: Sequence[Tags], buildings: list[Any]) -> list[Feature]:
     """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
     radii = np.array([trunk_radius(each) for each in tags])
     points = shapely.points(places)

@@ -240,7 +240,7 @@ def test_a_noise_takes_the_place_of_the_levels_of_a_world(folder):
     assert "paper_room: --noise takes the place of its noise levels" in done.stderr
 
 
-def test_a_file_takes_no_installed_modules_place_and_finds_those_beside_it(folder):
+def test_a_file_replaces_no_installed_module_and_imports_files_next_to_it(folder):
     parts = folder / "parts"
     parts.mkdir()
     text = "import statistics\nfrom beside_parts import Still as Mine\n"

@@ -191,7 +191,7 @@ def test_no_name_is_a_command_in_a_table_or_leads_out_of_the_folder(room, tmp_pa
         assert not any("/" in name for name, _ in figures_of(result).values())
 
 
-def test_own_mappers_are_scored_beside_ours(room, tmp_path):
+def test_own_mappers_are_scored_next_to_ours(room, tmp_path):
     mappers = {"ours": {"mode": "robust"}, "a class": OneWall, "an object": OneWall()}
     table = lrf3d.sweep(room, mappers=mappers, axes={SIGMA: (0.1,)}, seeds=2, workers=1)
     assert [row["mapper"] for row in table.rows] == [name for name in mappers for _ in "ab"]

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
+from lrf3d.base.formats import MCAP, ROS_1, SQLITE, ZSTD, by_name
 from lrf3d.base.interrupts import check
 
 # Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
@@ -31,21 +32,6 @@ MOST_TIMES = 200
 
 # Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
 BLOCK = 1 << 16
-
-# Endings of the files of bags; the last one is that of ROS 1.
-FILES = (".mcap", ".db3", ".bag")
-
-# What a file of MCAP begins and ends with.
-MCAP = b"\x89MCAP0\r\n"
-
-# What a database of SQLite begins with.
-SQLITE = b"SQLite format 3\0"
-
-# What a bag of ROS 1 begins with.
-OLD = b"#ROSBAG V2.0\n"
-
-# What packed files and messages begin with.
-ZSTD = b"(\xb5/\xfd"
 
 
 class BagTopic(NamedTuple):
@@ -68,10 +54,11 @@ def bag_files(path: Path) -> list[Path]:
     parts = sorted(part for part in path.iterdir() if not part.is_dir())
     for part in parts:
         check_ordinary(part, what="a file of a ROS bag")
-    for ending in FILES:
+    endings = by_name("log", "bag").endings
+    for ending in endings:
         if files := [part for part in parts if ending in part.suffixes[-2:]]:
             return sorted(files, key=lambda file: (len(file.name), file.name))
-    known = ", ".join(FILES)
+    known = ", ".join(endings)
     there = one_line(", ".join(part.name for part in parts), 90)
     found = f" ({there})" if there else ""
     raise InputError(f"{path}: a folder without {known} or run.npz{found}, expected a log")
@@ -93,7 +80,7 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
             return
         is_mcap = head.startswith(MCAP)
-        if not is_mcap and not head.startswith(OLD):
+        if not is_mcap and not head.startswith(ROS_1):
             raise InputError("none of a known kind" if head else "an empty file")
         end = file.seek(0, 2)
         if is_mcap:
@@ -101,7 +88,7 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
             whole = file.read() == MCAP
             file.seek(len(MCAP))
         else:
-            file.seek(len(OLD))
+            file.seek(len(ROS_1))
             index = int.from_bytes(_fields(_block(file)).get(b"index_pos", b""), "little")
             whole = 0 < index <= end
             _block(file)

@@ -24,9 +24,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
+from lrf3d.base.formats import ZSTD
 from lrf3d.base.interrupts import check
 from lrf3d.messages.ros import SCAN, TRANSFORMS
-from lrf3d.recordings.formats.bags.files import ZSTD, BagTopic, bag_files, packets, unpacked
+from lrf3d.recordings.formats.bags.files import BagTopic, bag_files, packets, unpacked
 from lrf3d.recordings.formats.bags.poses import (
     OLD_TRANSFORMS,
     SCANS,

@@ -1,0 +1,212 @@
+"""The table of formats: every kind of file that is read or written, one row each.
+
+A row names the function that reads or writes as ``module:function``, so that the libraries of a
+format are loaded when a file of it is met. The messages on unknown endings and on files of the
+wrong kind, and the lists on help pages, come from these rows. To add a format, write its function
+and enter its row; of rows with the same ending the last one counts.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+# First bytes of the files of bags: MCAP, SQLite, those of ROS 1, and files packed by Zstandard.
+MCAP = b"\x89MCAP0\r\n"
+SQLITE = b"SQLite format 3\0"
+ROS_1 = b"#ROSBAG V2.0\n"
+ZSTD = b"(\xb5/\xfd"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A kind of file.
+
+    Args:
+        kind: What is in it: ``world``, ``drawing``, ``picture``, ``log``, ``map``, ``trajectory``,
+            ``film``, ``frame``; ``export`` for what other programs read; ``other`` for what none
+            of these is.
+        name: What an option or a program calls it, where its ending does not say that.
+        endings: Endings of its files, in lower case; it is written under the first one.
+        looks: First bytes of its files, and what a message says of a file that begins so.
+        read: What reads a path: a function, or its module and name as ``module:function``.
+        write: What writes a value to a path, likewise.
+        largest: Largest file that is read [bytes].
+        options: Options of the function that reads it, or else of the one that writes it.
+        extra: The extra of lrf3d that it needs.
+    """
+
+    kind: str
+    name: str = ""
+    endings: tuple[str, ...] = ()
+    looks: Mapping[bytes, str] = field(default_factory=dict)
+    read: str | Callable[..., Any] = ""
+    write: str | Callable[..., Any] = ""
+    largest: int = 1 << 28
+    options: tuple[str, ...] = ()
+    extra: str = ""
+
+
+_PLAN = "lrf3d.plans.reading:plan_of_file"
+_FILM = "lrf3d.studio.render.video:render_video"
+_CLOUD = "a point cloud without scans"
+
+# All formats; the order is that of lists in messages.
+FORMATS: list[Format] = [
+    Format(
+        kind="world", endings=(".toml",), read="lrf3d.simulation.tables:read_toml",
+        write="lrf3d.world.toml_file:write_toml",
+    ),
+    Format(
+        kind="world", endings=(".geojson", ".json"), read="lrf3d.world.towns.geojson:read_geojson",
+        write="lrf3d.world.towns.geojson:write_geojson",
+    ),
+    Format(
+        kind="world", endings=(".osm",), read="lrf3d.world.towns.osm:read_osm", options=("trees",),
+    ),
+    Format(
+        kind="world", endings=(".yaml", ".yml"), read="lrf3d.world.ros_map:read_ros_map",
+        write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16,
+    ),
+    Format(
+        kind="picture", endings=(".png", ".pgm", ".jpg", ".jpeg", ".bmp"), read=_PLAN,
+        looks={b"\x89PNG": "a picture"}, options=("resolution", "threshold"),
+    ),
+    Format(
+        kind="drawing", endings=(".dxf", ".svg"), read=_PLAN, largest=1 << 26,
+        looks={b"<": "XML"}, options=("layers", "without"),
+    ),
+    Format(
+        kind="drawing", endings=(".pdf",), read=_PLAN, largest=1 << 26,
+        looks={b"%PDF": "a document"}, options=("threshold", "page", "layers", "without"),
+        extra="pdf",
+    ),
+    Format(
+        kind="world", endings=(".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), largest=1 << 27,
+        read="lrf3d.world.mesh:read_mesh", write="lrf3d.world.mesh:write_glb",
+        looks={b"ply": _CLOUD},
+    ),
+    # The last two endings of CARMEN logs are what the University of Freiburg calls them.
+    Format(
+        kind="log", name="CARMEN", endings=(".log", ".log.gz", ".clf", ".clf.gz"),
+        read="lrf3d.recordings.formats.carmen:load_carmen", options=("poses",),
+        write="lrf3d.recordings.formats.carmen_writer:write_log",
+    ),
+    Format(
+        kind="log", name="bag", endings=(".mcap", ".db3", ".bag"),
+        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ZSTD), "a ROS bag"),
+        read="lrf3d.recordings.formats.bags.reader:load_bag",
+        options=("poses", "scan_topic", "part"), extra="ros",
+    ),
+    Format(
+        kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
+        read="lrf3d.recordings.reading:arrays_log",
+        looks={
+            b"PK": "arrays of NumPy or a zip: name it .npz",
+            b"\x93NUMPY": "an array: name it .npy",
+            b"MATLAB 5": "a .mat file: name it .mat",
+        },
+        options=("format",),
+    ),
+    Format(
+        kind="log", name="run", endings=(".npz",), read="lrf3d.recordings.reading:run_log",
+        options=("poses",),
+        write="lrf3d.recordings.formats.run_file:save_run",
+    ),
+    Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
+    Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),
+    Format(
+        kind="map", endings=(".geojson",), read="lrf3d.mapping.line_map:load_map",
+        write="lrf3d.mapping.line_map:save_map",
+    ),
+    Format(
+        kind="trajectory", endings=(".tum",), read="lrf3d.recordings.formats.trajectory:load_tum",
+        write="lrf3d.recordings.formats.trajectory:save_tum",
+    ),
+    Format(kind="film", endings=(".mp4",), write=_FILM),
+    Format(kind="film", endings=(".webp",), write=_FILM),
+    Format(kind="film", endings=(".gif",), write=_FILM),
+    Format(kind="frame", endings=(".png",), write="lrf3d.studio.render.video:save_png"),
+    Format(
+        kind="export", name="carmen", endings=(".log.gz", ".log"),
+        write="lrf3d.recordings.formats.carmen_writer:write_carmen",
+    ),
+    Format(
+        kind="export", name="mcap", endings=(".mcap",), extra="ros",
+        write="lrf3d.recordings.formats.bags.writer:write",
+    ),
+    Format(
+        kind="export", name="rosbag2", endings=("",), extra="ros",
+        write="lrf3d.recordings.formats.bags.writer:write_folder",
+    ),
+    Format(
+        kind="export", name="glb", endings=(".glb",), write="lrf3d.studio.gltf:run_glb",
+        options=("every",),
+    ),
+    Format(
+        kind="export", name="html", endings=(".html",), options=("every",),
+        write="lrf3d.studio.page.page_file:page_file",
+    ),
+    Format(
+        kind="other",
+        looks={
+            b"\xff\xfe": "text in UTF-16: save it as UTF-8", b"LASF": _CLOUD, b"# .PCD": _CLOUD,
+        },
+    ),
+]  # fmt: skip
+
+# Kinds of files that a world is read from; of the last two a plan is made first.
+WORLDS = ("world", "picture", "drawing")
+
+
+def of_kind(*kinds: str) -> list[Format]:
+    """The formats of some kinds."""
+    return [each for each in FORMATS if each.kind in kinds]
+
+
+def endings(*kinds: str, option: str = "", written: bool = False) -> tuple[str, ...]:
+    """The endings of files of some kinds: those for which an option is, or those written."""
+    found = [each for each in of_kind(*kinds) if not option or option in each.options]
+    if written:
+        return tuple(each.endings[0] for each in found if each.write)
+    return tuple(dict.fromkeys(ending for each in found for ending in each.endings))
+
+
+def by_name(kind: str, name: str) -> Format:
+    """The format of a kind with a name."""
+    return next(each for each in of_kind(kind) if each.name == name)
+
+
+def by_ending(path: Path, *kinds: str) -> Format | None:
+    """The format of some kinds that the ending of a file names; the one entered last."""
+    found = [each for each in of_kind(*kinds) if path.name.lower().endswith(each.endings)]
+    return found[-1] if found else None
+
+
+def by_looks(head: bytes) -> tuple[Format, str] | None:
+    """The format of a file that begins with these bytes, and what to say of it."""
+    looks = ((row, magic, text) for row in FORMATS for magic, text in row.looks.items())
+    return next(((row, text) for row, magic, text in looks if head.startswith(magic)), None)
+
+
+def function(target: str | Callable[..., Any]) -> Callable[..., Any]:
+    """The function of a row; its module loads the libraries of that format alone."""
+    if not isinstance(target, str):
+        return target
+    module, _, name = target.partition(":")
+    return getattr(import_module(module), name)  # type: ignore[no-any-return]
+
+
+@lru_cache(1)
+def enter_installed() -> None:
+    """Enter the readers of worlds of installed packages, once.
+
+    They are entry points of the group ``lrf3d.world.readers``, whose names are endings.
+    """
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group="lrf3d.world.readers"):
+        if entry.name not in endings(*WORLDS):
+            FORMATS.append(Format(kind="world", endings=(entry.name,), read=entry.value))
