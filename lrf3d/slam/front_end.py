@@ -363,7 +363,9 @@ class FrontEnd:
         count = min(ENOUGH // max(len(self.surface), 1) + 1, len(self._recent))
         chosen = np.linspace(0, len(self._recent) - 1, count + 1).astype(np.int64)[1:]
         parts = [self._recent[k] for k in chosen.tolist()]
-        return concatenated(moved(thinned(part), between(self.pose, pose)) for pose, part in parts)
+        return concatenated(
+            [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
+        )
 
     def add_key(self, scan: Key) -> Key:
         """Add the scan that was just placed to the local map as a key scan."""
@@ -376,7 +378,7 @@ class FrontEnd:
         self.mixed_pixels.learn(self._certain, key)
         self._certain.append(key)
         self._keys.append(key)
-        self._fans = all_fans(near.fans for near in self._keys)
+        self._fans = all_fans([near.fans for near in self._keys])
         local = list(self._keys)[-LOCAL_KEYS:]
         self._map = Submap(local, np.array([near.pose for near in local]))
         return key

@@ -18,7 +18,7 @@ LEAST_LETTERS = 3
 LEAST_IN_TITLE = 5
 
 
-class _Parts(NamedTuple):
+class _LetterParts(NamedTuple):
     """What touches, as the strokes of a letter do: boxes (k, 4) [m] and looks (k,) of parts."""
 
     boxes: Float
@@ -70,7 +70,7 @@ def _is_in_words(segments: Float, pattern: Bool, largest: float) -> Bool:
     sides = boxes[:, 2:] - boxes[:, :2]
     strokes = np.array([len(each) for each in own])
     plain = np.array([not pattern[each].all() for each in own])
-    parts = _Parts(boxes, sides, sides.max(axis=1), strokes, plain, largest)
+    parts = _LetterParts(boxes, sides, sides.max(axis=1), strokes, plain, largest)
     text = np.zeros(len(own), dtype=bool)
     for height, least in ((LETTER, LEAST_LETTERS), (TITLE, LEAST_IN_TITLE)):
         for row in _rows(parts, height):
@@ -81,7 +81,7 @@ def _is_in_words(segments: Float, pattern: Bool, largest: float) -> Bool:
     return text[part]
 
 
-def _rows(parts: _Parts, height: float) -> list[Int]:
+def _rows(parts: _LetterParts, height: float) -> list[Int]:
     """Rows of parts up to a height [m], close to each other and alike in size."""
     small = np.flatnonzero(parts.size < min(height, parts.letter))
     # Gaps between letters of a word are shares of the larger one.
@@ -93,7 +93,7 @@ def _rows(parts: _Parts, height: float) -> list[Int]:
     return [small[row] for row in members_of(groups(one[alike], other[alike], len(small)))]
 
 
-def _is_word(parts: _Parts, row: Int, least: int) -> bool:
+def _is_word(parts: _LetterParts, row: Int, least: int) -> bool:
     """Whether a row of parts is a word of at least a number of letters."""
     sure = row[parts.plain[row]]
     if len(row) < least or len(set(parts.strokes[sure].tolist())) < 2:
@@ -105,7 +105,7 @@ def _is_word(parts: _Parts, row: Int, least: int) -> bool:
     return bool(wide.any() and (least < LEAST_IN_TITLE or level.mean() > 0.6))
 
 
-def _next_to(parts: _Parts, text: Bool) -> Int:
+def _next_to(parts: _LetterParts, text: Bool) -> Int:
     """The parts that stand next to letters (k,) and are hardly larger."""
     rest = np.flatnonzero((parts.size < min(LETTER, parts.letter)) & ~text)
     letters = np.flatnonzero(text)
