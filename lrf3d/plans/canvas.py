@@ -1,7 +1,7 @@
 """A drawing: lines and areas as they are seen, each with its layer, its width and its colour.
 
 The readers of DXF, SVG and PDF paint marks on a :class:`Canvas`, in the order of the file and in
-metres; the marks that are seen leave: areas hide what was painted before.
+metres. `Canvas.seen` returns what is visible: an area hides the marks that were painted before.
 """
 
 from collections import Counter
@@ -18,42 +18,46 @@ from lrf3d.world.pieces import check_crossings
 # Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005
 
-# Upper bounds on marks and on points: larger drawings are blocks that hold each other.
+# Upper bounds on marks and on points: larger drawings are blocks nested in blocks, which multiply.
 MOST_MARKS = 150_000
 MOST_POINTS = 2_000_000
 
-# An inch, and a point, of which 72 are an inch [m].
+# An inch, and a typographic point [m].
 INCH = 0.0254
 POINT = INCH / 72.0
 
-# Value of a channel of white.
+# Value of each colour channel of white.
 WHITE = 255.0
 
 # Contrast of what is painted with a gradient or a pattern, whose colours are not read.
 UNKNOWN = 0.3
 
-# Opacity below which a mark is not seen; what is as close to 1 hides what is below it.
+# Opacity below which a mark is not seen; one that is as close to 1 hides what is below it.
 FAINT = 0.02
 
 # Contrast below which a mark has the colour of the paper.
 PALEST = 0.08
 
-# Distance [m] from the edge of an area to where it hides lines: on its edge a line is half seen.
+# An area hides lines from this distance [m] inside its edge: a line on the edge is half seen.
 HIDDEN = 0.002
 
 
 class Mark(NamedTuple):
-    """A line or an area (a shapely geometry) [m] that is painted."""
+    """A line or an area that is painted, with what the file says about it."""
 
+    # The shapely geometry [m].
     shape: Any
     layer: str = ""
-    # Names that say what it is, the best first: of layer and block, or of groups from within.
+    # Names that may give its role, the best first: those of its layer and of its block in DXF, of
+    # its element and of the groups around it, from the inside out, in SVG.
     names: tuple[str, ...] = ()
+    # Width [m] of a line; a line with a width is painted as an area.
     width: float = 0.0
-    # Difference to the colour of the paper, from 0 to 1; such as the paper it only hides.
+    # Difference from the colour of the paper, from 0 to 1. A mark in the colour of the paper is not
+    # seen, but hides what is below it.
     contrast: float = 1.0
     opaque: bool = True
-    # Whether it shows what is above, such as a beam, or a way, and nothing that stands.
+    # Whether it is a dashed line: it shows a beam overhead or a path, and nothing that stands.
     dashed: bool = False
 
 
@@ -61,26 +65,28 @@ class Canvas:
     """Takes what a reader paints, bounds the work for it, and returns what is seen."""
 
     def __init__(self, tolerance: float, pen: float = 0.0) -> None:
+        # Largest distance [m] of chords from their curve.
         self.tolerance = tolerance
+        # Width [m] above which a stroke is an area.
         self.pen = pen
-        # How many things of which kind are not read.
+        # The number of things of each kind that are not read.
         self.left_out = Counter[str]()
         self.marks = list[Mark]()
-        # What the reader assumed.
+        # What the reader assumed, in words.
         self.said = ""
         self._work = self._points = 0
 
     @classmethod
     def of_sheet(cls, side: float, scale: float) -> "Canvas":
         """Canvas for a sheet whose longer side measures `side` [m] after scaling."""
-        # Widths [m] above which a line has two faces: of a wall, and of a pen on paper.
+        # A line has two faces if it is wider [m] than a thin wall, and than any pen on paper.
         thin_wall = 0.12
         pen = 1.05e-3
-        # A sheet that is not enlarged is far smaller than what it shows: its curves are finer.
+        # A sheet that is not enlarged is small, and so are its curves: they need finer chords.
         return cls(min(CURVE_ERROR, 2e-4 * side), max(thin_wall, pen * scale))
 
     def count(self, steps: int = 1) -> None:
-        """Count steps of work, also those that paint nothing."""
+        """Count steps of work, also those that paint nothing, and raise if there are too many."""
         check()
         self._work += steps
         if self._work > MOST_MARKS or self._points > MOST_POINTS:
@@ -124,7 +130,7 @@ class Canvas:
         """Fill and stroke lines (k, 2) [m].
 
         A fill is its contrast, how opaque it is, and whether it goes by winding numbers; a stroke
-        is contrast, opacity, width [m], and whether it goes on beyond its ends.
+        is contrast, opacity, width [m], and whether square caps extend it beyond its ends.
         """
         contrast, alpha, winding = fill
         if alpha > FAINT:
@@ -156,17 +162,19 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
         return shapely.Polygon()
     plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
     turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
-    # Curved outlines may cross themselves.
+    # A curved outline may cross itself; bound the crossings first, as they are slow to resolve.
     check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
     parts = parts[kept]
     turns = turns[kept]
     tree = shapely.STRtree(parts)
-    # Pairs whose boxes meet take next to no time to count; curved ones have most of these.
+    # Bound the pairs of meeting boxes loosely: each is cheap, and curved rings have many.
     _check_overlaps(len(tree.query(parts)[0]) // 20)
     inner, outer = tree.query(parts, predicate="covered_by")
     _check_overlaps(len(inner) - len(parts))
+    # For each part: the number of rings around it, itself included, and its winding number or its
+    # parity, of which 0 is a hole.
     depth = np.bincount(inner, minlength=len(parts))
     number = np.bincount(inner, turns[outer], len(parts)) if winding else depth % 2
     area = shapely.union_all(parts[(depth == 1) & (number != 0)])
@@ -181,11 +189,13 @@ def curve_points(controls: Float, tolerance: float) -> Float:
 
     The chords are no farther from the curve than the tolerance.
     """
+    # A quadratic curve is also a cubic one.
     if len(controls) == 3:
         one, two, three = controls
         controls = np.array([one, one + (two - one) / 1.5, three + (two - three) / 1.5, three])
     if len(controls) < 4:
         return controls[1:]
+    # The second differences of the controls bound the error of the chords.
     bends = controls[:-2] - 2.0 * controls[1:-1] + controls[2:]
     count = np.ceil(np.sqrt(0.75 * np.hypot(*bends.T).max() / (0.9 * tolerance)))
     t = np.linspace(0.0, 1.0, int(np.clip(np.nan_to_num(count), 1, 2000)) + 1)[1:, None]
@@ -195,9 +205,9 @@ def curve_points(controls: Float, tolerance: float) -> Float:
 
 
 def _on_paper(marks: list[Mark]) -> list[Mark]:
-    """The marks without a first area that is larger than all others together: it is the paper.
+    """The marks without the paper: an opaque rectangle that is painted first, around all others.
 
-    On dark paper what is light stands out.
+    On dark paper, contrasts are reversed: light marks stand out.
     """
     if len(marks) < 2 or marks[0].shape.geom_type != "Polygon":
         return marks
@@ -221,7 +231,7 @@ def _seen(marks: list[Mark]) -> list[Mark]:
 
 
 def _uncovered(shapes: Any, hiding: Int) -> Any:
-    """What areas, given by their numbers, leave of the shapes (n,) painted before them."""
+    """The shapes (n,) without what hiding ones, given by number, cover of those painted before."""
     left = shapes.copy()
     covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
     cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
@@ -231,18 +241,19 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
     for over in np.split(order, np.flatnonzero(np.diff(under[order])) + 1):
         check()
         for number in under[over[:1]]:
+            # An area is cut at the edges of those above it, a line a little inside of them.
             solid = is_area(shapes[number])
             above = shapes[hiding[cover[over]]] if solid else covers[cover[over]]
             left[number] = shapes[number].difference(shapely.union_all(above))
             if not solid:
-                # Of a line that ends on the edge of an area no crumb is left.
+                # A line that ends on the edge of an area would leave a crumb there: drop it.
                 parts = shapely.get_parts(left[number])
                 left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
     return left
 
 
 def _check_overlaps(count: int) -> None:
-    """Bound the pairs of areas and lines that lie on each other: each pair is work."""
+    """Bound the pairs of areas and lines that overlap, since each pair takes time."""
     if count > MOST_MARKS:
         raise WorldError(f"has more than {MOST_MARKS:,} areas and lines that lie on each other")
 

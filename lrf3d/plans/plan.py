@@ -1,9 +1,16 @@
-"""A plan: a drawing divided into walls, doors, furniture, text and floors.
+"""A plan: the walls and doors of a drawing, with a record of what was left out and why.
 
-A drawing, of DXF, SVG or PDF, enters; walls (segments with heights) and doors leave, with what was
-left out and why, and become a world, in which walls that touch are one object. A layer whose name
-says what it holds, in AIA's groups or words of the larger languages, is taken at its word. Of other
-layers, `RULES` take out what is drawn as a symbol. What has a thickness is two faces.
+A canvas with the marks of a DXF, SVG or PDF drawing enters; `plan_of` takes four steps:
+
+1. Each mark gets a role from the name of its layer, in AIA's groups or words of the larger
+   languages; the role is ``other`` where the name says nothing.
+2. Areas that are floors or doorways get these roles instead.
+3. Marks become segments: lines as they are, areas by their outlines, so that a wall drawn as an
+   area has two faces.
+4. `RULES` find doors and take out what does not stand: by its role, or, on ``other`` layers, by
+   how symbols are drawn.
+
+What is left are walls and furniture; in the world of a plan, those that touch are one object.
 """
 
 import warnings
@@ -30,29 +37,30 @@ from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
 # Height of furniture [m]: that of tables and of kitchen units.
 FURNITURE_HEIGHT = 0.8
 
-# Largest thickness [m] of what is left of a wall next to a doorway that is painted on it.
+# A doorway painted over a wall may leave strips of the wall along its sides, up to this thickness
+# [m].
 SLIVER = 0.02
 
-# Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour.
+# Largest mean thickness [m] of a wall that is drawn as an area; only a thicker area may be a floor.
 THICKEST = 0.6
 
-# Contrast below which an area that divides a dark wall is a doorway.
+# Contrast below which an area that divides a dark wall may be a doorway.
 PALE = 0.25
 
-# Contrast below which a thick area on a layer that says nothing is a floor; what is darker is a
+# Contrast below which a thick area is a floor, unless its layer is one of walls; a darker area is a
 # solid house.
 FLOOR = 0.45
 
 # Contrast above which an area is a dark wall.
 DARK = 0.6
 
-# Length [m] of its outline from which an area cuts the lines on it: an arrowhead does not.
+# Outline [m] above which an area cuts the lines that lie on it; that of an arrowhead is shorter.
 CUTTING = 1.5
 
-# Distance [m] up to which a line runs along the outline of an area.
+# Distance [m] from the outline of an area within which a line still lies on the area.
 OUTLINE = 1e-4
 
-# Number of plans on one sheet from which they are the houses of a town.
+# Least number of plans on one sheet that are the houses of one town, and no reason to warn.
 TOWN = 10
 
 
@@ -73,13 +81,13 @@ class Plan(NamedTuple):
     # Strokes (k, 4) [m] that were left out, by the name of the rule that found them.
     left: Mapping[str, Float] = {}
     layers: Sequence[Layer] = ()
-    # In words: ``12 texts, layers DOORS, TEXT``.
+    # What was left out, in words: ``12 texts, layers DOORS, TEXT``.
     left_out: str = ""
-    # What else a reader assumed.
+    # What the reader assumed, in words.
     said: str = ""
-    # Areas [m²] and places (2,) [m] of rooms, as a route through them is planned.
+    # Area [m²] and place (2,) [m] of each room, as the route planner divides the plan.
     rooms: Sequence[tuple[float, Float]] = ()
-    # Largest gap [m] between walls that touch.
+    # Largest gap [m] between walls that count as touching.
     gap: float = TOUCHING
 
     def scaled(self, factor: float) -> "Plan":
@@ -111,7 +119,7 @@ class Plan(NamedTuple):
 
 def _warn_of_plans_apart(world: World, path: Path) -> None:
     """Warn of several plans on a sheet: a route is planned in one of them."""
-    # On a drawing of the size of its paper all touches.
+    # On a drawing in the size of its paper, all parts are close enough to be one plan.
     large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
     plans = plans_apart(world.segments) if large else ()
     if 1 < len(plans) < TOWN:
@@ -126,7 +134,7 @@ def _warn_of_plans_apart(world: World, path: Path) -> None:
 
 
 def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
-    """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
+    """Find the walls and doors of a drawing, on some layers alone or without some (by patterns)."""
     marks = canvas.seen()
     roles = _with_floors(marks, _roles(marks, layers, without))
     strokes = Strokes(*_segments(_pieces(marks, roles)), sheet="annotation" in roles)
@@ -148,7 +156,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
 
 
 def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
-    """What was left out, in words: things by their number, and layers by their names."""
+    """What was left out, in words: the number of each kind of thing, and the names of layers."""
     held = Counter(role for _, role in layered)
     left = left + Counter(
         {what: held[what.split()[0]] for what in ("dashed line", "doorway", "floor")}
@@ -156,7 +164,7 @@ def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
     named = ("annotation", "door")
     hidden = {name for name, role in layered if role == "left out"}
     hidden |= {name for name, _ in layered} - {name for name, role in layered if role not in named}
-    # In a layer of which more stands, groups and blocks may be left out by their names.
+    # On a layer that stands, marks may be left out by the names of their groups or blocks.
     shown = Counter(role for name, role in layered if name not in hidden)
     left += Counter({f"{what} mark": shown[what] for what in named})
     words = [counted(number, noun) for noun, number in sorted(left.items())]
@@ -165,7 +173,7 @@ def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
 
 
 def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> list[str]:
-    """What each mark is, by the name of its layer and of its block, and by what was chosen."""
+    """The role of each mark, by the names of its layer and block, and by the layers chosen."""
     names = dict.fromkeys((mark.layer, mark.names) for mark in marks)
     for pattern in (*layers, *without):
         if not any(_fits(name, [pattern]) for name in names):
@@ -194,7 +202,7 @@ def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
 
 
 def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
-    """The roles, with areas that are floors or doorways: floors are thick, and pale or drawn on."""
+    """The roles, with those of areas that are floors (thick, and pale or drawn on) or doorways."""
     shapes = [mark.shape for mark in marks]
     tree = shapely.STRtree(shapes)
     roles = list(roles)
@@ -208,6 +216,7 @@ def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
         if 2.0 * shape.area > THICKEST * shape.length:
             pale = marks[number].contrast < FLOOR and roles[number] != "wall"
             inner = tree.query(shape, predicate="contains_properly")
+            # Marks are in the order of painting: later ones inside are drawn on this area.
             if pale or (inner > number).any():
                 roles[number] = "floor"
     for number in stands:
@@ -218,9 +227,9 @@ def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
 
 
 def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -> None:
-    """Note in the roles that an area is a doorway: it is far paler than the wall that it divides.
+    """Set the role of a pale area to doorway if it divides a dark wall.
 
-    Lines that end in it are its leaf; without one, it has floors on both sides.
+    A short line that ends at it is its leaf; an area without a leaf needs a floor on both sides.
     """
     shape = marks[number].shape
     if not _divides(shape, marks, near):
@@ -235,17 +244,17 @@ def _open_doorway(marks: list[Mark], roles: list[str], number: int, near: Int) -
 
 
 def _divides(shape: Any, marks: list[Mark], near: Int) -> bool:
-    """Whether an area divides a dark wall among the marks near it, which meets two of its sides."""
+    """Whether an area divides a dark wall: dark areas near it meet two or more of its sides."""
     dark = [marks[n].shape for n in near if is_area(marks[n].shape) and marks[n].contrast > DARK]
     wall = shapely.union_all(shapely.intersection(dark, shape.buffer(2.0 * SIDE)))
-    # Along its sides a sliver of the wall may be left.
+    # Slivers of the wall along the doorway do not count: shrinking the wall removes them.
     ends = shape.boundary.intersection(wall.buffer(-SLIVER).buffer(1.5 * SLIVER))
     sides = shapely.get_parts(shapely.line_merge(ends))
     return bool(ends.length <= 0.5 * shape.length and len(sides) > 1)
 
 
 def _pieces(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
-    """Lines with their roles: the outlines of areas that stand, and other lines outside of them."""
+    """Roles and geometries: outlines of areas that stand, lines outside of them, and all others."""
     solids = _solids(marks, roles)
     large = [shape for shape, _ in solids if shape.length > CUTTING]
     solid = shapely.union_all(large).buffer(OUTLINE)
@@ -271,9 +280,9 @@ def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
 
 
 def _joined(areas: list[tuple[Any, str]], name: str, open_: Any) -> list[tuple[Any, str]]:
-    """Areas with their roles, joined where they touch, without what is open.
+    """Areas joined where they touch, without the open doorways, each part with its role.
 
-    A part has the name where a layer gives one of its areas a role, else it is ``other``.
+    The role is the given name if the layer of one of its areas gives a role, and else ``other``.
     """
     if not areas:
         return []
@@ -295,7 +304,7 @@ def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Int, Int, Any]:
     segments = np.hstack([points[joined], points[joined + 1]])
     line = line[joined]
     role = role[piece[line]]
-    # What stands may be drawn on a floor's outline.
+    # A wall may be drawn on the outline of a floor, so repeats are dropped within one role only.
     same = [np.flatnonzero(role == each) for each in dict.fromkeys(role.tolist())]
     kept = [each[without_repeats(segments[each])] for each in same]
     once = np.sort(np.concatenate([np.empty(0, np.int64), *kept]))

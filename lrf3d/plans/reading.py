@@ -13,7 +13,7 @@ from lrf3d.world.schema import at
 
 
 def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
-    """Read a drawing or a picture of a floor plan: what `load_world` makes walls of.
+    """Read the plan of a drawing or a picture: the walls and doors that `load_world` starts from.
 
     Args:
         path: The file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp.
@@ -44,9 +44,10 @@ def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
 def plan_of_file(
     path: Path, scale: float = 1.0, layers: Any = (), without: Any = (), **options: Any
 ) -> Plan:
-    """The plan of a file; a picture, or a scanned page of a PDF, has no layers."""
+    """Make the plan of a file by the reader of its format; `read_file` calls this function."""
     if is_picture(path):
         return read_picture(path, **options).scaled(scale)
     draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
     found = draw(path, scale, **options)
+    # A scanned page of a PDF is a plan already: it was read as a picture, without layers.
     return found if isinstance(found, Plan) else plan_of(found, layers, without)

@@ -2,7 +2,7 @@
 
 ``$INSUNITS`` gives the unit; a drawing without one is in metres. Heights (z) and what is off or
 frozen are ignored; paper space is read if model space is empty. Hatches with a pattern, texts,
-dimensions, leaders, pictures and endless lines are counted.
+dimensions, leaders, pictures and endless lines are not read, but counted.
 """
 
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
 from lrf3d.plans.canvas import CURVE_ERROR, PALEST, Canvas, Mark, contrast_to_white
 from lrf3d.plans.rules.layers import rename
 
-# It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
+# On import, ezdxf prints a note where it cannot save its list of fonts, which no wall needs.
 with redirect_stdout(StringIO()):
     from ezdxf import units
     from ezdxf.addons.drawing.backend import Backend
@@ -29,10 +29,10 @@ with redirect_stdout(StringIO()):
     from ezdxf.enums import InsertUnits
     from ezdxf.filemanagement import readfile
 
-# A white that no drawing uses, so that wipeouts alone have it.
+# Colour of the paper: a white that no drawing uses, so that only wipeouts have it.
 PAPER = "#fefdfb"
 
-# Entities that are not walls, and what the line that counts them calls them.
+# Entities that are not walls, and the noun by which the note on the plan counts them.
 LEFT_OUT = {
     **dict.fromkeys(("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"), "text"),
     **dict.fromkeys(("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION"), "dimension"),
@@ -48,7 +48,7 @@ LEFT_OUT = {
 def draw(path: Path, scale: float) -> Canvas:
     """The marks of a DXF drawing, enlarged by a scale."""
     file = readfile(path)
-    # The frame of a clip is shown, but not plotted.
+    # Do not draw the frames of clips: CAD shows them on the screen, but does not plot them.
     file.header["$XCLIPFRAME"] = 0
     code = file.header.get("$INSUNITS", 0)
     if code not in range(25):
@@ -61,7 +61,7 @@ def draw(path: Path, scale: float) -> Canvas:
         background_policy=BackgroundPolicy.CUSTOM,
         custom_bg_color=PAPER,
     )
-    # Model space is the first.
+    # Take the first layout that holds entities: model space comes before paper space.
     filled = (layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout))
     if (layout := next(filled, None)) is not None:
         with redirect_stdout(StringIO()):
@@ -71,7 +71,7 @@ def draw(path: Path, scale: float) -> Canvas:
 
 
 class _EntityFilter(Frontend):
-    """Leaves out and counts entities that are not walls."""
+    """Walks the entities of a drawing: counts those that are not walls, and draws the others."""
 
     def __init__(
         self, context: RenderContext, canvas: Canvas, scale: float, config: Configuration
@@ -98,7 +98,7 @@ class _EntityFilter(Frontend):
 
 
 class _EntityPainter(Backend):
-    """Paints on a canvas what ezdxf draws."""
+    """Backend of ezdxf: paints the lines and areas that it is given on a canvas, in metres."""
 
     def __init__(self, canvas: Canvas, scale: float) -> None:
         super().__init__()
@@ -107,6 +107,7 @@ class _EntityPainter(Backend):
         self.dashed = False
 
     def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
+        # The innermost block says most about what the entity is.
         names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
         own = (properties.layer, next(names, ""))
         return Mark(None, properties.layer, own, contrast=contrast, dashed=self.dashed)
@@ -126,7 +127,7 @@ class _EntityPainter(Backend):
         self._fill([np.array(points.to_tuples()) * self.scale], properties)
 
     def _fill(self, rings: list[Float], properties: Any) -> None:
-        # What is white on the screen is printed, too.
+        # A white area is printed, too, so it counts as seen; only a wipeout has no contrast.
         seen = max(1.25 * PALEST, contrast_to_white(*bytes.fromhex(properties.color[1:7])))
         mark = self._mark(properties, 0.0 if properties.color == PAPER else seen)
         opaque = properties.color[7:].lower() in ("", "ff")
@@ -140,12 +141,12 @@ class _EntityPainter(Backend):
         if path.has_curves:
             distance = 0.5 * min(self.canvas.tolerance, max(extent / 200.0, 1e-12))
             corners = np.array([tuple(p) for p in path.flattening(distance, segments=4)])
-            # Pieces of splines may be smaller than the distance.
+            # Splines are flattened finer than the distance asks for: drop the points in excess.
             line = shapely.simplify(shapely.linestrings(corners), distance, preserve_topology=False)
             corners = shapely.get_coordinates(line)
         return corners * self.scale
 
     def _nothing(self, *_: Any, **__: Any) -> None:
-        """Points and pictures are counted by the walker, and paper has no colour."""
+        """Draw nothing: `_EntityFilter` counts points and pictures, and the paper has no colour."""
 
     draw_point = draw_image = set_background = clear = _nothing

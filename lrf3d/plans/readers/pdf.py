@@ -39,7 +39,7 @@ except ImportError:
 # The functions of pdfium, as in C.
 raw: Any = pypdfium2.raw
 
-# What objects that are not read are called, by pdfium's number of their type.
+# The nouns that count objects which are not read, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 
 # Number of lines and areas up to which a page with large pictures is a scanned one.
@@ -145,7 +145,7 @@ class _PagePainter:
                 self.paint(held, inner, visible, depth + 1)
             else:
                 if kind == raw.FPDF_PAGEOBJ_IMAGE:
-                    # It fills the unit square.
+                    # A picture fills the unit square, so the determinant is its area.
                     across = (matrix @ self._matrix(each))[:2, :2]
                     self.pictured += abs(float(np.linalg.det(across)))
                 self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1

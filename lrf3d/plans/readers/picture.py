@@ -58,8 +58,8 @@ LETTER = 0.6
 # Share of dark pixels in its box from which a part is solid.
 SOLID = 0.7
 
-# Length [pixels] of short pieces of walls: of photographs, lettering and patterns most are shorter,
-# of plans half of the length at most.
+# Length [pixels] below which a piece of a wall is short. In photographs, lettering and patterns
+# most of the length is in short pieces; in plans at most half is.
 SHORT = 12
 
 # Number of pixels above which a picture is made smaller.
@@ -214,7 +214,7 @@ def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
 
 
 def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
-    """The pixels of the frame of a sheet with its title block, among parts by their boxes."""
+    """The pixels of the frame of a sheet with its title block; other parts count as their boxes."""
     parts, count = parts_of(drawn)
     if count < 2:
         return np.zeros_like(drawn)
@@ -398,7 +398,7 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     # Tiles and stairs that fill a place are not walls. The space in a wall is long.
     small = area < 24.0 * np.minimum(radius, 1e6) ** 2
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
-    # In a maze for mice all space is as narrow as a wall.
+    # In a micromouse maze the corridors are as narrow as walls: fill nothing.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
         return dark
     solid = _opened(dark, _half_thin(pixels))

@@ -35,7 +35,7 @@ from lrf3d.plans.canvas import (
     is_area,
 )
 
-# The unit of numbers without one [m].
+# A pixel [m]: the unit of lengths that name none.
 PIXEL = INCH / 96.0
 
 # Metres in the units of lengths.
@@ -82,9 +82,9 @@ GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
 class State(NamedTuple):
     """What an element inherits from those around it."""
 
-    # From its units to metres (3, 3).
+    # The matrix (3, 3) from its units to metres.
     matrix: Float
-    # Of the viewport, of which lengths in % are parts.
+    # The size of the viewport, to which lengths in % refer.
     size: tuple[float, ...]
     style: dict[str, str] = {}  # noqa: RUF012 - never changed.
     clip: Any = None

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.plans.rules.sheet import THICKEST_WALL, as_lines, is_alone
 
-# Turn [rad] between two segments above which they are not chords of one arc: a circle drawn with
-# fewer than a dozen chords is a polygon.
+# Largest turn [rad] between two neighbouring chords of an arc: a circle drawn with fewer than a
+# dozen chords is a polygon.
 CORNER = np.radians(32.0)
 
 # Least and largest turn [rad] along the arc of a door: of doors drawn half open up to those drawn
@@ -25,8 +25,8 @@ SWEEP = np.radians([40.0, 150.0])
 # Least and largest width [m] of a leaf: of a cupboard, and of a gate.
 WIDTHS = (0.4, 1.7)
 
-# Largest distance of a leaf from its hinge and its arc, in widths of the door: a leaf may be drawn
-# with its thickness.
+# Largest distance of a line of a leaf from the hinge and the arc, in widths of the door: a leaf may
+# be drawn with its thickness.
 NEAR = 0.12
 
 # Largest part of a leaf that a thick wall may cover, in widths of the door.
@@ -40,19 +40,20 @@ SIDE = 0.05
 
 
 class Door(NamedTuple):
-    """A door that stands open: hinge, other side and end of the leaf (3, 2), and its width [m]."""
+    """A door that stands open: hinge, other side of the opening, tip of the leaf; its width [m]."""
 
+    # These three points (3, 2) [m].
     corners: Float
     width: float
 
     @property
     def opening(self) -> Float:
-        """Its ends (2, 2), the hinge first."""
+        """The ends (2, 2) of the opening, the hinge first."""
         return self.corners[:2]
 
 
 class _Walls(NamedTuple):
-    """Segments by their ends: end 2 i and end 2 i + 1 are those of segment i."""
+    """Segments by their ends: segment i has ends 2 i and 2 i + 1, so `end ^ 1` is the other one."""
 
     # (2 n, 2) [m].
     ends: Float
@@ -94,15 +95,16 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
     around = shapely.STRtree(as_lines(segments))
     for run, hinge, radius in arcs:
         tips = np.stack([segments[run[0], :2], segments[run[-1], 2:]])
-        # A leaf drawn from the middle of a thick wall is visible from the face of the wall on.
+        # A thick wall may cover the leaf near the hinge: it may begin some way along.
         near = np.array(tree.query_ball_point(hinge, COVERED * radius), dtype=np.int64)
+        # A leaf ends at a tip of the arc (near ^ 1: its other end), and is in line with the hinge.
         off = np.hypot(*(ends[near ^ 1][:, None] - tips).transpose(2, 0, 1))
         aside = cross((ends[near] - hinge)[:, None], (tips - hinge)[None] / radius)
         off = np.maximum(off, np.abs(aside))
         meets = off < NEAR * radius
         if not meets.any():
             continue
-        # Where a line closes the opening, too, the leaf has a thickness or comes first.
+        # A line may close the opening, too: the leaf is the best fit, and of equal ones the first.
         far = int(np.argmax(off[np.argmin(off.min(axis=1))]))
         doors.append(Door(np.stack([hinge, tips[far], tips[1 - far]]), radius))
         opened[run] = True
@@ -138,6 +140,7 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
         points = np.vstack([segments[chords, :2], segments[chords[-1:], 2:]])
         about = points[0]
         x, y = (points - about).T
+        # Fit a circle to the points by least squares.
         terms = np.column_stack([2 * x, 2 * y, np.ones_like(x)])
         (cx, cy, c), *_ = np.linalg.lstsq(terms, x**2 + y**2)
         radius = float(np.sqrt(max(c + cx**2 + cy**2, 0.0)))
@@ -170,7 +173,7 @@ def _door_of_leaf(leaf: Float, long: float, walls: _Walls) -> Door | None:
     """The door of a leaf (2, 2), if it stands in a corner of walls."""
     corner = 0.02  # Distance [m] within which lines meet in a corner.
     near = [walls.at(end, corner) for end in leaf]
-    # The hinge is at a corner of two others, the tip stands free.
+    # At least two other lines end at the hinge, and none at the tip.
     at = int(len(near[1]) > 2)
     if len(near[at]) < 3 or len(near[1 - at]) > 1:
         return None
@@ -186,7 +189,7 @@ def _door_of_leaf(leaf: Float, long: float, walls: _Walls) -> Door | None:
 
 
 def _goes_on(hinge: Float, gap: Float, corner: Int, end: int, walls: _Walls) -> bool:
-    """Whether a wall goes on, beyond a gap (2,) with nothing in it, from the hinge to an end."""
+    """Whether a wall goes on beyond an empty gap (2,) that leads from the hinge to its end."""
     width = np.hypot(*gap)
     away = walls.ends[end ^ 1] - walls.ends[end]
     on = np.abs(cross(gap, away)) < 0.02 * width and gap @ away > 0.0
@@ -209,7 +212,7 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
     box, line = shapely.STRtree(lines).query(shut, predicate="intersects")
     cut = np.unique(line)
     while len(line):
-        # All boxes at once would be slow: one after the other for each line.
+        # Cut each line by one of its boxes at a time: joining all boxes first would be slow.
         own, first = np.unique(line, return_index=True)
         lines[own] = shapely.difference(lines[own], shut[box[first]])
         box = np.delete(box, first)
@@ -222,14 +225,15 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
 def _doorway(door: Door, tips: Float, walls: _Walls) -> Any:
     """The area of a doorway through a wall, or None where a door does not lead through one.
 
-    A doorway is between two ends of walls, or one end and the tip (k, 2) of another leaf.
+    A doorway is between two ends of walls, or between one end and the place where the other leaf of
+    a double door shuts. The tips (k, 2) are where the leaves of all doors shut.
     """
     hinge, other, _ = door.corners
     width = float(np.hypot(*(other - hinge)))
     axis = (other - hinge) / width
     before = (walls.leading(hinge, -axis, NEAR * width) - hinge) @ axis
     after = (walls.leading(other, axis, NEAR * width) - hinge) @ axis
-    # Of two leaves, each ends where the other does.
+    # The two leaves of a double door shut at one place.
     paired = (np.hypot(*(tips - other).T) < NEAR * width).sum() > 1
     between = len(before) and (len(after) or paired)
     if not between and not _is_in_wall(door, axis, width, walls):

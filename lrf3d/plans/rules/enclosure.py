@@ -1,7 +1,7 @@
 """Whether the dark pixels of a picture close rooms, as the walls of a plan do.
 
-Letters, logos and charts close hardly any. The blocks of a town, each solid, and a few long walls
-close none, either, but are worlds.
+Letters, logos and charts close hardly any. Two kinds of worlds close none, either, and count as
+plans: a town of solid blocks, and a few long walls.
 """
 
 import numpy as np
@@ -23,10 +23,11 @@ DOOR_OF_MODEL = 0.05
 # Smallest share of the area of a plan that its walls close.
 LEAST_CLOSED = 0.15
 
-# Number of solid blocks from which they are a town.
+# Least number of solid blocks in a town.
 LEAST_BLOCKS = 12
 
-# Share of the extent of a plan that few long walls exceed with half of their length.
+# Walls are few and long if half of their total length is in walls longer than this share of the
+# extent of the plan.
 LONGEST = 0.3
 
 

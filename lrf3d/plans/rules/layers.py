@@ -1,7 +1,7 @@
-"""Layers: what their names say that they hold, and the encoding that names are in.
+"""Names of layers, blocks and groups: the role that a name gives, and how it is encoded.
 
-Names of layers, blocks and groups enter; what they hold leaves: walls, doors, furniture, text. Old
-DXF files, and PDF files made of them, declare no encoding of names, or a wrong one.
+A name enters; a role leaves, such as wall, door, furniture or annotation. Old DXF files, and PDF
+files made of them, declare no encoding of names, or a wrong one.
 """
 
 import re
@@ -10,7 +10,7 @@ from unicodedata import combining, normalize
 
 from lrf3d.plans.canvas import Canvas
 
-# Beginnings or ends of words in names, by what a layer holds; the first match counts.
+# Beginnings or ends of words in names, by the role that they give; roles are tried in this order.
 WORDS = {
     "annotation": (
         "anno text txt teks dim bemass cota acot koty quot wymi maatv misure note tag symb simb"
@@ -47,7 +47,7 @@ WORDS = {
         "door porte porta puert tur turen tuer tueren deur drzwi dver vrata kapi kapı ovi ovet dorr"
         " dør ajto pintu двер πορτ דלת باب 门 門 扉 戸 ドア 문"
     ),
-    # Windows and doors have frames, too.
+    # The last, as windows and doors have frames, too; the role of a sheet is ``annotation``.
     "sheet": (
         "frame rahmen cadre marco ramk kader squadr cornice sheet nord north norte noord polnoc"
         " рамк север"
@@ -74,7 +74,7 @@ def role_of(*names: str) -> str:
     """
     for name in names:
         plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
-        # Matplotlib draws all that it draws in "axes_1"; some words are no doors.
+        # Matplotlib puts a whole drawing in "axes_1", and these words are not about doors.
         words = set(re.findall(r"[^\W\d_]+", re.sub(r"^axes_\d+$", "", plain)))
         words -= {"indoor", "outdoor", "ovid"}
         for role, known in _KNOWN.items():
@@ -86,7 +86,7 @@ def role_of(*names: str) -> str:
 def _means(word: str, part: str) -> bool:
     if not part.isascii():
         return part in word
-    # Short beginnings are those of many words: all but a plural.
+    # Many words begin with the same few letters: a short part begins only its own plural.
     short = len(part) < 4 and len(word) > len(part) + 1
     return word.endswith(part) or (word.startswith(part) and (not short or part == "dim"))
 
@@ -94,11 +94,11 @@ def _means(word: str, part: str) -> bool:
 def rename(canvas: Canvas, encoding: str) -> None:
     """Decode the names of marks again, in the encoding in which most of them are known words.
 
-    They were decoded by one encoding.
+    The encoding that is given is the one by which the reader decoded them.
     """
     names = dict.fromkeys(name for mark in canvas.marks for name in (mark.layer, *mark.names))
     foreign = [name for name in names if not (name.isascii() and name.isprintable())]
-    # Of many names a few are words in a wrong encoding, too.
+    # By chance, a few of many names are known words in a wrong encoding, too.
     most = max(_known(foreign), len(foreign) // 3)
     found = dict[str, str]()
     for each in ENCODINGS.split():

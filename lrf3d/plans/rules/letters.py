@@ -19,7 +19,7 @@ LEAST_IN_TITLE = 5
 
 
 class _LetterParts(NamedTuple):
-    """What touches, as the strokes of a letter do: boxes (k, 4) [m] and looks (k,) of parts."""
+    """Parts whose strokes touch, as those of a letter do: their boxes (k, 4) [m] and looks (k,)."""
 
     boxes: Float
     # (k, 2) [m].
@@ -28,9 +28,9 @@ class _LetterParts(NamedTuple):
     size: Float
     # Number of segments.
     strokes: Int
-    # Whether a segment is not of a pattern.
+    # Whether at least one segment is not of a pattern.
     plain: Bool
-    # Largest letter [m]: a drawing of the size of its paper shows nothing larger.
+    # Size [m] of the largest letter, by the extent of the drawing: it may be as small as its paper.
     letter: float
 
     def around(self, chosen: Int, share: float) -> Float:
@@ -40,7 +40,7 @@ class _LetterParts(NamedTuple):
 
 
 def is_lettering(segments: Float, pattern: Bool) -> Bool:
-    """Which segments (n, 4) are letters of a word of three or more; a letter is what touches.
+    """Which segments (n, 4) are letters of a word of three or more; the strokes of a letter touch.
 
     Columns and chairs in a row are all alike, and dashes have no width: they are not letters.
     Titles have large letters of one height. Upright strokes may look like those of a pattern (n,).
@@ -48,7 +48,7 @@ def is_lettering(segments: Float, pattern: Bool) -> Bool:
     found = np.zeros(len(segments), dtype=bool)
     if not len(segments):
         return found
-    # A word may be written over a wall, but no line goes on from its letters.
+    # A word may be written across a wall, but no line is joined to its letters end to end.
     ends = segments.reshape(-1, 2)
     _, node = np.unique(ends @ [1.0, 1.0j], return_inverse=True)
     chain = groups(node[::2], node[1::2], node.max() + 1)[node]
@@ -88,7 +88,7 @@ def _rows(parts: _LetterParts, height: float) -> list[Int]:
     tree = shapely.STRtree(parts.around(small, 0.0))
     one, other = tree.query(parts.around(small, 0.6), predicate="intersects")
     ratio = parts.size[small[one]] / parts.size[small[other]]
-    # Points and accents are small, but not in titles.
+    # In a word, dots and accents are far smaller than letters; the parts of a title are alike.
     alike = (ratio >= 1.0) & ((ratio < 2.5) | (height < TITLE))
     return [small[row] for row in members_of(groups(one[alike], other[alike], len(small)))]
 

@@ -9,7 +9,7 @@ from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, leng
 from lrf3d.plans.rules.sheet import as_lines
 from lrf3d.world.pieces import groups
 
-# Number of parallels from which they are a pattern.
+# Least number of parallels in a pattern.
 LEAST_ALIKE = 5
 
 # Largest distance [m] between two neighbours of a pattern: that of large tiles.
@@ -18,8 +18,8 @@ WIDEST = 0.7
 # Distance [m] within which parallels are compared: a little over two neighbours.
 REACH = 1.5
 
-# Number of pairs of parallels that takes seconds to compare. In a drawing with more, the lines of a
-# pattern are nearer to each other.
+# Upper bound on the pairs of parallels, as these take seconds to compare. In a drawing with more,
+# lines are close to each other, and the reach is halved until fewer pairs are left.
 MOST_PAIRS = 5_000_000
 
 
@@ -29,7 +29,7 @@ def is_pattern(segments: Float) -> Bool:
         return np.zeros(len(segments), dtype=bool)
     along = directions(segments)
     long = lengths(segments)
-    # Of opposite directions one stands for both.
+    # Turn lines of opposite directions into the same one.
     along *= np.where(along @ [1.0, 1e-3] < 0.0, -1.0, 1.0)[:, None]
     across = along @ LEFT
     middles = 0.5 * (segments[:, :2] + segments[:, 2:])
@@ -38,13 +38,13 @@ def is_pattern(segments: Float) -> Bool:
     pairs = one[even], other[even]
     member = groups(*pairs, len(segments))
     linked = np.isin(np.arange(len(segments)), np.concatenate(pairs))
-    # The lines of a window are parallels at one distance, too, but within a wall.
+    # A window is drawn as parallels, too, but its lines are within a wall: a pattern is wider.
     place = ((middles - middles.mean(axis=0)) * across).sum(axis=1)
     low, high = np.full((2, len(segments)), [[np.inf], [-np.inf]])
     np.minimum.at(low, member, place)
     np.maximum.at(high, member, place)
     found = linked & ((np.bincount(member) >= LEAST_ALIKE)[member]) & (high - low > 0.5)[member]
-    # The side of a wall where tiles begin goes on at both of its corners.
+    # Keep the side of a wall along which tiles begin: other lines go on from both of its ends.
     corners = segments[~found].reshape(-1, 2) @ [1.0, 1.0j]
     found &= ~np.isin(segments.reshape(-1, 2, 2) @ [1.0, 1.0j], corners).all(axis=1)
     return np.asarray(found & (np.bincount(member, found)[member] >= LEAST_ALIKE - 1))
@@ -52,7 +52,7 @@ def is_pattern(segments: Float) -> Bool:
 
 def _parallels(middles: Float, along: Float, across: Float, long: Float) -> tuple[Int, Int, Float]:
     """Pairs (k,), (k,) of parallels that face each other, and their distances (k,) [m]."""
-    # Those of hatched walls are short, and shifted against each other.
+    # Lengthen the lines: in hatched walls they are short, and shifted against each other.
     tree = shapely.STRtree(_lines_through(middles, (0.5 * long + 0.2)[:, None] * along))
     reach = REACH
     rays = _lines_through(middles, reach * across)
@@ -72,8 +72,8 @@ def _parallels(middles: Float, along: Float, across: Float, long: Float) -> tupl
 
 
 def _is_even(one: Int, off: Float) -> Bool:
-    """Which pairs (k,) have a third line, as far away on the other side, or next in the row."""
-    # The number of a line and a distance are one sorted key: distances are far below this.
+    """Which pairs (k,) have a third line at the same distance, before one or after the other."""
+    # One sorted key holds the number of a line and a distance, which is far below this [m].
     apart = 10.0
     keys = np.sort(apart * one + off)
     even = np.zeros(len(one), dtype=bool)

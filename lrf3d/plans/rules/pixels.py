@@ -23,9 +23,9 @@ def on_paper(pixels: Any) -> Any:
 def evened(colours: Any, wide: float) -> Any:
     """The colours (rows, columns, 3) as under even light, or None where the light is even.
 
-    Nothing dark is as wide [pixels]: the lightest colours around are those of the paper.
+    Nothing dark is this wide [pixels], so the lightest colours around a pixel are the paper's.
     """
-    # A plan is drawn in a few colours, and its paper is one.
+    # Under even light, the paper and the ink of a plan have few greys.
     counts = np.bincount((colours.mean(axis=2, dtype=np.float32) // 4.0).astype(np.uint8).ravel())
     if np.sort(counts)[-6:].sum() > 0.65 * counts.sum():
         return None
@@ -48,9 +48,9 @@ def evened(colours: Any, wide: float) -> Any:
 
 
 def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
-    """Differences (rows, columns) from the paper, of a channel and of lightness; the colours.
+    """Differences (rows, columns) from the paper in colour and in lightness; numbers of colours.
 
-    They are from 0 to 1, the first the largest of a channel; colours are numbered.
+    Differences are from 0 to 1; that in colour is the difference of the channel that differs most.
     """
     # Sixteen steps of each channel: the noise of a scan is one colour.
     red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
@@ -70,8 +70,8 @@ def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
 def threshold_of(contrast: Single) -> float:
     """The contrast that separates walls best from paper and floors.
 
-    While what is above it is much of the picture, and of two colours, it holds floors and is
-    separated again.
+    If much of the picture is above it, and in two colours, the lighter one is that of floors: the
+    threshold is raised between them, and so on.
     """
     counts = np.bincount(np.round(contrast * WHITE).astype(np.int64).ravel(), minlength=256)
     first, _ = _separated(counts)
@@ -86,7 +86,8 @@ def threshold_of(contrast: Single) -> float:
 def _separated(counts: Int) -> tuple[int, float]:
     """The first of the upper of two groups of levels, and the difference of their means.
 
-    The variance between the groups is the largest; between two colours it is the middle.
+    The variance between the groups is the largest. Between two colours all levels are as good, and
+    the middle one is taken.
     """
     levels = np.arange(len(counts))
     below = np.cumsum(counts)[:-1]

@@ -23,7 +23,7 @@ BUBBLE = 0.8
 # Length [m] by which a dimension, or an extension line, may go on beyond their crossing.
 OVERSHOOT = 0.4
 
-# Distance [m] within which ends of strokes meet: ends that are drawn as one miss it by rounding.
+# Distance [m] within which ends of strokes meet: rounding moves ends that are drawn at one place.
 MEETING = 2e-3
 
 # Cosine of the angle, of 10°, within which an arrowhead points along its line.
@@ -38,7 +38,7 @@ ASIDE = 1.0
 # Largest thickness [m] of a wall that is drawn as two faces.
 THICKEST_WALL = 0.3
 
-# Width [m] of the rim of a sheet in which the lines of a frame are.
+# Width [m] of the rim of a sheet that holds the lines of its frame.
 MARGIN = 0.6
 
 # Proportions of sheets of paper, of ISO 216 and of North America.
@@ -70,8 +70,8 @@ _Found = tuple[Float, float, Float, int, Int]
 def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     """Which segments (n, 4) are of annotations; those of the same line (n,) are joined.
 
-    Lines of the same mark (n,) were one; strokes of a pattern (n,) may look like ticks. A host is
-    an isolated line on which markers are.
+    Lines of the same mark (n,) were one line before areas covered parts of it. Strokes of a pattern
+    (n,) may look like ticks. A host is an isolated line that carries markers.
     """
     shortest = 0.25  # Length [m] of the shortest host: shorter lines are strokes of letters.
     found = np.zeros(len(segments), dtype=bool)
@@ -81,12 +81,12 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     if not len(hosts) or not len(markers.place):
         return found
     host, marker, end, station = _met(segments[hosts], markers)
-    # The kinds of markers at both ends of each host, a bit for each kind; a chain of dimensions has
-    # other markers on its way.
+    # The kinds of markers at both ends of each host, a bit for each kind. Markers between the ends,
+    # as in a chain of dimensions, do not count.
     at_end = end < 2
     kinds = np.zeros((len(hosts), 2), dtype=np.int64)
     clear = np.zeros(len(hosts), dtype=bool)
-    # Ticks that are strokes of a pattern alone prove nothing.
+    # A host needs a marker that is not of a pattern: hatching alone proves nothing.
     hatched = np.bincount(markers.owner, pattern[markers.segment]) > 0
     clear[host[at_end & ~hatched[marker]]] = True
     np.bitwise_or.at(kinds, (host[at_end], end[at_end]), 1 << markers.kind[marker[at_end]])
@@ -127,7 +127,7 @@ def _ends_at(tree: Any, places: Float) -> Int:
 
 
 def _parted(segments: Float, line: Int) -> Int:
-    """The lines (n,), from 0; a dimension drawn as one path with its arrowhead is split there."""
+    """The lines (n,) from 0, split where a dimension turns back into its own arrowhead."""
     turned = np.radians(130.0)  # From a dimension to the barb of its arrowhead.
     long = lengths(segments)
     along = directions(segments)
@@ -137,7 +137,7 @@ def _parted(segments: Float, line: Int) -> Int:
 
 
 def _markers(segments: Float, line: Int) -> _Markers:
-    """Find what may be a marker; without a host, it may also be a letter or a chair."""
+    """Find what may be a marker: only a host shows that it is not a letter or a chair."""
     long = lengths(segments)
     found = list[_Found]()
     small = np.bincount(line, long) < 7.0 * BUBBLE
@@ -219,7 +219,7 @@ def _heads(barbs: Float, own: Int) -> list[_Found]:
 
 
 def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
-    """Pairs of hosts (k,) and markers (k,) on them; the end (0 or 1, else 2), and the place."""
+    """Hosts (k,) and the markers (k,) on them; the end (0 or 1; 2: between them), and the place."""
     reach = np.where(markers.kind == RING, 1.15, 1.0) * markers.size
     marker, host = shapely.STRtree(as_lines(hosts)).query(
         shapely.points(markers.place), predicate="dwithin", distance=reach + 0.01
@@ -240,7 +240,7 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     fits = aside < np.where(kind == RING, 0.3, 0.2) * size + MEETING
     fits &= np.select([kind == ARROW, kind == TICK], [np.abs(cosine) > ALONG, slanted], True)
     fits &= (long > 1.2 * size) & ((kind != RING) | first | last)
-    # The tip of an arrow is at the end to which it points, or else comes from outside.
+    # On a short host a marker may be close to both ends: an arrow is at the one it points to.
     away = (kind == ARROW) & (cosine > 0.0)
     out = np.where(first & ~(away & last), 0, np.where(last, 1, 2))
     return host[fits], marker[fits], out[fits], place[fits]
@@ -287,8 +287,8 @@ def _extensions(segments: Float, tree: Any, along: Float, places: Float, found: 
 def is_frame(segments: Float, sheet: bool) -> Bool:
     """Which segments (n, 4) are the frame of a sheet and its title block.
 
-    A frame is the box around all, or all but words, has a plan within that does not touch it, and
-    is that of a sheet for another reason: by its proportions, or by a title block at its sides.
+    A frame is a box around all, or all but words, with a plan in it that does not touch it. One
+    more sign must show a sheet: its proportions, a title block at its sides, or `sheet`.
     """
     framed = np.zeros(len(segments), dtype=bool)
     while not framed.all():
@@ -330,7 +330,7 @@ def _is_of_box(segments: Float, reach: Float, sides: Float, runs: Bool, sheet: b
     found = np.zeros(len(segments), dtype=bool)
     if not len(hulls):
         return found
-    # A plan may come near to the frame, a title block is drawn from it.
+    # The lines of a title block touch the frame; a plan only comes near it.
     lines = as_lines(segments)
     edge = shapely.union_all(lines[rim & runs])
     block = np.zeros(len(hulls), dtype=bool)
@@ -361,9 +361,9 @@ def _runs_across(ends: Float, long: Float, near: float) -> Bool:
 
 
 def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
-    """The part (n,) that touches, of each segment (n, 4), and the hulls of the parts.
+    """The part (n,) of each segment (n, 4), whose segments touch, and the hulls (k,) of the parts.
 
-    Then the group of each part, in which hulls are within a gap [m], and the hulls of the groups.
+    Then the group (k,) of each part, whose hulls are within a gap [m], and the hulls of the groups.
     """
     part = connected(segments)
     owned = [segments[each].reshape(-1, 2) for each in members_of(part)] if len(segments) else []
@@ -405,7 +405,7 @@ def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
     )
     owner = np.repeat(part, 2)
     times = met[node.reshape(-1)]
-    # Lines end, and meet: the side of a wall does not.
+    # A symbol has loose ends, and ends where three lines meet; the outline of a wall has neither.
     loose, star = (np.bincount(owner, each) > 0 for each in (times == 1, times > 2))
     long = lengths(segments)
     few = np.array([len(each) > 2 and np.median(long[each]) < MARGIN for each in members_of(part)])

@@ -1,7 +1,7 @@
-"""The rules for drawings: what is not a wall, found by how it is drawn, one rule after the other.
+"""The rules for drawings: each finds strokes that are not walls and takes them out, in turn.
 
-The strokes of a drawing enter; doors leave, and for each rule the strokes that it takes out. A new
-kind of symbol is a function that returns which strokes it is, and an entry of `RULES`.
+The strokes of a drawing enter; doors leave, and for each rule the strokes that it takes out. To add
+a kind of symbol, write a function that returns which strokes draw it, and enter it in `RULES`.
 """
 
 from collections.abc import Callable
@@ -18,10 +18,11 @@ from lrf3d.plans.rules.patterns import is_pattern
 from lrf3d.plans.rules.sheet import is_annotation, is_aside, is_frame
 from lrf3d.world.model import SHEET
 
-# Roles of what stands; lines of ``other`` layers are walls, too.
+# Roles of what stands in the world. ``other`` is the role where names say nothing: such strokes are
+# walls, unless a rule takes them out.
 STANDS = ("wall", "window", "other", "furniture")
 
-# Roles of which a leaf or an arc may be drawn.
+# Roles of strokes that may draw the leaf or the arc of a door.
 MAY_OPEN = (*STANDS, "door", "dashed")
 
 # Length [m] from which a line on a layer of doors is a partition: no leaf is that long.
@@ -34,11 +35,11 @@ class Strokes:
 
     # (n, 4) [m].
     segments: Float
-    # The line (n,) that each stroke is drawn in; consecutive ones of a line are joined.
+    # The number (n,) of each stroke's line; consecutive strokes of one line are joined.
     line: Int
-    # The mark (n,) of each stroke, which may be cut into lines by what covers it.
+    # The number (n,) of each stroke's mark; areas that cover a mark may cut it into several lines.
     mark: Int
-    # What the layer says that each stroke (n,) is.
+    # The role (n,) of each stroke, mostly by the name of its layer.
     role: Any
     # Whether a layer shows that the drawing is a sheet of paper, with more on it than a plan.
     sheet: bool = False
@@ -62,7 +63,7 @@ class Strokes:
     def free(self) -> Bool:
         """Which strokes (n,) may be symbols: those left, on layers whose names say nothing.
 
-        On a drawing as small as its paper there are none, as its symbols have other sizes.
+        A drawing in the size of its paper has none: rules know the sizes of symbols on real plans.
         """
         large = len(self.segments) and np.ptp(self.segments.reshape(-1, 2), axis=0).max() >= SHEET
         return np.asarray(self.left & (self.role == "other") & bool(large))
@@ -76,7 +77,7 @@ class Strokes:
         return self.among(self.free, is_pattern)
 
     def among(self, chosen: Bool, find: Callable[[Float], Bool]) -> Bool:
-        """Which free strokes (n,) are found among the segments of those chosen (n,)."""
+        """Which free strokes (n,) a function finds if it is given the chosen ones (n,) alone."""
         found = np.zeros(len(self.segments), dtype=bool)
         free = self.free
         if free.any():
@@ -84,7 +85,7 @@ class Strokes:
         return found & free
 
     def shows_sheet(self, *names: str) -> bool:
-        """Whether a layer, or a rule of one of some names, shows that the drawing is a sheet."""
+        """Whether a layer, or strokes that one of the named rules found, show a sheet of paper."""
         return self.sheet or any(self.found[name].any() for name in names)
 
 
@@ -97,7 +98,7 @@ class Rule(NamedTuple):
     what: str
     # Returns which strokes (n,) it takes, of those that are left.
     find: Callable[[Strokes], Bool]
-    # Whether the note on what was left out counts strokes; doors and layers stand there apart.
+    # Whether the note on what was left out counts its strokes; it lists doors and layers apart.
     counted: bool = True
 
 
@@ -109,6 +110,8 @@ def _opened(strokes: Strokes, find: Callable[..., tuple[list[Door], Bool]]) -> B
 
 
 def _of_other_layers(strokes: Strokes) -> Bool:
+    # All that does not stand by its role, but for partitions. The role ``other`` is not meant: it
+    # stands.
     partition = (strokes.role == "door") & (lengths(strokes.segments) > PARTITION)
     return np.asarray(~(np.isin(strokes.role, STANDS) | partition))
 
@@ -120,7 +123,8 @@ def _annotations(strokes: Strokes) -> Bool:
 
 
 def _letters(strokes: Strokes) -> Bool:
-    # Upright strokes of letters may look like those of a pattern.
+    # Upright strokes of letters may be taken for a pattern: look at its short lines, too. Without
+    # them the rest of a word is not recognised.
     pattern = strokes.found["pattern line"]
     drawn = strokes.free | (pattern & (lengths(strokes.segments) < 0.5))
     return strokes.among(drawn, lambda each: is_lettering(each, pattern[drawn]))
@@ -164,7 +168,7 @@ RULES = [
     ),
     Rule(
         "pattern line",
-        "Tiles and hatching: six or more parallels at one distance.",
+        "Tiles and hatching: five or more parallels at one distance.",
         lambda strokes: strokes.pattern,
     ),
     Rule("letter stroke", "Words: rows of small parts that differ from each other.", _letters),
