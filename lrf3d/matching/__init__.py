@@ -1,1 +1,1 @@
-"""Matching scans: what two scans show of the same walls, and how one lies to the other."""
+"""Matching scans: which walls two scans share, and the pose of one as seen from the other."""

@@ -218,7 +218,7 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
     passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
     shares = np.array([float(hit.mean()), explained])
     chance = 0.05  # Share of points that agree or disagree by chance.
-    new = 0.1  # Weight of a new point against a place, next to that of a passed one.
+    new = 0.1  # Weight of a point that is neither hit nor passed, relative to a passed one.
     against = passed + new * np.maximum(1.0 - shares - passed, 0.0)
     return float(np.log((shares + chance) / (against + chance)).sum())
 
@@ -233,10 +233,10 @@ def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
 
 
 def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int, int]:
-    """Count the points that beams of the other side pass, and all in view of the other side.
+    """Count the points of a key scan that beams of older ones pass, and all in view, in both ways.
 
-    One side is a key scan at poses (k, 3) as seen from older ones, which are the other side. A
-    point counts once for each key scan that has it in view.
+    The poses (k, 3) are those of the new one as seen from each older one. A point counts once for
+    each key scan that has it in view.
     """
     views = [views_of(new.surface, poses, all_fans(old.fans for old in olds)).ravel()]
     for old, back in zip(olds, between(poses, np.zeros(3)), strict=True):
@@ -248,7 +248,8 @@ def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int,
 class MixedPixelModel:
     """Learns the share of points that beams pass at right poses, from adjacent key scans.
 
-    It differs between recordings: beams meet two surfaces at once, hedges and glass.
+    A mixed pixel is a range at which there is no surface: the beam met two surfaces at once, a
+    hedge or glass. Their share differs between recordings.
     """
 
     def __init__(self) -> None:
@@ -264,7 +265,7 @@ class MixedPixelModel:
     @property
     def rate(self) -> float:
         """The share of passed points; 0 at first."""
-        enough = 1000  # Points below which the rate is reduced, as it is uncertain.
+        enough = 1000  # Points below which the rate is uncertain, and so is taken to be lower.
         return self._through / max(self._seen, enough)
 
     def contradict(self, olds: Sequence[Key], new: Key, poses: Float) -> bool:

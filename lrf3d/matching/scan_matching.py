@@ -1,13 +1,14 @@
 """Scan matching: the pose near a guess at which the surface of a scan lies on that of a map.
 
 A surface in the frame of the robot, the grid of a map's surface, and a guess of the pose with its
-information matrix enter. The pose that leaves minimises
+information matrix enter. What leaves is the pose T that minimises
 
     ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
-over x, y, θ, by Gauss-Newton. T₀ is the guess and Ω₀ its information, weighted by Cauchy's ρ₀; a
-point p of the surface lies at n·(T p − q) from its wall, weighted by Geman and McClure's ρ. In a
-direction that the walls in view do not fix, as along a corridor, the guess stands.
+over x, y, θ, by Gauss-Newton. T₀ is the guess and Ω₀ its information. A point p of the surface lies
+at n·(T p − q) from the wall through q with the normal n. ρ₀ is Cauchy's robust function, ρ that of
+Geman and McClure. A direction that the walls in view do not fix, as along a corridor, keeps the
+guess.
 """
 
 from typing import NamedTuple

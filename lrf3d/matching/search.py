@@ -22,8 +22,8 @@ from lrf3d.matching.surface import DEVIATIONS, SurfaceGrid, concatenated, grid_o
 # Side of a cell [m]: matching converges from one and a half of them.
 CELL = 0.15
 
-# Score of a hit in the cell of a wall. It falls by one for each cell away from it, so that a wall
-# reaches `WALL` cells to each side.
+# Score of a hit in the cell of a wall. It falls by one for each cell away from the wall, so that it
+# is 0 at a distance of `WALL` cells.
 WALL = 2
 
 # Score of a hit in a free cell.
@@ -38,7 +38,7 @@ MOST_MATCHED = 6
 # Information of a peak that is refined: 0.5 m and 0.2 rad, which hardly constrain it.
 LOOSE = np.diag([2.0, 2.0, 5.0]) ** 2
 
-# Information of a peak that would slide away: 1 mm and 0.3 mrad.
+# Information of a peak from which matching would slide away: 1 mm and 0.3 mrad hold it in place.
 HELD = 1e6 * np.diag([1.0, 1.0, 10.0])
 
 # Margin of the evidence [log odds] by which a place must beat all others elsewhere.
@@ -116,7 +116,7 @@ def _mark(field: Field, pose: Float, hits: Records) -> None:
 
 @compiled
 def shifts_within(guess: Float, spread: Float, near: float) -> Int:
-    """The shifts (s, 2) [cells] in the ellipse of a window that stay near the origin."""
+    """The shifts (s, 2) [cells] of a guess in the ellipse of a window, near the map's origin."""
     # One cell more, so that the least window has neighbours to each side.
     wide = (CELL / DEVIATIONS) ** 2
     xx = spread[0, 0] + wide

@@ -21,7 +21,8 @@ SURFACE = record(x=float, y=float, nx=float, ny=float)
 # Standard deviations up to which an error is taken for noise: the three-sigma rule.
 DEVIATIONS = 3.0
 
-# Range [m] from which baseline and straightness grow: beams fan out.
+# Range [m] beyond which a normal has a longer baseline and a wall may be less straight, as beams
+# fan out.
 FAR_OFF = 8.0
 
 # Largest gap between adjacent points of one surface near the laser [m].
@@ -30,13 +31,13 @@ CONNECTED = 0.2
 # Growth of that gap with the range, as a share of it.
 CONNECTED_GROWTH = 0.1
 
-# Least bound on that gap in beam spacings, for lasers of few beams.
+# Smallest value of that gap in beam spacings, for lasers of few beams.
 CONNECTED_SPACING = 3.0
 
-# Least bound on that gap in standard deviations of the range noise.
+# Smallest value of that gap in standard deviations of the range noise.
 CONNECTED_NOISE = 5.0
 
-# Least cosine between beam and normal: a line along the beam joins two surfaces.
+# Least cosine between beam and normal: a line along the beam is no wall, but joins two surfaces.
 FLATTEST = 0.1
 
 # Distance along a wall over which a map point supports it [m].
@@ -120,8 +121,8 @@ def concatenated(surfaces: Iterable[Records]) -> Records:
 def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: float) -> Records:
     """The posts among points (n,) of beams with ranges and angles (n,).
 
-    A post stands in front of its neighbours on both sides: the edge of a partly hidden object moves
-    with the robot.
+    A post stands in front of its neighbours on both sides. An object that one of them partly hides
+    is left out: its visible edge would move with the robot.
     """
     widest_post = 0.6  # Largest extent of a post [m].
     least_hits = 2  # Fewest points of a post, as one may be noise.
@@ -280,7 +281,7 @@ def moved(surface: Records, pose: Float) -> Records:
 
 @compiled
 def thinned(surface: Records) -> Records:
-    """Drop the points of a surface that lie nearer to the last one than a map needs them."""
+    """Drop points of a surface that are too near to the last kept one to add to a map."""
     kept = np.ones(len(surface), np.bool_)
     last = 0
     # Least distance between map points of a wall [m]; 0.03 takes 10 % longer for the same errors.

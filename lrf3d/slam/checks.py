@@ -2,8 +2,8 @@
 
 Key scans of a solved drive enter; the share of points that beams of other scans pass through
 leaves, for the whole drive and for its worst part. Poses that are wrong by more than a door's width
-make rooms overlap. For recorded poses, a wrong mount of the laser is reported, and poses that
-cannot be those of its robot.
+make rooms overlap. For recorded poses, `doubtful_mount` reports a laser that is mounted otherwise
+than declared, and `doubtful_poses` poses that cannot be those of its scans.
 """
 
 from collections.abc import Sequence
@@ -40,8 +40,8 @@ class SelfCheck(NamedTuple):
 
     Attributes:
         violation: Share of the points seen by one scan that beams of another pass through.
-        worst_violation: The same in the worst part of the drive; 0 if fewer key scans than a part
-            has could be compared.
+        worst_violation: The same in the worst part of the drive; 0 if too few key scans for a part
+            could be compared.
         worst_scans: Numbers of the first and the last scan of that part.
         key_scans_compared: Number of key scans that could be compared with earlier ones.
         mixed_pixels: Share of points that beams pass through in adjacent scans.
@@ -63,8 +63,9 @@ class SelfCheck(NamedTuple):
     def passed(self) -> bool:
         """Whether nothing contradicts the poses."""
         most = most_through(self.mixed_pixels)
-        # Largest share of points that beams may pass in a part. A closed door, or a lorry that has
-        # left, is seen by a few scans; lasers with ten beams see false corners.
+        # Largest share of points that beams may pass in a part of the drive, where few scans count:
+        # all of them may see a door that was closed or a lorry that has left, and lasers with ten
+        # beams see false corners.
         most_through_part = 0.2
         return self.violation <= most and self.worst_violation <= most_through_part
 
@@ -131,6 +132,7 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
         return None
     found = dict[tuple[int, int], float]()
 
+    # A mount is tried as a turn [°] and a sense: 1, or −1 for mirrored scans.
     def best_of(turns: range, *senses: int) -> tuple[int, int]:
         for turn, sense in product(turns, senses):
             apart = [_distance(own[a], own[b], turn, sense) for a, b in pairs]
@@ -165,7 +167,7 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
     if steps.max() > max(jump, usual * float(np.quantile(steps, 0.95))):
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
-    contradicted = 0.5  # Distance [m] between scans that do not fit their poses by any mount.
+    contradicted = 0.5  # Distance [m] between scans from which no mount explains their poses.
     if not pairs:
         far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
@@ -178,7 +180,7 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
 
 
 def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tuple[int, int]]]:
-    """Scans of the first laser, the poses (k, 3) of its robot, and pairs that it moved between."""
+    """Scans of the first laser, the robot's poses (k, 3), and pairs between which it moved."""
     own = [scan for scan in scans if scan.laser == scans[0].laser and scan.hits.any()]
     robots = np.array([scan.robot for scan in own]).reshape(-1, 3)
     pairs = list[tuple[int, int]]()
@@ -200,7 +202,7 @@ def _distance(before: LaserScan, after: LaserScan, turn: float = 0.0, sense: int
     lasers = [compose(np.array(scan.robot), mount) for scan in (before, after)]
     here, there = (_points(scan, sense) for scan in (before, after))
     moved = Pose(*between(*lasers).tolist()).apply(there)
-    share = 0.8  # Quantile of the distances of points: walls along the drive fit in any case.
+    share = 0.8  # Quantile of the distances: walls along the drive fit at wrong poses, too.
     return float(np.quantile(cKDTree(here).query(moved)[0], share))
 
 

@@ -50,24 +50,25 @@ MOST_SPREAD = 10.0
 LEAST_TURN_SPREAD = 0.02
 MOST_TURN_SPREAD = 0.3
 
-# Path length [m] whose drift equals the error of one unmatched scan, that of the least window.
+# Path length [m] that one unmatched scan counts as: its error is that of the least window.
 LOST_LENGTH = LEAST_SPREAD / DRIFT
 
 # Closures that must agree before any of them is accepted while the robot drives.
 AGREEING = 3
 
-# The same at the end of the drive, when they must also outnumber contradicting ones twice.
+# The same at the end of the drive, when they must also outnumber contradicting ones two to one.
 AGREEING_AT_END = 2
 
-# Two closures are compared if their old key scans are this near along the graph [m], and their new
-# ones along the drive.
+# Path length [m] below which two closures are compared: that along the graph between their old key
+# scans, and that along the drive between their new ones.
 STRETCH = 2.0 * LEAST_DISTANCE
 
-# Share of a match's information that its edge gets: scan and map come from the same drifting front
-# end, so both are slightly bent.
+# Share of a match's information that its edge in the graph gets: scan and map come from the same
+# drifting front end, so both are slightly bent.
 MATCHING_SHARE = 0.3
 
-# Least information of a closure: standard deviations of the widest window, and of 1 rad.
+# Information that each closure has at least: the standard deviations are that of the widest window
+# and 1 rad.
 FLOOR = np.diag([MOST_SPREAD**-2, MOST_SPREAD**-2, 1.0])
 
 
@@ -119,7 +120,8 @@ class LoopCloser:
         self._submaps = Latest(size=16)
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
-        # Distance travelled at each key scan [m], and now, each with an allowance for drift.
+        # Distance travelled up to each key scan and up to now [m]. Turns and lost scans count as
+        # the path lengths over which the robot drifts as much.
         self.driven = np.empty(0)
         self.distance = 0.0
         # The stretch that each key scan belongs to; a known place or a lost scan begins a new one.
@@ -167,7 +169,8 @@ class LoopCloser:
     def _votes(self, newest: Closure, closures: list[Closure]) -> dict[Closure, bool]:
         """Whether each closure between the same two places agrees with the newest one.
 
-        Old key scans from several drives past a place are near each other along the graph.
+        The path between the old key scans is that along the graph: they may be from different
+        visits to a place.
         """
         pairs = np.array([(each.old, each.new) for each in closures], np.int64)
         olds, news = pairs.reshape(-1, 2).T
@@ -193,8 +196,8 @@ class LoopCloser:
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
         self.accepted += agreeing
         for closure in agreeing:
-            # From now on paths over the graph may take it. Along a corridor it leaves the robot as
-            # uncertain as a long drive does.
+            # From now on paths over the graph may take this closure. Its length is the distance
+            # that leaves the robot as uncertain: a long one along a corridor.
             off = np.sqrt(np.linalg.norm(closure.covariance[:2, :2], 2)) / DRIFT
             length = max(KEY_DISTANCE, float(off))
             self.paths.link(closure.old, closure.new, length, closure.covariance)
@@ -252,7 +255,7 @@ class LoopCloser:
         ]
 
     def _all_places(self, new: int) -> list[tuple[int, Place]]:
-        """Pairs of an old key scan near a new one, and a place of the new one in its frame."""
+        """The places where a new key scan fits, each with the old key scan in whose frame it is."""
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
             return []
@@ -288,7 +291,7 @@ class LoopCloser:
         return self._submap(old, new).places(self.keys[new], guess, window, NEAR)
 
     def _submap(self, old: int, new: int) -> Submap:
-        """The map around an old key scan, and in its frame, that a new one is matched with.
+        """The map of the key scans around an old one, in its frame, to match a new one with.
 
         The relative poses are the front end's: over a stretch this short they are better than those
         of the graph.
@@ -341,9 +344,10 @@ class LoopCloser:
         return closure
 
     def _agree(self, others: list[Closure], newest: Closure, lengths: Float) -> Bool:
-        """Whether the loops over other closures (c,) and the newest one close.
+        """Whether each of the other closures (c,) agrees with the newest one.
 
-        The lengths (c,) [m] are those of the two paths between the closures.
+        The two and the paths between their key scans form a loop: they agree if it closes up to
+        noise. The lengths (c,) [m] are those of both paths together.
         """
         olds, news = np.array([(each.old, each.new) for each in others]).T
         fronts = np.array([self.keys[new].pose for new in news.tolist()])
@@ -351,9 +355,9 @@ class LoopCloser:
         old = between(self._poses[olds], self._poses[newest.old])
         relative = np.array([each.relative for each in others])
         error = between(compose(relative, new), compose(old, newest.relative))
-        # Error of a submap in the position [m], to which the drift over the length is added.
+        # Error of the position in a submap [m], to which the drift over the paths is added.
         bent_place = 0.05
-        # The same in the heading [rad].
+        # The same of the heading [rad].
         bent_turn = 0.015
         place = bent_place + DRIFT * lengths
         turn = bent_turn + DRIFT_TURN * lengths

@@ -46,22 +46,23 @@ FOUND_SHARE = 0.3
 # Inlier ratio from which a match is beyond doubt.
 CERTAIN_SHARE = 0.6
 
-# Fewest points of a scan for which a window is searched: among trees and cars it has a dozen.
+# Fewest points of a scan for which a window is searched: a scan among trees and cars has a dozen.
 LEAST_POINTS = 8
 
-# Points that show walls well; a key scan with fewer adds those of some of the last scans.
+# Number of points that show walls well. A key scan with fewer adds points of some scans before it.
 ENOUGH = 150
 
-# Number of the last scans of which a key scan may add points.
+# Number of the last scans whose points a key scan may add.
 RECENT = 32
 
 # Number of the last key scans whose beams reveal dynamic obstacles.
 WATCHED = 12
 
-# Number of these that must have passed a point for it to be one of a dynamic obstacle.
+# Number of these whose beams must pass a point for it to count as a dynamic obstacle.
 THROUGH = 2
 
-# Information [1/m²] below which scans leave a direction to the odometry: 0.02 m.
+# Information [1/m²] below which scans do not fix a direction, and leave it to the odometry: that of
+# a standard deviation of 0.02 m.
 WEAK = 2500.0
 
 
@@ -100,10 +101,10 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
 
 
 class Placed(NamedTuple):
-    """A scan as placed by a prediction: its match, and whether it is accepted.
+    """A scan as placed around an ``expected`` step: its match, and whether it is accepted.
 
-    The scan is ``still`` without its dynamic obstacles. The prediction is contradicted if the scan
-    fits clearly better elsewhere.
+    ``still`` is the scan without its dynamic obstacles. The prediction is ``contradicted`` if the
+    scan fits clearly better elsewhere.
     """
 
     match: Match
@@ -125,14 +126,14 @@ class FrontEnd:
         self._coasting = Coasting()
         self.mixed_pixels = MixedPixelModel()
         adjacent = 4  # Key scans before a new one that show the rate of mixed pixels.
-        # The last key scans since a scan was lost: their relative poses are certain.
+        # The last key scans, none from before a lost scan: their relative poses are certain.
         self._certain: deque[Key] = deque(maxlen=adjacent)
         # Running mean of the number of hits in a scan, and whether the last one has far fewer.
         self._hits = 0.0
         self._broken = False
         # The surface of the last scan without dynamic obstacles, in the frame of the robot.
         self.surface = np.empty(0, SURFACE)
-        # And those of the last scans since the key scan, with their poses.
+        # The poses and surfaces of the last scans since the last key scan.
         self._recent: deque[tuple[Float, Records]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._map = Submap([], np.empty((0, 3)))
@@ -195,15 +196,16 @@ class FrontEnd:
             return coasting
         expected = self.wheels.predict(increment)
         if self._contradicted:
-            # Wheels that slip go on slipping, and few beams show it only over several scans.
+            # Wheels that slip go on slipping, and a laser of few beams shows it only over several
+            # scans: the robot may as well have gone on as before.
             expected = expected._replace(doubtful=np.inf, other=coasting)
         return expected
 
     def _jump(self, scan: Key, placed: Placed, coasting: Prediction, since: float) -> Placed | None:
         """The scan as placed without the wheels, if these jumped; None if they did not.
 
-        A jump of the odometry is no motion: the scan fits as well, or better, where the robot goes
-        on as before. Along a bare wall only that is possible.
+        If only the odometry jumped, the scan fits at least as well where the robot goes on as
+        before. Along a bare wall it fits equally well at both places.
         """
         far = self._is_far(placed.expected.step, since)
         if not far and placed.accepted and not self._half_seen(placed):
@@ -231,7 +233,7 @@ class FrontEnd:
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
 
     def _half_seen(self, placed: Placed) -> bool:
-        """Whether a scan contradicts the wheels, and yet leaves a direction to them."""
+        """Whether a scan contradicts the wheels, and yet leaves one direction to them."""
         weakest = weakest_direction(placed.match.information)[1]
         return self._has_slipped(placed.match, placed.expected) and weakest < WEAK
 
@@ -262,7 +264,8 @@ class FrontEnd:
     def _match(self, scan: Key, expected: Prediction) -> Placed:
         """Match a scan with the local map, and search around where the match is doubtful.
 
-        A slip turns the robot, which walls show, and moves it sideways, which they may not.
+        A match far from the prediction is doubtful, too. The wheels have slipped: walls show how
+        the slip turned the robot, but may not show how far it moved the robot sideways.
         """
         guess = compose(self.pose, expected.step)
         *_, heading = self.pose.tolist()
@@ -313,7 +316,8 @@ class FrontEnd:
         fits = places[int(worth.argmax())]
         clearly = 1.0  # Margin of log odds.
         better = fits is best or fits.evidence > best.evidence + clearly
-        # In a corridor of glass little is explained, and most where the robot was before.
+        # In a corridor of glass scans fit badly everywhere, and best where the robot was before:
+        # that does not contradict the wheels.
         certain = fits.match.explained > CERTAIN_SHARE
         contradicted = better and certain and self._has_slipped(fits.match, expected)
         return Placed(best.match, best.evidence > 0.0, scan, expected, contradicted)
@@ -335,7 +339,7 @@ class FrontEnd:
         return match
 
     def _standing(self, points: Records, expected: Prediction) -> Records:
-        """The points of a scan without dynamic obstacles, which beams of key scans passed."""
+        """The points of a scan except dynamic obstacles: those where beams of key scans passed."""
         if len(self._keys) < THROUGH:
             return points
         # Where a guess may be off by more than `BEHIND`, obstacles cannot be recognised.
@@ -393,8 +397,9 @@ def refined(
 ) -> Float:
     """Match all scans again with the key scans (k,) around them; returns their poses (n, 3).
 
-    While the robot drove, a scan was matched with the key scans before it; now all drives past a
-    place show its surroundings. The key scans are those around the last of the anchored scans (m,).
+    While the robot drove, a scan was matched only with the key scans before it; now it is matched
+    with those of all drives past its place. Each anchored scan (m,) selects these, for itself and
+    for the scans up to the next one.
     """
     surrounding = 12  # Number of nearest key scans with which a scan is matched.
     prior = np.diag([WEAK, WEAK, 10000.0])  # Information of a pose: 0.02 m and 0.01 rad.

@@ -52,10 +52,10 @@ ROUGH_STRETCHES = 20.0
 class Prediction(NamedTuple):
     """The expected step (3,) since the last scan.
 
-    Its covariance (3, 3) is that of random errors; ``uncertain`` (3, 3) includes all errors, and
-    weighs it in matching. Where a match explains less than the share ``doubtful``, a window of
-    standard deviations (3,) is searched; there a trusted prediction weighs the places. After a scan
-    that contradicted it, the ``other`` prediction may be right as well.
+    ``covariance`` (3, 3) is that of random errors; ``uncertain`` (3, 3) is that of all errors, by
+    which matching weighs the step. Where a match explains less than the share ``doubtful``, a
+    ``window`` of standard deviations (3,) is searched, and a ``trusted`` prediction is a prior of
+    the places in it. After a scan that contradicted it, ``other`` may be right as well.
     """
 
     step: Float

@@ -35,20 +35,20 @@ from lrf3d.slam.solution import SolvedLog, maps_of, run_of
 # of 460 m, driven with wheels 15 % off, closes with a tenth of the error.
 CALIBRATED = 400
 
-# Largest change of the scale of distances from its first estimate: beyond it the beginning is
-# misplaced, and the drive is solved again. Around blocks of 400 to 640 m of corridor that takes
-# half to three quarters of the error away.
+# Largest change of the scale of distances during a pass. After a larger one the beginning was
+# placed by a wrong scale, and the drive is solved again: around blocks of 400 to 640 m of corridor
+# that removes half to three quarters of the error.
 DISTANCE_CHANGE = 0.012
 
-# The same of the scale of turns: scans show turns, but hardly the distance along a corridor, so
-# that only large errors of turns matter.
+# The same of the scale of turns. Scans show turns, but hardly the distance along a corridor, so
+# that only a large change matters here.
 TURN_CHANGE = 0.15
 
 # Number of times that a drive is solved, at most.
 MOST_PASSES = 3
 
-# Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
-# quarter or more do, of those to be followed hardly one in a thousand.
+# Largest share of the scans that may match nothing where there is no odometry. Of scans a metre
+# apart a quarter or more match nothing; of scans that are near enough, hardly one in a thousand.
 MOST_LOST = 0.1
 
 
@@ -69,19 +69,20 @@ def map_log(
         mode: Mode of the mapper.
         sigma: Noise [m] at the largest range; learnt from the scans if not given.
         all_scans: Build it from all scans instead.
-        without_repairs: Names of the `REPAIRS` of logs that are left out; ``no_return`` is made as
-            a log is read, so that it counts for a path, and in `load_log`.
+        without_repairs: Names of the `REPAIRS` of logs that are left out. ``no_return`` is made as
+            a log is read: for a log that is already read, leave it out in `load_log`.
         progress: Called with the number of finished scans, and of all.
 
     Returns:
-        The mapped scans as a run, in the walls that they show.
+        The mapped scans as a run, whose world is the map.
 
     Raises:
         InputError: There is no such mode, the noise is invalid, the poses are not known, or the
             scans show no wall.
 
     Warns:
-        Lrf3dWarning: The ranges are hardly in metres, or the laser is mounted otherwise.
+        Lrf3dWarning: The ranges are hardly in metres, or the scans contradict the poses or the
+            mount of the laser.
 
     Examples:
         >>> import lrf3d
@@ -109,7 +110,7 @@ def map_scans(
     scans = [log.scans[k] for k in chosen]
     poses = log.poses[chosen]
     maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
-    # Scans of several lasers at one moment stay those of their lasers.
+    # The run keeps the scans of several lasers at one moment apart, each with its laser.
     joint = replace(log, scans=scans, wheels=None).of_moments()
     moments = joint.parts or [(scan,) for scan in scans]
     poses = joint.poses if joint.parts else poses
@@ -136,18 +137,18 @@ def slam_log(
     Args:
         log: The log, or its path.
         key_distance: Distance driven from one key scan to the next [m].
-        on: The run of an earlier drive, or its path, that this one continues: it is found on its
-            map without a guess, and closes loops with it.
+        on: The run of an earlier drive, or its path. The new drive is located on its map without
+            an initial guess, and closes loops with it.
         close: Pairs of scans, by number, of which it is known that they show the same place.
         apart: Pairs of scans of which it is known that they do not.
         without_repairs: Names of the `REPAIRS` of logs that are left out, as for `map_log`.
 
     Returns:
-        The drive as a run, in the walls that it mapped, after the one that it continues.
+        The drive as a run, whose world is the map; after an earlier drive, both as one run.
 
     Raises:
-        InputError: The log is no drive that SLAM can solve, or it is not found on the map of the
-            earlier one; the line says why.
+        InputError: SLAM cannot solve the log, or cannot locate it on the map of the earlier drive;
+            the message says why.
 
     Warns:
         Lrf3dWarning: Scans contradict each other, so that the map or a part of it is wrong.
@@ -197,7 +198,7 @@ def solve_log(
     slam, passes = _solved(recording, new_slam, _calibrated(recording), progress)
     slam.finish()
     poses = slam.refined(recording.scans)
-    # Now that the poses of all scans are known, all of them show the lag.
+    # The lag is fitted again: now the turns between all scans are known, not just between some.
     recording = fitted_again(recording, np.diff(poses[:, 2]))
     recording = with_more_jumps(recording, sum(scan.jumped for scan in slam.tracked))
     both = None
@@ -208,7 +209,7 @@ def solve_log(
 
 
 def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str]) -> LaserLog:
-    """A log, or that of a path, with its best poses (``auto``) or those by ``odometry``."""
+    """Return a log as it is; load one by path, with the best poses (``auto``) or ``odometry``."""
     if isinstance(log, LaserLog):
         return log
     source = odometry_of(log) if poses == "odometry" else poses
@@ -216,7 +217,7 @@ def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str])
 
 
 def _check_pairs(name: str, pairs: Any, recording: Recording) -> None:
-    """Check pairs of scans, by number, of which something is known."""
+    """Check the pairs of scans, by number, that the user declares to be close or apart."""
     none = isinstance(pairs, tuple | list) and not pairs
     last = len(recording.scans) - 1
     for one, other in [] if none else as_rows(pairs, f"slam: {name}", 2).tolist():
@@ -228,8 +229,9 @@ def _check_pairs(name: str, pairs: Any, recording: Recording) -> None:
 
 
 def _calibrated(recording: Recording) -> Wheels:
-    """The errors of the wheels, as the beginning shows them: it is followed twice."""
+    """The errors of the wheels, from tracking the beginning once before the drive is solved."""
     slam = Slam(laser_offset=recording.log.odometry.laser_offset)
+    # Without odometry there are no wheels to calibrate.
     first = recording.scans[: CALIBRATED * recording.log.placed]
     for scan, increment in zip(first, recording.increments, strict=False):
         slam.update(scan, increment)
@@ -239,10 +241,10 @@ def _calibrated(recording: Recording) -> Wheels:
 def _solved(
     recording: Recording, new_slam: Callable[..., Slam], wheels: Wheels, progress: Progress
 ) -> tuple[Slam, int]:
-    """Follow a drive, again where its wheels' errors differ from their first estimate.
+    """Track a drive, again as long as its wheels' errors differ from those that a pass began with.
 
     Returns:
-        What followed it, and the number of passes.
+        The `Slam` of the last pass, and the number of passes.
     """
     scans = recording.scans
     passes = 0

@@ -1,8 +1,8 @@
 """Pose graph: the poses of key scans that agree best with all relative poses measured between them.
 
-Poses and edges enter. Poses that minimise the sum of squared, robustly weighted edge errors leave,
-by Gauss-Newton over SE(2) with sparse normal equations; so do their covariances, and the shortest
-paths between them. The error of an edge from i to j is
+Poses and edges enter. The poses that minimise the sum of squared, robustly weighted edge errors
+leave; so do their covariances and the shortest paths between them. The solver is Gauss-Newton over
+SE(2) with sparse normal equations. The error of an edge from i to j is
 
     e = (Rᵢᵀ(tⱼ − tᵢ) − z_t, θⱼ − θᵢ − z_θ)
 """
@@ -111,7 +111,7 @@ def variance_factor(poses: Float, edges: Records, deviation: float) -> float:
     units of the assumed one.
     """
     squares, weights = edge_squares(poses, edges)
-    prior_residuals = 30  # Weight of the deviation of matched points, in residuals of closures.
+    prior_residuals = 30  # Number of residuals of closures that the deviation counts as.
     # Factor on the distances of matched points to their walls: adjacent points share their errors.
     point_deviations = 2.4
     before = prior_residuals * (point_deviations * deviation) ** 2
@@ -169,9 +169,10 @@ class GraphPaths:
         return _shortest(self._links, source, limit)[0]
 
     def spreads(self, source: int, poses: Float) -> tuple[Float, Float]:
-        """Lengths (k,) [m] of paths to a pose, and its covariances (k, 3, 3) if another is held.
+        """Lengths (k,) [m] of paths to a key scan, and its covariances (k, 3, 3) by these paths.
 
-        The poses (k, 3) are those of all key scans; covariances are along the axes of the map.
+        Each covariance is that of the pose of the source if the key scan at the other end of the
+        path is held, along the axes of the map. The poses (k, 3) are those of all key scans.
         """
         lengths, last = _shortest(self._links, source, np.inf)
         reached = np.flatnonzero(last >= 0)
@@ -188,7 +189,8 @@ class GraphPaths:
         twist = _matrices([[cos, -sin, y], [sin, cos, -x], [0, 0, 1.0]], len(reached))
         sums = np.zeros((len(lengths), 3, 3))
         sums[reached] = twist @ covariances @ twist.transpose(0, 2, 1)
-        # Each sum adds that of the vertex where it ends, which doubles the path that it covers.
+        # Pointer doubling: each sum covers a part of its path, and adds the sum of the vertex where
+        # that part ends, so that the parts double in each pass.
         while (before != source).any():
             sums = sums + sums[before]
             before = before[before]

@@ -35,9 +35,10 @@ OFF = np.array([0.3, 0.3, 0.06])
 class Anchor:
     """A scan that ties the front end's path to the graph: a key scan, or one in a known place.
 
-    It has a pose relative to a key scan (itself, if it is one) and a pose in the front end's
-    drifting frame; ``driven`` is the distance travelled until then [m]. The relative pose of a scan
-    in a known place has a covariance (3, 3), and has ``drifted`` over a distance [m].
+    It has a pose relative to the key scan with the number ``key`` (itself, if it is one) and a pose
+    in the front end's drifting frame; ``driven`` is the distance travelled until then [m]. The
+    relative pose has a covariance (3, 3), and the drift of the path length ``drifted`` [m]; both
+    are 0 for a key scan.
     """
 
     scan: int

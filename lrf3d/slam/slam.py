@@ -1,8 +1,8 @@
 """Slam: poses and map from scans and odometry increments alone, up to date after every scan.
 
 A scan and the odometry increment since the last one enter. The front end places the scan. Every
-half metre it becomes a key scan: a vertex of the pose graph, for which loop closures are searched.
-Where a loop closes, the graph is optimised, the poses move, and the map is drawn again.
+half metre a scan becomes a key scan: a vertex of the pose graph, for which loop closures are
+searched. Where a loop closes, the graph is optimised, the poses move, and the map is drawn again.
 """
 
 from collections.abc import Sequence
@@ -35,15 +35,15 @@ from lrf3d.slam.pose_graph import (
 )
 from lrf3d.slam.revisits import Anchor, in_known_place
 
-# Key scans that may be drawn again for each new scan, on average: this takes as long as tracking
-# the robot. On a long drive the map lags behind the poses by some seconds.
+# Key scans that may be mapped again for each new scan, on average: mapping them takes as long as
+# tracking the robot. On a long drive the map lags behind the poses by some seconds.
 REDRAWN_PER_SCAN = 2
 
 # Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans.
 FARTHEST_STEP = 1000.0
 
-# Error of a closure [m] up to which the poses stay, and motion of a key scan up to which the map
-# does: a tenth of the time in an office.
+# Error of a closure [m] up to which the graph is not optimised, and motion of a key scan [m] up to
+# which the map is not drawn again. In an office that saves a tenth of the time.
 NEGLIGIBLE = 0.02
 
 
@@ -111,7 +111,7 @@ class Slam:
         self._redraw()
 
     def _redraw(self) -> None:
-        """Draw the map anew, from the current key poses, when it is read next."""
+        """Draw the map again, from the current key poses, when it is read next."""
         self._mapper = LineMapper()
         # The poses (k, 3) of the key scans in the map, and the number of these mapped so far.
         self._map_poses = self.key_poses
@@ -132,7 +132,8 @@ class Slam:
     ) -> None:
         """Add the next scan; the pose that it carries is ignored.
 
-        A scan that took some time is unrolled by its own motion, or else by the odometry's.
+        A scan that took some time is unrolled: its beams are moved to one moment (deskewed), by
+        the motion that the scan carries, or else by the odometry.
 
         Args:
             scan: The scan, or those of several lasers at one moment.
@@ -322,7 +323,7 @@ class Slam:
     def trajectory(self) -> Float:
         """Estimated poses (k, 3) of the robot at all scans; theta is continuous.
 
-        They are the front end's path, bent to the anchors.
+        They are the front end's path, bent to meet the pose graph at the anchors.
         """
         front = np.array([scan.pose for scan in self.tracked]).reshape(-1, 3)
         keys = [anchor.key for anchor in self._anchors]
@@ -333,7 +334,7 @@ class Slam:
 
     @property
     def _anchored(self) -> Int:
-        """The numbers (m,), among all scans, of key scans and of scans in known places."""
+        """The numbers (m,) of the anchors among all scans: key scans, and scans in known places."""
         return np.array([anchor.scan for anchor in self._anchors], dtype=np.int64)
 
     @property
@@ -349,7 +350,7 @@ class Slam:
     def estimate(
         self, poses: Float, known: Int, covariances: Float, odometry: Float = NO_POSES
     ) -> EstimatedTrajectory:
-        """Poses (k, 3) of all scans, with covariances (m, 3, 3) of known ones (m,) and closures."""
+        """Poses (k, 3) of all scans, closures, and covariances (m, 3, 3) at known scans (m,)."""
         closed, dropped = (
             self.key_scans[np.array([(each.old, each.new) for each in found], np.int64)]
             .reshape(-1, 2)
@@ -378,7 +379,7 @@ class Slam:
     def refined(self, scans: Sequence[LaserScan | Moment]) -> Float:
         """Match all scans (k,) again with the key scans around them; returns their poses (k, 3).
 
-        Scans that took some time need their motion.
+        Scans that took some time must carry their motion: here no odometry unrolls them.
 
         Raises:
             InputError: The number of scans is not that of the updates.

@@ -36,15 +36,17 @@ from lrf3d.slam.closures import Refusal
 from lrf3d.slam.places.joining import Joined
 from lrf3d.world import World
 
-# Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
-# along the walls grows with each scan.
+# Half axis [m] of the 95 % ellipse of a position from which the drive is reported as uncertain. In
+# a street the error along the walls grows with each scan.
 MOST_UNSURE = 0.4
 
-# Share of a drive's extent that bends it by 6°. With odometry, drives that are right reach 0.03,
-# and one that was bent by 20° without a contradiction reached 0.14.
+# The same for drives with odometry, as a share of their extent, if that is more: an error this
+# large bends the map by 6°. Drives that are right reach 0.03; one that was bent by 20°, without
+# scans that contradict each other, reached 0.14.
 BENT_SHARE = 0.1
 
-# Largest distance [m] along bare walls on a drive by the laser alone.
+# Distance [m] along bare walls, in total, from which a drive by the laser alone is reported: such
+# walls do not show how far the robot moved.
 MOST_UNSEEN = 1.0
 
 # Key scans whose covariances are kept, at most: each takes a step over the whole pose graph.
@@ -58,9 +60,10 @@ PAUSE = 1.0
 class SolvedLog:
     """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
 
-    ``poses`` (k, 3) are those at the scans (k,) of the recording, which says what was repaired. The
-    drive was solved ``passes`` times: again where its wheels' errors turned out to differ. If it
-    was joined with an earlier drive, all poses are in its frame, and the run is that of both.
+    ``poses`` (k, 3) are those at the scans (k,) of the recording, which reports what was repaired.
+    The drive was solved ``passes`` times: more than once if its wheels' errors turned out to
+    differ from their first estimate. If it was joined with an earlier drive, all poses are in the
+    frame of that one, and the run is that of both.
     """
 
     recording: Recording
@@ -171,9 +174,9 @@ class SolvedLog:
 
     @property
     def moments(self) -> list[Moment]:
-        """The scans (k,) as the lasers took them, of each moment those of all lasers.
+        """The moments (k,) of the drive, each with the scans of all lasers.
 
-        Those of lasers that turn on their robot, or clockwise, stay together.
+        The scans of a moment stay merged into one if a laser turns on its robot, or clockwise.
         """
         mounts = {tuple(scan.mount for scan in moment) for moment in self.log.parts}
         if len(mounts) != 1 or MIRROR.name in self.recording.found:
@@ -246,7 +249,7 @@ def maps_of(
     snapshots: int | None = None,
     progress: Progress = silent,
 ) -> dict[int, LineMap]:
-    """The map of the key scans, by the number of the last scan (k,), and snapshots before it.
+    """Map snapshots of the key scans, by the number of the scan (k,) after which each was taken.
 
     Progress is called with the number of mapped key scans, and of all.
     """
@@ -322,8 +325,8 @@ def _laser_of(scans: Sequence[LaserScan], *, mounted: bool) -> tuple[LaserRangeF
 def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float, name: str) -> Run:
     """Two drives as one run: the first, and after it the scans of moments (k,) of the second.
 
-    Its poses (k, 3) are those that joining has found. Several lasers stay together where those of
-    the other drive are mounted otherwise.
+    Its poses (k, 3) are those that joining has found. If the drives have different lasers, or
+    mount them differently, the scans of each moment are merged into one.
     """
     first = both.run
     before = both.first_poses

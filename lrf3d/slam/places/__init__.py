@@ -1,4 +1,4 @@
-"""Localisation: an extended Kalman filter that follows the robot over a known map of lines."""
+"""Localisation on a known map: tracking by an extended Kalman filter, search without a guess."""
 
 from lrf3d.slam.places.localiser import (
     Localiser,

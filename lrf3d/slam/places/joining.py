@@ -1,8 +1,8 @@
 """Joining: two drives through the same place in one frame.
 
 The run of a first drive and the solution of a second one enter. The second is located on the map of
-the first without an initial guess; where its key scans match there, ties join the pose graphs of
-both, which are optimised as one. The poses of both leave, in the frame of the first.
+the first without an initial guess. Where its key scans match there, ties (closures between the
+drives) join both pose graphs, which are optimised as one. The poses of both leave, in one frame.
 """
 
 from collections.abc import Iterable
@@ -31,10 +31,10 @@ from lrf3d.slam.places.place_search import EVEN, Found, KnownPlaces, PlaceSearch
 from lrf3d.slam.pose_graph import edges_of, optimised
 from lrf3d.slam.revisits import OFF
 
-# Standard deviations of key scans of a map relative to their neighbours [m], [m], [rad].
+# Standard deviations of the pose of a map's key scan relative to its neighbours [m], [m], [rad].
 STEP = np.array([0.01, 0.01, 0.003])
 
-# Searches for ties, each from where the last ones have moved the drive.
+# Number of searches for ties. Each starts from where the ties of the last one moved the drive.
 ROUNDS = 4
 
 
@@ -42,10 +42,10 @@ ROUNDS = 4
 class Joined:
     """Two drives in one frame.
 
-    The poses (n, 3) of the first are those of its run, (k, 3) of the second those of the robot at
-    its scans. Ties are pairs (c, 2) of scans of the first and of the second that show the same
-    place; the second was found at its scan ``found_at``, with a probability. The first has key
-    scans (m,). The key scans (k,) of both have poses (k, 3).
+    The first drive has a ``run``, key scans ``keys`` (m,) by number, and ``first_poses`` (n, 3) at
+    its scans. The second has ``poses`` (k, 3) of the robot at its scans; it was located from its
+    scan ``found_at`` on, with a probability. Ties (c, 2) are pairs of a scan of the first and one
+    of the second that show the same place. ``key_scans`` and ``key_poses`` are those of both.
     """
 
     run: Run
@@ -113,7 +113,8 @@ def _tied(
 ) -> tuple[Float, list[Closure]]:
     """Tie a drive to a map where it is found; returns the key poses (k, 3) of both, and the ties.
 
-    Key scans at certain places are matched there, and later ones where the last ties moved them.
+    In the first round, key scans whose places are certain are matched there, and the others where
+    the drive then lies. In later rounds those without a tie are matched where the ties moved them.
     """
     count = len(places.keys)
     own_edges = slam.edges.copy()
@@ -157,7 +158,7 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
 
 
 def _graph(places: KnownPlaces) -> Records:
-    """The edges within a map: from each key scan to the last one, and to an earlier one nearby."""
+    """The edges within a map: from each key scan to the next, and to an earlier one nearby."""
     poses = places.poses
     driven = _driven(places.poses)
     pairs = [(k, k + 1) for k in range(len(poses) - 1)]
@@ -176,7 +177,7 @@ def _graph(places: KnownPlaces) -> Records:
 
 
 def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
-    """Move poses (n, 3) of scans as key scans, by number (m,), moved from old poses to new."""
+    """Move poses (n, 3) along with the key scans (m,) among them, from old poses to new ones."""
     return bent(poses, numbers, compose(new, between(old, poses[numbers])))
 
 

@@ -133,10 +133,11 @@ class PoseEstimate(Value):
     def corrected(self, pairs: Innovation) -> "tuple[PoseEstimate, Bool]":
         """The estimate after pairs of lines (k,), and which of them (k,) it uses.
 
-        The worst pair is left out as long as it lies beyond the gate of pairing from the estimate
-        by the prediction and all other pairs. So a wrong pair within the wide gate of the
-        prediction does not make right ones look wrong, and many consistent lines outweigh a poor
-        prediction. The innovations are those at this estimate's pose, in which they are linear.
+        Each pair is compared with the estimate that the prediction and all other pairs give. While
+        the worst pair lies beyond the gate of pairing, it is left out. So a wrong pair within the
+        wide gate of the prediction does not make right ones look wrong, and many consistent lines
+        outweigh a poor prediction. The innovations are those at this estimate's pose, in which they
+        are linear.
         """
         count = len(pairs.faces)
         gradient = np.zeros((count, 2, 3))
@@ -216,8 +217,8 @@ class Track(Value):
 class Localiser:
     """Extended Kalman filter over the lines of a known map.
 
-    It starts at the first scan. Lines of a scan are compared with those of objects that were seen
-    before first (``seen-objects-first``), or with ``all``.
+    It starts at the first scan. The strategy ``seen-objects-first`` compares the lines of a scan
+    with those of the objects in the previous scan before all others; ``all`` has no such order.
 
     Raises:
         InputError: An argument is of another kind, or there is no such strategy.

@@ -33,8 +33,8 @@ from lrf3d.world import World
 
 STRATEGIES = ("seen-objects-first", "all")
 
-# Largest squared Mahalanobis distance of a pair, with two degrees of freedom: it rejects one true
-# pair in a thousand.
+# Largest squared Mahalanobis distance of a pair (χ² with two degrees of freedom): it rejects one
+# true pair in a thousand.
 GATE = 13.8
 
 
@@ -49,8 +49,9 @@ class LocalLines(NamedTuple):
     def from_scan(cls, scan: LaserScan, noise: RangeNoise) -> "LocalLines":
         """The lines of a scan whose ranges have a noise, seen from the robot's centre.
 
-        A change of a line moves it sideways by t·δα − δp at the distance t along it from the foot
-        of the robot's perpendicular, so the moments of its points are its information.
+        If alpha and p change by δα and δp, the line moves sideways by t·δα − δp at a point that is
+        t along it from the foot of the robot's perpendicular. So the moments of t over its points
+        are the information on alpha and p.
         """
         # Least standard deviation of a range [m]: drawn walls are no straighter, and covariances
         # must be invertible without noise as well.
@@ -81,9 +82,9 @@ class LocalLines(NamedTuple):
 class KnownLines(Value):
     """Line segments (n, 4) of a known map [m], each of an object (n,) from 0.
 
-    Standard deviations (n, 2) are those of the direction [rad] and of the offset in the middle [m];
-    all lines are visible from both sides, or only from their left. They come from a world or a
-    built map.
+    The ``deviations`` (n, 2) are standard deviations of the direction [rad] and of the offset in
+    the middle [m]. If ``one_sided``, as in a built map, all lines are visible only from their left;
+    else, as in a world, from both sides.
 
     Examples:
         >>> import lrf3d
@@ -214,9 +215,9 @@ def _misfits(
 ) -> Float:
     """Misfits (m, n) of local lines (m,) and known ones (n,); +inf where they cannot be a pair.
 
-    A misfit is the squared Mahalanobis distance plus the squared excess of the local line: of
-    collinear walls the best is the one that the local line extends beyond least. The segments must
-    overlap, and the robot must be on the visible side of the known line.
+    A misfit is the squared Mahalanobis distance plus the squared excess: how far the local line
+    reaches beyond the known one, which decides between collinear walls. The segments must overlap,
+    and the robot must be on the visible side of the known line.
     """
     pairs = innovation(local, known, pose, rows[:, None], known_rows)
     squares = pairs.squared_distance(covariance)

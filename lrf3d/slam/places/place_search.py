@@ -2,8 +2,8 @@
 
 The map enters as key scans, of a run or cast in a world; then key scans of a drive enter with their
 poses in a frame of its own. All free cells and headings are searched for places where a scan fits.
-These are hypotheses that each scan weighs, against each other and against no place at all: a robot
-may be beyond the map, in a room like those on it. The places that were certain leave.
+These are hypotheses. Each scan weighs them against each other, and against no place: that the robot
+is beyond the map, in a room like those on it. The places that were certain leave.
 """
 
 from collections import deque
@@ -55,10 +55,10 @@ MOST = 7.0
 # Log odds below which a hypothesis is dropped.
 LEAST = -6.0
 
-# Probability from which a place is certain.
+# Probability of the best hypothesis from which its place is certain.
 CERTAIN = 0.99
 
-# Number of earlier scans by which new hypotheses are weighed.
+# Number of earlier scans by which new hypotheses are weighed as well.
 REMEMBERED = 8
 
 # Largest number of new hypotheses from one scan.
@@ -129,7 +129,7 @@ class KnownPlaces:
         return sorted(found, key=lambda each: -each.evidence)
 
     def _peaks(self, scan: Key) -> list[Float]:
-        """The poses (3,) at which the hits of a scan lie in most walls."""
+        """The poses (3,) at which most hits of a scan lie in walls, the best first."""
         field = self._field
         cells = self._free
         centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
@@ -278,7 +278,7 @@ class PlaceSearch:
     def _remember(self, new: list[Hypothesis], pose: Float) -> None:
         """Weigh new hypotheses by earlier scans, as far back as these support them.
 
-        Before that, the robot may have been carried there.
+        Scans before those do not count against them: the robot may have been carried there since.
         """
         earlier = [Hypothesis(each.pose, each.log_odds, dict(each.path)) for each in new]
         for before in reversed(self._before):
@@ -317,9 +317,9 @@ class PlaceSearch:
 
 
 def _add(place: Hypothesis, now: _Weighed, evidence: float) -> None:
-    """Add a scan's evidence for a place: bounded against no place, in full against others."""
+    """Add a scan's evidence for the best place, less what this place falls short of it."""
     # Largest change of the log odds against no place by one scan: neighbouring scans show the same
-    # walls, which may be those of a similar room.
+    # walls, which may be those of a similar room. A place may fall short of the best by twice that.
     most_gain = 1.5
     gain = float(np.clip(now.best - EVEN, -most_gain, most_gain))
     gain -= min(now.best - evidence, 2.0 * most_gain)

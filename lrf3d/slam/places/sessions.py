@@ -37,7 +37,7 @@ CARRIED_TURN = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Scans from first to last whose places are known, and how: with this probability.
+    """Scans, from first to last, whose poses on the map are known with this probability.
 
     The robot was ``carried`` there if its steps do not lead there from the stretch before.
     """
@@ -53,7 +53,7 @@ class LocalisedLog:
     """A log on a known map: poses (k, 3) of the robot at its scans, NaN where they are not known.
 
     Each of the stretches is a part of the drive whose place is known. ``probability`` is that of
-    the best hypothesis in the end.
+    the best hypothesis after the last scan.
     """
 
     log: LaserLog
@@ -141,7 +141,7 @@ def localise_log(
 
 
 def _is_carried(front: Float, poses: Float, last: int, begin: int) -> bool:
-    """Whether the robot was carried from one scan to another, or else was off the map for a while.
+    """Whether the robot was carried between two scans; if not, it drove off the map for a while.
 
     ``front`` (k, 3) is where its steps lead, ``poses`` (k, 3) where it was found.
     """
