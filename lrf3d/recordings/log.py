@@ -1,6 +1,6 @@
-"""LaserLog: the scans of a recorded drive, from any format; and what its readers take in.
+"""LaserLog: the scans of a recorded drive, from any format; and Intake, which its readers fill.
 
-An `Intake` keeps what was noted and refused, within limits, and makes the log of what was read.
+An `Intake` collects notes and bad lines while a file is read, limits its size, and makes the log.
 """
 
 import gzip
@@ -40,8 +40,8 @@ class BadLine:
 class WheelRecord(Value):
     """The raw odometry of a log: stamps (n,) [s] as logged, and poses (n, 3) of the robot's base.
 
-    ``places`` (k,) holds for each scan the index of the last odometry line before it; the laser
-    stands ``laser_offset`` [m] ahead of the base's centre.
+    ``places`` (k,) holds for each scan the index of the last odometry line before it, −1 if there
+    is none; the laser stands ``laser_offset`` [m] ahead of the base's centre.
     """
 
     times: Float
@@ -60,16 +60,17 @@ class LaserLog(Value):
 
     Args:
         name: Name of the log.
-        scans: The scans in the order of the file; those that took some time get their motion.
+        scans: The scans in the order of the file; one whose beams were sent over some time gets
+            the motion of its robot meanwhile.
         bad_count: Number of lines that could not be read.
-        bad_lines: The first few of them.
+        bad_lines: The first few of these lines, with reasons.
         source: Where the poses come from, in words.
         wheels: The raw odometry; None where the log has none.
-        not_numbers: Number of readings that are no number, such as NaN: taken for no return.
+        not_numbers: Number of readings that are not numbers, such as NaN; they mean no return.
         notes: What was assumed, and what was left out, a sentence each.
         placed: Whether the poses of the scans are known.
-        parts: For each scan those of the lasers from which it was made; empty if there is one.
-        fans: First and last bearings [rad] that beams may have instead, where these are assumed.
+        parts: For each scan, the scans of several lasers that it joins; empty if none are joined.
+        fans: Alternative first and last bearings [rad] of beams, where those of scans are assumed.
     """
 
     name: str
@@ -115,7 +116,7 @@ class LaserLog(Value):
 
     @property
     def is_odd(self) -> Bool:
-        """Which scans (k,) are the odd ones of their laser, counted from 0."""
+        """Which scans (k,) have an odd number among those of their laser, counted from 0."""
         odd = np.zeros(len(self), dtype=np.bool_)
         for laser in self.lasers:
             odd[np.flatnonzero(self.is_of(laser))[1::2]] = True
@@ -134,10 +135,10 @@ class LaserLog(Value):
         return replace(self, scans=scans, notes=(*self.notes, note))
 
     def of_moments(self) -> "LaserLog":
-        """The log with the scans of all lasers at one moment as one.
+        """The log in which scans that all lasers took at one moment are joined to one scan.
 
-        It is that of the first laser where most scans have no others at their moment, or would have
-        to be unrolled first. What is left out is counted in a note.
+        Only the first laser is used where most scans have no partners at their moment, or would
+        have to be unrolled first. What is left out is counted in a note.
         """
         lasers = len(self.lasers)
         rows = self._moments()
@@ -156,7 +157,7 @@ class LaserLog(Value):
         return replace(self, scans=scans, wheels=wheels, notes=notes, parts=parts)
 
     def _moments(self) -> list[list[int]]:
-        """The numbers of the scans of each moment of all lasers, if they are flat, and several."""
+        """Scan numbers of each moment of all lasers; none for one laser or scans to be unrolled."""
         names = self.lasers
         rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
         if len(names) == 1 or rolling:
@@ -197,19 +198,19 @@ def log_name(path: Path) -> str:
     return own_name(path, stem=name.rsplit(".", 1)[0] or name)
 
 
-# Least difference of angles [rad], as drivers round them: also the least step of a fan on which
-# scans are resampled.
+# Angles that differ by at most this [rad] are the same, as drivers round them; also the least step
+# of the fan on which `on_one_fan` resamples scans.
 FINEST = 1e-4
 
-# Largest number of beams of such a fan.
+# Largest number of beams of the fan on which scans are resampled.
 MOST_BEAMS = 100_000
 
 
 def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
     """Rising angles (beams,) [rad] and ranges (k, beams) [m] of scans, whose own angles may differ.
 
-    Then it is the finest fan of all, and a range lies at the nearest of its bearings. What a scan
-    did not measure is −inf.
+    If they differ, all scans are resampled on one fan with the finest step of all: a bearing gets
+    the range of the nearest beam, or −inf where the scan has no beam near it.
     """
     rows = [scan.angles.argsort(kind="stable") for scan in scans]
     fans = [(scan.angles[row], scan.ranges[row]) for scan, row in zip(scans, rows, strict=True)]
@@ -224,37 +225,38 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
 
 
 def _resampled(own: Float, ranges: Float, angles: Float, reach: float) -> Float:
-    """Ranges (beams,) at rising angles [rad], of a scan with its own within reach; else −inf."""
+    """Ranges (beams,) of the beams nearest to rising angles [rad]; −inf where none is in reach."""
     at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
     nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
     return np.where(np.abs(own[nearest] - angles) <= reach, ranges[nearest], -np.inf)
 
 
-# Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
-# then report about 81.9 m or 50 m, and none of them measures as far.
+# Readings from this one on [m] mean no return where a log names no largest range: range finders of
+# CARMEN's time report about 81.9 m or 50 m for no return, and none of them measures as far.
 LARGEST_RANGE = 50.0
 
-# Largest number of readings in memory: 400 MB. Scans and poses count as some more.
+# Largest number of readings in memory: 400 MB. Messages, poses and values of lines count as
+# several readings each, by the next three constants.
 MOST_READINGS = 50_000_000
 
-# Memory of a message as an object [readings].
+# Memory that the object of a message takes in addition to its ranges [readings].
 A_MESSAGE = 64
 
 # Memory of a packed pose [readings].
 A_POSE = 8
 
-# Memory of a value of a line [readings]: a gigabyte of a text with a reading a line is two million
-# lines.
+# Memory of a value of a line [readings]: two million lines of a text with a reading a line take a
+# gigabyte.
 A_VALUE = 4
 
 # Largest number of lines of a text log; a day's log has a tenth.
 MOST_LINES = 10_000_000
 
-# Largest number of bytes of a text log, of which a gzipped one may hold a thousand for each of its
-# own.
+# Largest size of a text log once it is unpacked [bytes]: gzipped files may unpack to a thousand
+# times their own size.
 LARGEST_LOG = 1 << 31
 
-# Time between scans that have no stamp [s].
+# Time that is assumed between scans without stamps [s].
 UNTIMED = 0.1
 
 # First bytes of gzipped files, whatever their name is.
@@ -265,8 +267,8 @@ GZIPPED = b"\x1f\x8b"
 class Intake:
     """What was noted and refused while a log was read, and how many readings are in memory.
 
-    ``largest_range`` is the least reading that means no return [m], if the user gave it. Repairs
-    are left out by their names.
+    Readings from ``largest_range`` [m] on mean no return, if the user gave it. ``without`` names
+    the repairs that are left out.
     """
 
     path: Path
@@ -284,29 +286,29 @@ class Intake:
 
     @property
     def first_bad(self) -> str:
-        """The first bad line, for an error that says that nothing could be used."""
+        """The number of bad lines and the first one, to end the error about a log without scans."""
         return (
             f"; {self.bad_count} bad {self.bad[0].kind}s, first {self.bad[0]}" if self.bad else ""
         )
 
     def refuse(self, number: int, why: object, kind: str = "line") -> None:
-        """Count what cannot be used; the first few are kept."""
+        """Count a line that cannot be used; the first few are kept with their reasons."""
         self.bad_count += 1
         named = 5  # Number of bad lines that are kept; the others are only counted.
         if len(self.bad) < named:
             self.bad.append(BadLine(number, str(why), kind))
 
     def take(self, readings: int, number: int, kind: str = "line") -> None:
-        """Count readings that are kept in memory."""
+        """Count readings that are kept in memory; raises InputError if there are too many."""
         self.readings += readings
         if self.readings > MOST_READINGS:
             where = f"{self.path}: {kind} {number}"
             raise InputError(f"{where}: more than {MOST_READINGS:,} readings; cut it into parts")
 
     def lines(self) -> Iterator[tuple[int, bytes]]:
-        """Numbers and bytes of the lines of the file, gzipped or not; damage is counted."""
+        """Numbers and bytes of the lines of the file, gzipped or not; damage is a bad line."""
         number = size = 0
-        # Bytes that are read of a line, enough for 100,000 beams; what is left counts as more
+        # Longest line [bytes], enough for 100,000 beams; the rest of a longer one counts as further
         # lines.
         longest_line = 1 << 20
         with opened(self.path, what="a log") as file:
@@ -327,7 +329,7 @@ class Intake:
                 self.refuse(number + 1, why)
 
     def log(self, scans: Sequence[LaserScan], **more: Any) -> LaserLog:
-        """The log of these scans; what means no return becomes +inf, for each laser by itself."""
+        """The log of these scans; what means no return becomes ±inf, for each laser by itself."""
         found = dict(enumerate(scans))
         for laser in dict.fromkeys(scan.laser for scan in scans):
             numbers = [k for k, scan in enumerate(scans) if scan.laser == laser]

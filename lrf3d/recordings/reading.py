@@ -18,14 +18,14 @@ from lrf3d.recordings.formats.text.text_log import add_partner, text_table
 from lrf3d.recordings.log import GZIPPED, Intake, LaserLog
 from lrf3d.world import world_names
 
-# Bytes at the beginning of a file that say what it is.
+# Number of bytes at the beginning of a file from which its format is recognised.
 HEAD = 1 << 16
 
 
 def is_run(name: str) -> bool:
     """Whether a name is that of a run, a ``.npz`` or a folder, and not of a world.
 
-    A built-in world comes before a folder of the same name, as everywhere.
+    A built-in world takes precedence over a folder of the same name, as everywhere.
     """
     if name in world_names():
         return False
@@ -33,7 +33,7 @@ def is_run(name: str) -> bool:
 
 
 def odometry_of(path: str | Path) -> str:
-    """The source of poses for SLAM: a bag may know the truth, others keep the odometry apart."""
+    """The source of poses for SLAM: odometry for bags and runs, whose ``auto`` may be the truth."""
     bags_and_runs = (*by_name("log", "bag").endings, *by_name("log", "run").endings)
     is_either = as_path(path).is_dir() or str(path).lower().endswith(bags_and_runs)
     return "odom" if is_either else "auto"
@@ -55,15 +55,16 @@ def load_log(
     Args:
         path: A CARMEN log or a text of a scan a line, gzipped or not; a ROS bag, as .mcap, .db3,
             .bag or a folder; a .npz or .mat file of arrays; or a run.npz or its folder.
-        largest_range: Least reading that means no return [m]; if not given, that of the range
-            finder, or the largest reading where it stands out.
+        largest_range: Readings from this one on mean no return [m]; if not given, those from the
+            range that the log names for its range finder, or the largest one where it stands out.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
             or ``odom``.
-        scan_topic: Bags: the topic of the scans; if not given, those of all lasers of the robot
-            of ``/scan``, or of the first one.
+        scan_topic: Bags: the topic of the scans; if not given, the topics of all lasers of one
+            robot: the robot of ``/scan``, or else of the first topic of scans.
         format: Text: its columns; found if not given. Arrays: units and bearings.
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
-        without_repairs: With ``no_return`` the largest and smallest readings are kept as they are.
+        without_repairs: Names of repairs that are left out. Reading makes only ``no_return``;
+            without it the largest and smallest readings are kept as they are.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -105,7 +106,7 @@ def run_log(intake: Intake, poses: str) -> LaserLog:
             " for SLAM write its log: lrf3d export RUN --to carmen"
         )
     run = load_run(path)
-    # Another name than the run's, so that its map does not replace that of the run.
+    # The log has a name of its own, so that its map does not overwrite that of the run.
     name = own_name(path.resolve().parent if path.name == "run.npz" else path)
     return LaserLog(f"{name}_map", list(run.scans), source="the run")
 
@@ -126,7 +127,7 @@ def records_log(intake: Intake) -> LaserLog:
 
 
 def text_log(intake: Intake, format: str | None) -> LaserLog:
-    """The log of a text of a scan, or a reading, a line."""
+    """The log of a text with one scan, or one reading, in each line."""
     table = text_table(intake, format)
     add_partner(table)
     return table.log()
@@ -142,7 +143,7 @@ def _format_of(path: Path, in_columns: bool) -> Format:
         return by_name("log", "run")
     if path.is_dir():
         return by_name("log", "bag")
-    # Texts of any form are called .log, too.
+    # Other formats use the endings of CARMEN logs, arrays and runs, too: the content decides.
     if named is not None and name not in ("CARMEN", "arrays", "run"):
         return named
     with opened(path, what="a log") as file:
@@ -153,13 +154,13 @@ def _format_of(path: Path, in_columns: bool) -> Format:
 
 
 def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
-    """The format of a log that begins so, and whose name may be that of a CARMEN log."""
+    """The format of a log by its first bytes, and by whether it has the ending of a CARMEN log."""
     looks = by_looks(head)
-    # Arrays are read under their own names alone.
+    # Arrays are read only from files with their own endings.
     if looks is not None and looks[0].kind == "log" and looks[0].name != "arrays":
         return looks[0]
     if head.startswith(GZIPPED):
-        # What a packed file begins with is enough.
+        # The first piece of a packed file can be unpacked; a damaged one stays as it is.
         with suppress(zlib.error):
             head = zlib.decompressobj(31).decompress(head, HEAD)
         looks = by_looks(head)

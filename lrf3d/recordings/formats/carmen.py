@@ -2,10 +2,10 @@
 
 A log may be gzipped. Its scans have the logged poses, or those of odometry or ground truth at their
 times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. Old and
-related programs leave out the end of FLASER, from the stamp or from odom_x on. ``n`` readings stand
-after their number. Lines that cannot be read are skipped and reported. If a log holds each scan
-twice, as an old and as a new message, only the kind that comes first is read. Of several lasers,
-such as that of RLASER messages, each has the mount that its poses and those of its robot show.
+related programs leave out the end of FLASER messages, from the stamp or from odom_x on. Lines that
+cannot be read are skipped and reported. If a log holds each scan twice, as an old and as a new
+message, only the kind that comes first is read. If there are several lasers, such as those of
+FLASER and RLASER messages, the mount of each is computed from its poses and those of its robot.
 """
 
 import re
@@ -37,17 +37,17 @@ from lrf3d.recordings.log import (
 )
 from lrf3d.robot import Trajectory
 
-# The words of a fan.
+# The names of the words that describe a fan.
 _FAN = "type start fov step range_max accuracy mode n m "
 
-# The words of a pose.
+# The names of the words of a pose.
 _POSE = "x y theta "
 
-# The words that messages end with.
+# The names of the words that messages end with.
 _END = "time host end"
 
-# The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
-# these. The last of scans without a pose are those of DP-SLAM.
+# The names of the words of each message; ``n`` stands for the number of readings and the readings
+# after it, ``m`` for the same of remissions. Laser and Odometry are messages of DP-SLAM.
 LAYOUTS = {
     b"FLASER": "n " + _POSE + "odom_x odom_y odom_theta " + _END,
     b"ROBOTLASER1": _FAN + _POSE + "robot_x robot_y robot_theta v w safety safety turn " + _END,
@@ -58,19 +58,20 @@ LAYOUTS = {
     b"Odometry": _POSE,
 }
 
-# The numbers of the lasers of FLASER messages and their like.
+# The numbers of the lasers, by the old messages, which are all laid out as FLASER.
 OLD = {b"FLASER": 1, b"RLASER": 2, b"LLASER": 3}
 
 # Messages of lasers by their numbers.
 NUMBERED = re.compile(rb"(ROBOTLASER|RAWLASER)([1-9])").fullmatch
 
-# Scans without a pose: it is that of the odometry before it.
+# Messages of scans without a pose: they get that of the last odometry before them.
 RAW = (b"RAWLASER1", b"Laser")
 
-# Messages of stamped poses, by the names of their tracks.
+# Messages of stamped poses, and the names of the tracks that they make.
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
-# Words that the end of a line may lack: the host, the stamp, and the pose by odometry.
+# Numbers of words that may be missing at the end of a line: those of the host, the stamp, and the
+# pose by odometry.
 SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 
 # What lines of such logs begin with.
@@ -79,19 +80,19 @@ WORDS = re.compile(
     rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
 )
 
-# Unit of the bearings of a telegram [°].
+# Unit of the bearings of a SICK telegram [°].
 TELEGRAM_ANGLE = 1e-4
 
-# The bearing of a telegram that is ahead [°].
+# The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
 
 # Least number of words of a message of Player.
 PLAYER_WORDS = 15
 
-# Numbers of beams whose fan is known to be half a turn wide, or else a whole one.
+# Usual numbers of beams, for a fan of half a turn; the only alternative is a whole turn.
 HALF_TURNS = {180, 181, 360, 361}
 
-# Angles [°] between the first beam and the last that fans of other numbers may have.
+# Alternative widths [°] of fans with other numbers of beams, from the first beam to the last.
 WIDE_FANS = (240, 270, 360)
 
 # Messages that do not say how wide their fans are.
@@ -100,7 +101,7 @@ WITHOUT_FAN = (b"FLASER", b"Laser")
 # How far the poses of one laser on its robot may differ [m], [rad]: logs round their numbers.
 STEADY = 1e-3
 
-# Millimetres of a unit of a telegram, by the bits of a float.
+# Millimetres for a unit of the ranges of a SICK telegram, by the hexadecimal bits of its scale.
 SCALES = {b"3F800000": 1.0, b"40000000": 2.0}
 
 # How far a laser may stand from its robot's centre [m]: farther, the number is in other units.
@@ -110,8 +111,8 @@ FARTHEST_LASER = 10.0
 def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     """Read the scans of a CARMEN log; see `load_log`.
 
-    Readings from the largest range on are no return: if not given, the farthest that the message
-    says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
+    Readings from the largest range on mean no return. If it is not given, it is the range that the
+    message names for its range finder, else 50 m, or less if the largest reading stands out.
     """
     reading = _Reading(intake)
     for number, line in intake.lines():
@@ -198,7 +199,7 @@ def _of_telegram(words: list[bytes], at: int) -> list[bytes]:
 def _by_name(
     words: list[bytes], kind: bytes, lacking: int | None
 ) -> tuple[dict[str, list[bytes]], int]:
-    """The words of a message by their names, and how many its end lacks; or a ValueError."""
+    """The words of a message by name, and how many its end lacks; raises ValueError if invalid."""
     found = dict[str, list[bytes]]()
     place = 1
     for name in LAYOUTS[kind].split():
@@ -269,7 +270,7 @@ def _angles(found: Mapping[str, list[bytes]], count: int) -> Float:
 
 
 def _laser_of(name: bytes) -> tuple[bytes, int]:
-    """The kind of the message of a scan, as in `LAYOUTS`, and the number of its laser; or 0."""
+    """The kind of a message, as in `LAYOUTS`, and its laser's number; 0 if it is not a scan."""
     if name in OLD:
         return b"FLASER", OLD[name]
     if numbered := NUMBERED(name):
@@ -278,7 +279,7 @@ def _laser_of(name: bytes) -> tuple[bytes, int]:
 
 
 class _Row(NamedTuple):
-    """A scan, the number of its laser, its robot if that is known, and the odometry before it."""
+    """A scan, its laser's number, its robot's pose if known, and the last ODOM line before it."""
 
     scan: LaserScan
     laser: int
@@ -303,7 +304,7 @@ class _Reading:
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
     def take(self, words: list[bytes]) -> int:
-        """Read a message, and return how many readings it takes in memory; or a ValueError."""
+        """Read a message; returns its memory in readings, raises ValueError if it is invalid."""
         words = _translated(words)
         name = words[0] if words else b"#"
         if words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
@@ -335,11 +336,11 @@ class _Reading:
         if first != kind:
             if first not in RAW or kind in RAW:
                 return 0
-            # What has poses is better than what comes without.
+            # Scans with poses replace the earlier ones without poses.
             self.rows = [row for row in self.rows if row.laser != laser]
             lacking = None
             self._counts[laser] = 0
-        # All lines of a log are alike; one that ends before is cut.
+        # All messages of a laser lack the same words; a shorter one was cut.
         found, lacking = _by_name(words, kind, lacking)
         farthest = self._farthest(found)
         ranges = _ranges(found["n"])
@@ -366,7 +367,7 @@ class _Reading:
         range_max = _number(found, "range_max") if "range_max" in found else 0.0
         if range_max > LARGEST_COORDINATE:
             raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
-        # A message without a range holds 0.
+        # A message that does not know its largest range holds 0.
         limits = (range_max, self._intake.largest_range or 0.0)
         return min((each for each in limits if each > 0.0), default=LARGEST_RANGE)
 
@@ -402,7 +403,7 @@ class _Reading:
         return tuple(front_ends(max(counts), radians(angle)) for angle in wide)
 
     def _mounted(self) -> list[LaserScan]:
-        """The scans with the mounts of their lasers, without those of unknown ones."""
+        """The scans with the mounts of their lasers; those with unknown mounts are left out."""
         mounts = self._mounts()
         unknown = Counter(row.scan.laser for row in self.rows if row.laser not in mounts)
         if unknown:
@@ -422,9 +423,9 @@ class _Reading:
         return scans
 
     def _mounts(self) -> dict[int, Pose]:
-        """The poses on their robot of the lasers that have one.
+        """The mounts of the lasers on their robot, where they are known.
 
-        Of one laser alone the poses of FLASER messages are taken for those of its robot.
+        If there is one laser, the poses of its FLASER messages are taken for those of its robot.
         """
         mounts = {laser: self._mount(laser) for laser in sorted({row.laser for row in self.rows})}
         first, *others = mounts
@@ -441,7 +442,7 @@ class _Reading:
             return None
         robots = np.array([row.robot for row in rows])
         mounts = between(robots, np.array([row.scan.pose for row in rows]))
-        # About half a turn headings may have either sign.
+        # Near half a turn, a heading may have either sign.
         mounts[:, 2] += 2.0 * pi * np.round((mounts[0, 2] - mounts[:, 2]) / (2.0 * pi))
         far = np.hypot(*mounts[0, :2]) > FARTHEST_LASER
         if far or np.abs(mounts - mounts[0]).max() > STEADY:

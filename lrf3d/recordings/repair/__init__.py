@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 class Repair:
     """One thing that may be wrong with a recording.
 
-    ``find`` returns what is wrong, or None, and raises an InputError where that is beyond repair.
-    ``apply`` returns what is corrected: the scans of a laser, a log, or a recording with the path
-    of its robot. ``sentence`` says what was wrong and what was done; it is empty where nobody needs
-    to know. ``figures`` are the entries of a summary, for None those without such a fault.
+    ``find`` examines the scans of a laser, a log, or a `Recording`, and returns its finding, or
+    None if nothing is wrong; it raises an InputError where the fault is beyond repair. ``apply``
+    takes the same and the finding, and returns it corrected. ``sentence`` says what was wrong and
+    what was done; it is empty where users need not know. ``figures`` returns the entries of a
+    summary; for a finding of None, those of a recording without the fault.
     """
 
     name: str
@@ -23,7 +24,7 @@ class Repair:
 
 
 class Applied(NamedTuple):
-    """A repair that was applied, what it found, and the recording before it: to take it back."""
+    """A repair that was applied, what it found, and the recording before it, to undo it."""
 
     repair: Repair
     finding: Any

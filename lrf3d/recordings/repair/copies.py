@@ -13,9 +13,10 @@ from lrf3d.recordings.repair.recording import Recording
 
 
 class Copies(NamedTuple):
-    """The numbers of the scans and lines that are read, and for each line the row of its first.
+    """The numbers of the scans and odometry lines that are kept: of equal ones, the first.
 
-    The other scans and odometry lines are doubled, counted by these names.
+    ``rows`` holds for each line of the log the index of its first copy among the lines that are
+    kept; ``doubled`` the numbers of scans and odometry lines that are left out.
     """
 
     scans: Int
@@ -27,12 +28,12 @@ class Copies(NamedTuple):
 def find(recording: Recording) -> Copies | None:
     """Lines with the same stamp and pose, and scans with the same stamp and ranges."""
     table = np.arange(len(recording.poses))[:, None]
-    # Without stamps of their own lines that are alike are no copies.
+    # Equal lines without stamps of their own are not copies: the robot may stand still.
     if recording.stamped:
         table = np.column_stack([recording.times, recording.poses])
     _, first, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
     lines = np.sort(first)
-    # Of scans that are alike the first one counts.
+    # Of equal scans the first one is kept.
     scans = dict[tuple[float, bytes], int]()
     for number, scan in enumerate(recording.scans):
         scans.setdefault((scan.time, scan.ranges.tobytes()), number)

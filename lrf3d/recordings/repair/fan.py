@@ -1,4 +1,4 @@
-"""Fan: the bearings of beams that a log does not give are those that turn as the odometry does."""
+"""Fan: if a log does not give the bearings of beams, find those whose turns match the odometry."""
 
 from dataclasses import replace
 from math import degrees
@@ -12,18 +12,18 @@ from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import CLEARLY
 
-# Share of the robot's turns by which those of scans over the right fan may be off.
+# Largest relative error of the turns of scans with the right fan, compared with odometry.
 FITTING = 0.1
 
 
 def find(recording: Recording) -> Recording | None:
-    """The recording over the fan that fits clearly better, of those that the log may mean."""
+    """The recording with the alternative fan that fits clearly better; None if none does."""
     own = _off(recording)
     wide = float(np.ptp(recording.scans[0].angles))
     tried = [
         _over(recording, first, last)
         for first, last in recording.log.fans
-        # Else its turns would differ from those of the odometry by more than those of the scans.
+        # A fan of another width scales the turns: it is not tried where it must fit worse.
         if not own < 0.5 * abs(1.0 - wide / (last - first))
     ]
     best = min(tried, key=_off, default=recording)
@@ -34,13 +34,13 @@ def find(recording: Recording) -> Recording | None:
             "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
             " it, such as --format '-, ranges*682, x, y, theta, first=-120deg, last=120deg'"
         )
-    # It is an assumption, which the log notes.
+    # The fan is an assumption, so that the log notes it.
     log = replace(best.log, notes=(*best.log.notes, sentence(best)))
     return replace(best, log=log, seen_turns=best.turns)
 
 
 def _off(recording: Recording) -> float:
-    """By which share of the robot's turns those of the scans are off."""
+    """Relative error of the turns of the scans, compared with those of the robot."""
     return abs(recording.shown_share() - 1.0)
 
 

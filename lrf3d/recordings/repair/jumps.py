@@ -1,4 +1,4 @@
-"""Jumps: odometry that leaps, or goes out and back, goes on as around it."""
+"""Jumps: leaps of the odometry, and lines out and back, are replaced by the motion around them."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,23 +12,23 @@ from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.repair import Applied, Repair
 from lrf3d.recordings.repair.recording import Recording
 
-# Largest step of a robot between two lines of a log [m], [rad], and its largest speed [m/s],
-# [rad/s] where there is more than a second between them; all else is a jump.
+# Largest step of a robot between two odometry lines [m], [rad], or its largest speed [m/s], [rad/s]
+# where they are more than a second apart; anything more is a jump.
 FASTEST = 3.0
 
 # Factor on the usual speed up to which a step is no jump.
 FASTER = 3.0
 
-# Speed of a vehicle [m/s], up to which steps are no jumps if others are alike.
+# Speed of a vehicle [m/s]: the limit for jumps, which rises with the usual speed, stays below it.
 VEHICLE = 15.0
 
 # Least step to a corrupted line [m], [rad].
 OUT = 0.25
 
-# Largest share of that step that remains at the next line.
+# Largest share of that step that may remain at the next line, which is back.
 BACK = 0.3
 
-# Share of the lines that may be jumps: in other units than metres and radians all are.
+# Largest share of lines that may be jumps: in units other than metres and radians, all are.
 MOST_JUMPS = 0.1
 
 
@@ -40,7 +40,7 @@ class Jumps(NamedTuple):
 
 
 def find(recording: Recording) -> Jumps | None:
-    """Jumps of the odometry; where they are many, it is refused."""
+    """Jumps of the odometry; raises InputError if there are too many."""
     poses, jumps = without_jumps(recording.poses, recording.times)
     if len(jumps) > max(MOST_JUMPS * len(poses), 2):
         first = int(np.flatnonzero(recording.rows == jumps[0])[0])
@@ -52,9 +52,9 @@ def find(recording: Recording) -> Jumps | None:
 
 
 def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
-    """Odometry poses (n, 3) without jumps, by motions as around them, and the lines of these."""
+    """Odometry poses (n, 3) with the usual motion in place of jumps, and the lines of the jumps."""
     times = times.copy()
-    # A stamp outside of those around it is wrong, too.
+    # A stamp that does not lie between its neighbours is wrong, too.
     times[1:-1] = np.median([times[:-2], times[1:-1], times[2:]], axis=0)
     wheels, out = _without_outliers(wheels, times)
     steps = between(wheels[:-1], wheels[1:])
@@ -75,7 +75,7 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
 
 
 def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
-    """Odometry poses (n, 3) without lines that are out and back at once, and these lines."""
+    """Odometry poses (n, 3) with lines that leap out and back corrected, and these lines."""
     if len(wheels) < 3:
         return wheels, np.empty(0, np.int64)
     interval = float(np.ptp(times)) / len(times) or 1.0
@@ -89,7 +89,7 @@ def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
     away = steps[:, :-1]
     least = np.maximum(fastest * np.minimum(gaps[:-1], gaps[1:]), OUT)
     out: Bool = np.asarray(((away > least) & (left < BACK * away)).any(axis=0))
-    # The line after one that is out seems to be out, as seen from it.
+    # Between two lines that are out, a good line seems to go out and back, too.
     out[1:] &= ~out[:-1]
     lines = np.flatnonzero(out) + 1
     smooth = wheels.copy()
@@ -109,7 +109,7 @@ JUMPS = Repair(
 
 
 def with_more_jumps(recording: Recording, number: int) -> Recording:
-    """The recording with the number of jumps that its scans have shown beside those found here."""
+    """The recording with a number of jumps that SLAM found, added to those found here."""
     found = recording.found.get(JUMPS.name)
     number += found.finding.number if found else 0
     jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number), recording)}

@@ -12,15 +12,15 @@ from lrf3d.recordings.repair.recording import LATE, SURE, Recording
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
-# Bounds of the lag [lines].
+# Bounds of the lag [odometry lines].
 LAGS = np.array([-1.0, 2.0])
 
-# Bound of the lag either way [s], where that is wider.
+# Bound of the lag in both directions [s], where that is wider than `LAGS`.
 LATEST = 0.5
 
 
 class Lag(NamedTuple):
-    """How late scans (k,) are [lines], and the first and the last one [s]."""
+    """How late scans (k,) are [odometry lines], and how late the first and the last one are [s]."""
 
     lags: Float
     late: tuple[float, float]
@@ -41,9 +41,9 @@ def find(recording: Recording) -> Lag | None:
 def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -> Float:
     """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
 
-    They are the same for all scans, or grow evenly where two clocks drift.
+    They are the same for all scans, or change evenly where two clocks drift apart.
     """
-    # Of scans without a line between them odometry says nothing, whatever the lag is.
+    # Two scans without an odometry line between them show nothing about the lag.
     known = np.isfinite(turns) & (np.diff(places) > 0)
     distances = np.hypot(*np.diff(path.at(places)[:, :2], axis=0).T)[known]
     progress = np.linspace(-0.5, 0.5, len(places))
@@ -66,11 +66,13 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
     bound = LATEST / (path.interval or np.inf)
     least = min(LAGS[0], -bound)
     most = max(LAGS[1], bound)
+    # If hardly any turn depends on the lag, the lag is not known.
     moved = np.abs(at(most) - at(least))
     if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
         return lags()
-    # With a lag, and a drift of it, beside the systematic errors of the wheels. A turn is as long
-    # as the widest lag, so that the best of some is where the search begins.
+    # Fit first a lag, then a lag with a drift, together with the systematic errors of the wheels. A
+    # turn may take no longer than the widest lag, so that the cost has several minima: the fit
+    # starts from the best of some lags.
     tried = np.arange(least, most, 0.5)
     first = tried[np.argmin([np.abs(at(lag)).sum() for lag in tried])]
     best = fit(0.0, 0.0)
@@ -81,13 +83,13 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
 
 
 def fitted_again(recording: Recording, turns: Float | None = None) -> Recording:
-    """The recording with the lag that other turns (k − 1,) [rad] show, or those of its scans."""
+    """The recording with its lag fitted again, to given turns (k − 1,) [rad] or its own."""
     found = {name: each for name, each in recording.found.items() if name != LAG.name}
     return replace(recording, found=found, lags=np.zeros(1), seen_turns=turns).repaired(LAG)
 
 
 def sentence(lag: Lag) -> str:
-    """How late scans are at the beginning and at the end; empty for less than blurs a map."""
+    """How late scans are at the beginning and at the end; empty if too little to blur a map."""
     first, last = lag.late
     if max(abs(first), abs(last)) < LATE:
         return ""

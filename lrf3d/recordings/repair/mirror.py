@@ -11,14 +11,14 @@ from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import CLEARLY, LEAST_PAIRS, LEAST_TURN
 
-# Largest turn between most scans [rad] of odometry in radians. Scans that seem to stand still may
-# show a bare corridor; in degrees most turns are huge.
+# Turn from scan to scan [rad] that odometry in radians seldom exceeds; degrees often do. Scans that
+# seem to stand still, as in a bare corridor, fit turns in degrees, too.
 HUGE = 0.5
 
-# Least share of the turns of a robot that show in scans of a level plane.
+# Least share of the turns of a robot that scans of a level plane show.
 LEAST_SHOWN = 0.1
 
-# Turn per metre [rad/m] from which on it is no error of the wheels.
+# Turn per metre of path [rad/m] that is too large to be an error of the wheels.
 BENT = 0.1
 
 # Sum of such turns [rad] from which on scans must show them.
@@ -34,7 +34,7 @@ def find(recording: Recording) -> bool | None:
 
 
 def _is_mirrored(turns: Float, wheels: Float) -> bool:
-    """Whether scans turn by (k − 1,) [rad] against the odometry."""
+    """Whether the turns (k − 1,) [rad] of scans are opposite to those of the odometry."""
     known = np.isfinite(turns) & (np.abs(wheels) > LEAST_TURN)
     if known.sum() < LEAST_PAIRS:
         return False
@@ -48,7 +48,7 @@ def _is_mirrored(turns: Float, wheels: Float) -> bool:
 
 
 def _warn_of_another_plane(recording: Recording, steps: Float) -> None:
-    """Warn of scans that do not turn with the robot, whose steps between them are (k − 1, 3)."""
+    """Warn of scans that do not turn with the robot, whose steps between scans are (k − 1, 3)."""
     turned = np.abs(steps[:, 2])
     clear = BENT * np.hypot(*steps[:, :2].T)
     if turned[turned > clear].sum() > WHOLE and recording.shown_share(clear) < LEAST_SHOWN:
@@ -61,7 +61,7 @@ def _warn_of_another_plane(recording: Recording, steps: Float) -> None:
 
 def apply(recording: Recording, _: bool) -> Recording:
     """The recording with the beams of all scans reversed."""
-    # The order of the beams in time is lost with that of their angles.
+    # Reversed beams are no longer in the order in which they were sent.
     fans = {id(scan.angles): sealed(-scan.angles[::-1]) for scan in recording.scans}
     scans = [
         replace(scan, angles=fans[id(scan.angles)], ranges=scan.ranges[::-1], time_increment=0.0)

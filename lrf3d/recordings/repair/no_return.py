@@ -17,7 +17,7 @@ from lrf3d.recordings.repair import Repair
 # wall at the end of a corridor does not: it is read at many ranges.
 CROWDED = 5.0
 
-# How far below the largest range these ranges are [m].
+# Width of the band just below the largest range with which it is compared [m].
 BELOW = 0.5
 
 # Readings that differ by less are the same [m]: logs are written in centimetres.
@@ -26,11 +26,12 @@ EQUAL = 0.011
 # Least number of readings of the largest range that mean no return.
 LEAST_READINGS = 50
 
-# Least share of all readings that these are.
+# Least share of the largest range among all readings, for it to mean no return.
 LEAST_SHARE = 0.001
 
-# Least share of these readings next to another one: open space is seen by several adjacent beams,
-# but a robot at rest reads the corner of a room again and again.
+# Least share of readings of the largest range with an adjacent beam that reads it, too: open space
+# is seen by several adjacent beams; the far corner of a room, which a robot at rest reads again and
+# again, by one.
 ADJACENT = 0.3
 
 
@@ -43,11 +44,11 @@ class NoReturn(NamedTuple):
 
 
 def find(scans: Sequence[LaserScan], limit: float | None = None) -> NoReturn | None:
-    """NoReturn of the readings of a laser: the one that is given, or those that stand out.
+    """Which readings of a laser mean no return: from a given one on, or those that stand out.
 
     Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing; a
-    log does not name it. Taken for walls, such readings are an arc that moves with the robot. So
-    are those of the smallest reading, which others write.
+    log does not name it. Taken for walls, such readings are an arc that moves with the robot.
+    Others write their smallest range, which looks like a small arc around it.
     """
     far = limit or _outstanding([scan.ranges for scan in scans])
     near = -_outstanding([-scan.ranges for scan in scans])
@@ -64,7 +65,7 @@ def apply(scans: Sequence[LaserScan], limits: NoReturn) -> list[LaserScan]:
 
 
 def sentence(limits: NoReturn) -> str:
-    """What was assumed; a limit that the user gave is no news."""
+    """What was assumed; a limit that the user gave is not repeated."""
     far = f"readings from {limits.far:.4g} m on mean no return; --largest-range sets another limit"
     near = f"readings up to {limits.near:.4g} m mean no return"
     outstanding = limits.far < np.inf and not limits.given

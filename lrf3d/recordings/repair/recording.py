@@ -1,6 +1,6 @@
 """Recording: a log that is repaired, with the path of its robot by odometry and what was found.
 
-A log enters, for a purpose. Repairs make one recording of another; `repair` runs them.
+A log and a purpose enter. Each repair returns a new recording; `repairs.repair` runs them all.
 """
 
 from collections.abc import Mapping
@@ -20,23 +20,24 @@ from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
-# Lag of the scans [s] that is reported: by more than that maps of fast turns are blurred.
+# Least lag of the scans [s] that is reported: larger ones blur maps of fast turns.
 LATE = 0.03
 
-# Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs it is by
-# 1.7 and more; between two lines the noise of both cancels in part, which looks like a lag of 1.1.
+# Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs that have a
+# lag it is 1.7 times and more. Without one it may be 1.1 times higher: between two odometry lines
+# the noise of both cancels in part, which looks like a lag.
 SURE = 1.3
 
-# Share of lines that must have a stamp of their own, for stamps to be of any use.
+# Least share of odometry lines with a stamp of their own; below it the stamps are not used.
 STAMPED = 0.25
 
 
 class Purpose(NamedTuple):
     """What a log is repaired for.
 
-    Repairs are left out by their names. A lag is accepted if the cost without it is ``sure`` times
-    higher and it reaches ``least_lag`` [s]. Where the poses of the scans are ``known``, they are
-    the path of the laser; else the path is that of the odometry.
+    Repairs named in ``left_out`` are not made. A lag is accepted if the cost without it is ``sure``
+    times higher and it reaches ``least_lag`` [s]. Where the poses of the scans are ``known``, they
+    are the path of the laser; else the path is that of the odometry.
     """
 
     left_out: tuple[str, ...] = ()
@@ -49,9 +50,10 @@ class Purpose(NamedTuple):
 class Recording:
     """Scans (k,) of a log, and the path of their robot through poses (n, 3) at times (n,) [s].
 
-    Places (k,) are for each scan the index of the last pose before it, and rows (lines,) for each
-    odometry line of the log that of its pose. Scans are late by lags (k,) or (1,) [lines]. What
-    repairs found is kept by their names; they have seen turns (k − 1,) [rad] between the scans.
+    ``places`` (k,) holds for each scan the index of the last pose before it, and ``rows`` (lines,)
+    for each odometry line of the log the index of its pose: lines that are copies share one. Scans
+    are late by ``lags`` (k,) or (1,) [odometry lines]. ``found`` holds what repairs found, by their
+    names, and ``seen_turns`` (k − 1,) [rad] the turns between scans, if a repair has computed them.
     """
 
     log: LaserLog
@@ -74,25 +76,25 @@ class Recording:
 
     @cached_property
     def turns(self) -> Float:
-        """Turns (k − 1,) [rad] between following scans as they show them; NaN where unknown."""
+        """Turns (k − 1,) [rad] from each scan to the next, by matching them; NaN where unknown."""
         if self.seen_turns is None:
             return turns_between(self.converter, self.scans, self.path, self.places)
         return self.seen_turns
 
     @property
     def increments(self) -> list[Float] | list[None]:
-        """How the robot moved (k, 3) to each scan by odometry; None each if there is none."""
+        """Motion (k, 3) of the robot to each scan by odometry; a list of None without odometry."""
         steps = self.path.increments(self.places - self.lags)
         return list(steps) if self.log.placed else [None] * len(steps)
 
     @property
     def sentences(self) -> list[str]:
-        """What was wrong and what was done, a sentence each, but for notes of the log."""
+        """What was wrong and what was done, a sentence each, except those that the log notes."""
         said = [each.repair.sentence(each.finding) for each in self.found.values()]
         return [sentence for sentence in said if sentence and sentence not in self.log.notes]
 
     def repaired(self, repair: Repair) -> "Recording":
-        """The recording after a repair; itself if that is left out or finds nothing."""
+        """The recording after a repair; unchanged if that is left out or finds nothing."""
         finding = None if repair.name in self.purpose.left_out else repair.find(self)
         if finding is None:
             return self
@@ -100,7 +102,7 @@ class Recording:
         return replace(after, found={**after.found, repair.name: Applied(repair, finding, self)})
 
     def shown_share(self, least: Float | float = 0.0) -> float:
-        """How much of the robot's turns over a least one [rad] the scans show; inf if unknown."""
+        """Median share of the robot's turns above a least one [rad] that scans show; or inf."""
         turned = np.abs(np.diff(self.path.at(self.places)[:, 2]))
         known = np.isfinite(self.turns) & (turned > LEAST_TURN) & (turned > least)
         if known.sum() < LEAST_PAIRS:
@@ -108,7 +110,7 @@ class Recording:
         return float(np.median(np.abs(self.turns[known]) / turned[known]))
 
     def placed_scans(self) -> list[LaserScan]:
-        """The scans with the poses of when they were taken."""
+        """The scans with the poses at which they were taken, corrected for their lag."""
         if not self.lags.any():
             return self.scans
         robots = self.path.at(self.places - self.lags)
@@ -118,16 +120,17 @@ class Recording:
         ]
 
     def line_poses(self, scan_poses: Float) -> Float:
-        """Poses (lines, 3) at all odometry lines, which follow the odometry between scans.
+        """Poses (lines, 3) at all odometry lines: those of scans, and odometry between them.
 
-        The pose of a line that a scan follows is that of the scan: the poses are by the clock of
-        the laser, for it is the laser's measurements that they are compared with.
+        The last line before a scan gets the pose of the scan, whatever its lag is: the poses follow
+        the clock of the laser, since they are compared with the laser's measurements.
         """
         numbers = np.arange(len(self.poses))
         lags = np.broadcast_to(self.lags, self.places.shape)
         wheels = self.path.at(numbers - np.interp(numbers, self.places, lags))
         known, last = np.unique(self.places[::-1], return_index=True)
-        # The difference between odometry and scans is spread by the motion, and a little by lines.
+        # The difference between odometry and scans is spread in proportion to the motion, plus a
+        # little for each line, also where the robot stands.
         steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + 1e-3
         driven = np.concatenate([[0.0], np.cumsum(steps)])
         lines = bent(wheels, known, scan_poses[::-1][last], driven)[self.rows]

@@ -1,4 +1,4 @@
-"""Logs that no repair helps are refused, with a line that says what was expected."""
+"""Refusal: logs beyond repair raise an InputError that says what was expected."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from lrf3d.base.text import counted
 from lrf3d.laser import doubtful_ranges
 from lrf3d.recordings.log import LaserLog
 
-# Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart.
+# Largest stamp [s]: larger ones are nanoseconds, and a float rounds two of these to one.
 LATEST_STAMP = 1e12
 
 # Least number of beams of a scan that show a wall.
@@ -42,7 +42,7 @@ def refuse_unsolvable(log: LaserLog) -> None:
     first = scans[0].angles
     if len(first) < LEAST_BEAMS:
         raise InputError(f"scans of {len(first)} beams; expected at least {LEAST_BEAMS}")
-    # With room for the rounding of drivers.
+    # A full turn, with room for the rounding of drivers.
     if np.abs(first).max() > 2.1 * np.pi:
         largest = first[np.abs(first).argmax()]
         raise InputError(f"a beam at {largest:g} rad; expected angles of at most a turn")

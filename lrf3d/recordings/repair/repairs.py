@@ -1,6 +1,7 @@
 """The repairs of recordings, in the order in which they are made, for maps, SLAM and localisation.
 
-A log enters; recordings leave, which keep what was found. A repair is left out by its name.
+A log enters; repaired recordings leave, which keep what each repair found. Callers leave out
+repairs by their names.
 """
 
 from collections.abc import Sequence
@@ -24,33 +25,35 @@ from lrf3d.recordings.repair.standing import STANDING
 from lrf3d.recordings.repair.sweep import SWEEP
 from lrf3d.recordings.repair.turns import CLEARLY
 
-# Repairs of recordings, in their order.
+# Repairs that are made on a recording, in their order.
 RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, SWEEP)
 
-# All repairs. The first is made as a log is read, the second before lasers are taken together.
+# All repairs. The first is made as a log is read, the second before the scans of several lasers
+# are joined.
 REPAIRS = (NO_RETURN, ANGLES, *RECORDINGS)
 
 # SLAM makes all repairs.
 SOLVING = Purpose()
 
-# A map keeps the scans and the poses that are given. They move only for a lag that fits clearly
-# better, as odometry of a second's interval looks early by 1.8, and that blurs the map.
+# A map keeps the given scans and poses: the repairs named here are left out. Poses move only for a
+# lag that fits clearly better: with odometry once a second, a wrong one fits 1.8 times better, and
+# blurs the map.
 MAPPING = Purpose(
     ("copies", "stamps", "jumps", "standing", "sweep"), sure=CLEARLY, least_lag=LATE, known=True
 )
 
-# Places are searched in steps that are wider than what a lag or a sweep moves.
+# Localisation leaves out lag and sweep: it searches in wider steps than they move a scan.
 LOCALISING = Purpose(("lag", "sweep"))
 
 
 def repair(log: LaserLog, purpose: Purpose, without: Sequence[str] = ()) -> list[Recording]:
-    """Repair a log for a purpose; returns its recording, or for a map that of each laser.
+    """Repair a log for a purpose; returns its one recording, or for a map one for each laser.
 
-    Repairs that are left out by name are not made. What is left out of `NO_RETURN` counts where the
-    log is read: `load_log(path, without_repairs=["no_return"])`.
+    ``without`` names repairs that are left out. `NO_RETURN` was made as the log was read, so that
+    it is left out there: `load_log(path, without_repairs=["no_return"])`.
 
     Raises:
-        InputError: There is no such repair, or the log is beyond repair; the line says why.
+        InputError: There is no such repair, or the log is beyond repair; the message says why.
 
     Warns:
         Lrf3dWarning: The scans do not turn with the robot.
@@ -80,7 +83,7 @@ def repaired_log(log: LaserLog, without: Sequence[str] = ()) -> LaserLog:
 
 
 def figures_of(recording: Recording) -> dict[str, Any]:
-    """What was found, for summaries."""
+    """The entries of a summary from all repairs, also from those that found nothing."""
     found = {name: each.finding for name, each in recording.found.items()}
     figures = (each.figures(found.get(each.name)).items() for each in REPAIRS)
     return dict(chain.from_iterable(figures))

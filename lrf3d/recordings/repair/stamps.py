@@ -1,4 +1,4 @@
-"""Stamps: a log that is out of order, such as one that was merged from two, is sorted by them."""
+"""Stamps: a log that is out of order, such as one merged from two, is sorted by its stamps."""
 
 from dataclasses import replace
 
@@ -8,13 +8,13 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
 
-# The order of the stamps is taken where the path is shorter in it by more than this [m], or where
-# most stamps fall.
+# A log is sorted by its stamps where that shortens the path by more than this [m], or where most
+# stamps are earlier than the one before.
 DETOUR = 0.5
 
 
 def find(recording: Recording) -> Int | None:
-    """The order (n,) of the stamps, if the odometry lines belong in it."""
+    """The order (n,) that sorts odometry lines by their stamps; None if they stay as they are."""
     times = recording.times
     order = np.argsort(times, kind="stable")
     driven, shortest = (_length(poses) for poses in (recording.poses, recording.poses[order]))
@@ -24,7 +24,7 @@ def find(recording: Recording) -> Int | None:
 
 
 def apply(recording: Recording, order: Int) -> Recording:
-    """The recording with its lines in this order, and the scans after the lines before them."""
+    """The recording with its lines in this order, and each scan after the line that it followed."""
     rank = np.argsort(order)
     places = rank[recording.places]
     scans = np.lexsort([np.array([scan.time for scan in recording.scans]), places])

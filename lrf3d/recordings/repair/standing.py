@@ -1,4 +1,4 @@
-"""Standing: odometry that never moves counts as missing."""
+"""Standing: odometry that never moves is treated as missing."""
 
 from dataclasses import replace
 

@@ -1,8 +1,8 @@
-"""Sweep: beams that went out one after the other, which their log does not say, are unrolled.
+"""Sweep: scans whose beams were sent one after the other, without times in the log, are unrolled.
 
-A laser whose mirror turns once for each scan shows bent walls while its robot turns. Of two scans
-at different rates of turn more agrees once both are unrolled, and less if they are unrolled the
-other way round.
+A laser whose mirror turns once for each scan shows bent walls while its robot turns. Two scans at
+different turn rates agree better once both are unrolled, and worse if they are unrolled in the
+opposite sense.
 """
 
 from collections.abc import Callable
@@ -22,16 +22,16 @@ from lrf3d.recordings.repair.lag import fitted_again
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
 
-# Longest turn of a mirror [s]: slower lasers are those that are turned as a whole.
+# Longest revolution of a mirror [s]: lasers that take longer are turned as a whole.
 LONGEST = 0.25
 
-# Scans from the first to the second of a pair: the robot must have changed its rate of turn.
+# Number of scans from the first to the second of a pair, in which the turn rate can change.
 APART = 4
 
 # Largest number of pairs that are compared: more take longer and prove no more.
 MOST_PAIRS = 120
 
-# Least difference between the turns from scan to scan [rad] at the ends of a pair.
+# Least difference between the turn rates of the two scans of a pair [rad per scan].
 LEAST_CHANGE = 0.03
 
 # Largest turn from the first to the second of a pair [rad], so that both see the same walls.
@@ -40,12 +40,13 @@ WIDEST = 1.0
 # Information of the window in which the second scan of a pair is matched.
 INFORMATION = np.asarray(np.linalg.inv(PAIR), dtype=np.float64)
 
-# Standard errors that gain and loss must reach: of lasers that turn 4 to 9 and 4 to 13.
+# Number of standard errors that gain and loss must reach; lasers with a mirror reach 4 to 9 and
+# 4 to 13.
 SURE = 3.0
 
 
 def find(recording: Recording) -> list[LaserScan] | None:
-    """The scans with the motion during each, if they agree better so."""
+    """The scans with the motion during each, if they agree clearly better with it."""
     interval = _interval(recording)
     if not interval:
         return None
@@ -66,7 +67,7 @@ def find(recording: Recording) -> list[LaserScan] | None:
 
 
 def _interval(recording: Recording) -> float:
-    """The time between scans [s] during which they may sweep unsaid; 0 if they do not."""
+    """The time between scans [s] if beams may be spread over it without times; else 0."""
     scans = recording.scans
     said = any(scan.time_increment or scan.motion is not None for scan in scans)
     interval = usual_step(np.array([scan.time for scan in scans]))
@@ -77,7 +78,7 @@ def _interval(recording: Recording) -> float:
 def _rolled(
     recording: Recording, places: Float, interval: float, lines: float, sense: int, number: int
 ) -> LaserScan:
-    """A scan with its motion by a mirror that turns once in an interval [s], or in [lines]."""
+    """A scan with its motion, for a mirror that turns once in an interval [s], or in [lines]."""
     scan = recording.scans[number]
     if not sense:
         return scan
@@ -93,7 +94,7 @@ def _agreement(
     pairs: list[list[int]],
     rolled: Callable[[int], LaserScan],
 ) -> Float:
-    """How much of the second scan of each pair (p,) the first explains, once they are rolled."""
+    """Share of the second scan of each pair (p,) that the first explains, with both unrolled."""
     explained = []
     for pair in pairs:
         check()
@@ -105,7 +106,7 @@ def _agreement(
 
 
 def _uneven_pairs(poses: Float) -> list[list[int]]:
-    """Pairs of scans, at poses (k, 3) near each other, of a robot that turned at other rates."""
+    """Pairs of scans at nearby poses (k, 3) whose turn rates differ, the most different first."""
     rates = np.gradient(poses[:, 2])
     x, y, turn = (poses[APART:] - poses[:-APART]).T
     change = np.abs(rates[APART:] - rates[:-APART])
@@ -124,7 +125,7 @@ def longest(scans: list[LaserScan] | None) -> float:
 SWEEP = Repair(
     "sweep",
     find,
-    # Scans that are unrolled show other turns, and so another lag.
+    # Unrolled scans show other turns, so that the lag is fitted again.
     lambda recording, scans: fitted_again(replace(recording, scans=scans)),
     lambda scans: f"walls bend in turns, as a scan takes {longest(scans):.3f} s: unrolled",
     lambda scans: {"sweep": longest(scans)},

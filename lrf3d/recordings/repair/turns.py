@@ -1,7 +1,7 @@
 """Turns between following scans, as the scans show them.
 
-Scans and the path of their robot enter; turns leave, which say how the laser turns, how wide its
-fan is, and how late it is.
+Scans and the path of their robot enter; turns leave, which show whether the laser turns clockwise,
+how wide its fan is, and how late its stamps are.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
-# Largest number of pairs of scans whose turns are found: those that turn most.
+# Largest number of pairs of scans whose turns are computed: those that turn most.
 PAIRS = 200
 
 # Least number of pairs from which anything is concluded.
@@ -30,7 +30,7 @@ MOST_DISTANCE = 0.5
 # Covariance of the window that is searched for the motion of a pair: 0.1 m and 0.2 rad.
 PAIR: Float = 0.1**2 * np.diag([1.0, 1.0, 2.0**2])
 
-# Factor by which turns must fit better in another sense, unit or fan, for scans to be in it.
+# Factor by which turns must fit better for another sense of rotation, unit, fan or lag to be used.
 CLEARLY = 3.0
 
 
@@ -39,8 +39,8 @@ def turns_between(
 ) -> Float:
     """Turn (k − 1,) from each of scans (k,) to the next [rad] as they show it; NaN where unknown.
 
-    All headings around are searched, not those near the odometry, which may count them the other
-    way or in degrees.
+    All headings are searched, not only those near the odometry, which may count headings clockwise
+    or in degrees.
     """
     turns = np.full(max(len(places) - 1, 0), np.nan)
     x, y, turn = path.increments(places)[1:].T

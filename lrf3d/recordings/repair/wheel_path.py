@@ -26,12 +26,12 @@ class WheelPath:
         return not np.ptp(self._whole, axis=0).any()
 
     def at(self, places: NDArray[Any]) -> Float:
-        """Poses (k, 3) at fractional places (k,) between the lines; headings go on over π."""
+        """Poses (k, 3) at fractional places (k,) between the lines; headings are not wrapped."""
         number = np.arange(len(self._whole), dtype=np.float64)
         last = max(len(self._whole) - 1, 0)
         poses = np.column_stack([np.interp(places, number, values) for values in self._whole.T])
         if last:
-            # Before the first line the robot moved as after it, and after the last as before it.
+            # Beyond the first and the last line the motion next to it is extrapolated.
             beyond = np.array([np.minimum(places, 0.0), np.maximum(places - last, 0.0)])
             poses += beyond.T @ np.diff(self._whole, axis=0)[[0, -1]]
         return poses

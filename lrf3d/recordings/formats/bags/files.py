@@ -1,7 +1,7 @@
 """The messages in files of ROS bags: MCAP, SQLite, and the .bag of ROS 1.
 
-Files are read from their beginning, without an index: of what a killed recorder or a full disk
-left, all whole records are read, also those in a chunk that is cut. Nothing is unpacked beyond a
+Files are read from their beginning, without an index, so that a file that a killed recorder or a
+full disk cut short is read up to its last whole record, also within a chunk. Unpacking stops at a
 limit: a few kilobytes may unpack to gigabytes.
 """
 
@@ -30,7 +30,7 @@ MOST_UNPACKED = 1 << 28
 # Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
 MOST_TIMES = 200
 
-# Bytes of a packed file that are unpacked at a time: the last ones of one that is cut are lost.
+# Bytes that are unpacked at a time of a packed file: of a file that is cut, the last are lost.
 BLOCK = 1 << 16
 
 
@@ -42,7 +42,7 @@ class BagTopic(NamedTuple):
     packing: str
 
 
-# A message: its topic, when it was received [ns], and its bytes; without these, a topic begins.
+# A message: its topic, when it was received [ns], and its bytes; None announces a topic.
 Packet = tuple[BagTopic, int, bytes | None]
 
 
@@ -65,7 +65,7 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
-    """The messages of a file of a bag; an error says that it is none, a note that it is cut."""
+    """The messages of a file; raises InputError if it is not a bag, notes if it was cut short."""
     with ExitStack() as stack:
         file: Any = stack.enter_context(path.open("rb"))
         head = file.read(len(SQLITE))
@@ -148,8 +148,8 @@ def _unpack(path: Path, whole: Any) -> None:
 
 
 def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
-    # Nothing is written beside the file. What a killed recorder left in its journal is read from
-    # copies, since SQLite moves it into the file.
+    # Nothing is written next to the file. The journal that a killed recorder left is read from
+    # copies, since SQLite moves its content into the file.
     journal = path.with_name(f"{path.name}-wal")
     with ExitStack() as stack:
         uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
@@ -169,26 +169,27 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
         for number, *words in database.execute(f"SELECT {columns} FROM topics"):
             topics[number] = BagTopic(*map(str, words))
             yield topics[number], 0, None
-        # In the order of their receipt: by a clock that starts again, two drives would be mixed.
+        # Messages keep the order of their rows: sorted by a clock that was set back, they would mix
+        # two drives.
         rows = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
         for number, received, data in database.execute(rows):
             if isinstance(data, bytes):
                 yield topics[number], received, data
 
 
-# Kind of the records of MCAP with the name of a type of messages.
+# Code of MCAP records that hold the name of a type of messages.
 SCHEMA = 3
 
-# Kind of those with a topic.
+# Code of MCAP records that hold a topic.
 CHANNEL = 4
 
-# Kind of those with a message.
+# Code of MCAP records that hold a message.
 MESSAGE = 5
 
-# Kind of those with packed records.
+# Code of MCAP records that hold packed records.
 CHUNK = 6
 
-# Kind of the one after the last of the data.
+# Code of the MCAP record that ends the data.
 DATA_END = 15
 
 
@@ -223,13 +224,13 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
     return data[place + 4 : end].decode("utf-8", "replace"), end
 
 
-# Kind of the records of ROS 1 with a message.
+# Code of ROS 1 records that hold a message.
 OLD_MESSAGE = 2
 
-# Kind of those with packed records.
+# Code of ROS 1 records that hold packed records.
 OLD_CHUNK = 5
 
-# Kind of those with a topic.
+# Code of ROS 1 records that hold a topic.
 OLD_CONNECTION = 7
 
 
@@ -253,7 +254,7 @@ def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
 
 
 def _block(stream: Any) -> bytes:
-    """The bytes that follow their number, as far as they are there."""
+    """The bytes of a block, which begins with its length; fewer where the file is cut."""
     size = int.from_bytes(stream.read(4), "little")
     _check_size(size)
     data: bytes = stream.read(size)

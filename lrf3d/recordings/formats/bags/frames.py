@@ -18,21 +18,22 @@ from lrf3d.recordings.formats.units import NANO
 # messages that overtake each other differ by less.
 BACK = 1_000_000_000
 
-# How far the size of a quaternion may be from 1: mounts are typed as 0.7 0.7.
+# How far the norm of a quaternion may be from 1: people type mounts as 0.7 0.7.
 UNEVEN = 0.02
 
-# Poses are unknown in a gap that is longer than this [ns].
+# Poses are unknown in a gap that is longer than this [ns] and than `GAPS` usual intervals.
 GAP = BACK
 
-# And that many times as long as the usual interval.
+# Length of such a gap, in usual intervals.
 GAPS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class BagPart:
-    """A part of a recording: the messages at which all but the first begin, and its number from 0.
+    """A part of a recording: the messages at which later parts begin, and its number from 0.
 
-    Its clock may be that of the recorder, by which messages were received, instead of their stamps.
+    All parts but the first have an entry in ``begins``. If ``by_receipt`` is set, the times at
+    which the recorder received messages replace their stamps.
     """
 
     begins: Int
@@ -41,9 +42,9 @@ class BagPart:
 
 
 class FrameTrack:
-    """When messages were sent and received, and poses of a frame in another one that they hold.
+    """When messages were sent and received, and the poses of a frame in another, if they hold any.
 
-    It is packed: a bag holds millions of transforms.
+    It is stored in packed arrays: a bag holds millions of transforms.
     """
 
     def __init__(self, *, is_static: bool = False) -> None:
@@ -61,8 +62,8 @@ class FrameTrack:
     def add_pose(self, place: Any, turn: Any, *stamp: int) -> None:
         """Add a position and a quaternion at a time, in any order."""
         row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-        # In this order the comparisons refuse NaN as well. A heading that is written in place of a
-        # quaternion's z is not a rotation.
+        # Written this way round, the comparisons refuse NaN as well. The norm shows where a heading
+        # was written in place of a quaternion's z.
         if not (
             all(abs(value) <= LARGEST_COORDINATE for value in row)
             and abs(math.hypot(*row[3:]) - 1.0) < UNEVEN
@@ -78,7 +79,7 @@ class FrameTrack:
 
     @property
     def is_frozen(self) -> bool:
-        """Whether the sender has no clock: all of several messages, or moves, have one stamp."""
+        """Whether the sender has no clock: several messages have one stamp, though poses differ."""
         return len(self) > 2 and not np.ptp(self.stamps[0]) and not self.stands
 
     @property
@@ -109,7 +110,7 @@ class FrameTrack:
     def within(self, part: BagPart) -> "FrameMotion | None":
         """Its motion in a part of the recording; None if it was not published there.
 
-        Of rows with the same stamp the later one counts. What is static is so in all parts.
+        Of rows with the same stamp the later one counts. A static pose is valid in all parts.
         """
         times, inside = self.times(part)
         if self.is_static:
@@ -152,6 +153,7 @@ class FrameMotion:
             matrices[(times < first) | (times > last)] = np.nan
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
+            # Poses at a stamp are known, also at the ends of a gap.
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times
             lost = steps[place] > max(GAP, GAPS * float(np.median(steps)))
             matrices[lost & ~known] = np.nan

@@ -1,4 +1,4 @@
-"""The contents of a bag, and the poses of its scans: whose odometry, by which clock."""
+"""The contents of a bag, and the poses of its scans: by which robot's odometry and which clock."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from lrf3d.recordings.formats.text.fans import WIDEST_FAN
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
 
-# Scans, and those of several echoes a beam, of which the first counts.
+# The types of messages of scans; where a beam has several echoes, the first one counts.
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
 SCANS = (SCAN, ECHOES)
 
@@ -35,13 +35,13 @@ ROUNDED = 0.01
 # Parts that a recording may have; where stamps go back more often, they are useless.
 MOST_PARTS = 20
 
-# Words in the names of topics of poses where no robot is.
+# Words in the names of topics whose poses are goals or guesses, not those of a robot.
 AIMS = ("goal", "initialpose")
 
 # Interval [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
 COARSE = 0.3
 
-# And that many times the interval of scans.
+# Least interval of coarse odometry, in intervals of scans.
 COARSE_SCANS = 3.0
 
 # Clocks that differ by more than this [ns] are not the same: transforms are published up to a
@@ -97,8 +97,8 @@ class ScanStream:
 class Contents:
     """The contents of a bag: scans, the poses of each topic and their frames, and transforms.
 
-    Scans are kept by topic and frame; transforms by namespace: in its own, a robot may have frames
-    of the usual names.
+    Scans are kept by topic and frame; transforms by namespace, since several robots may use the
+    usual names of frames. ``children`` holds the frame whose poses a topic of poses reports.
     """
 
     intake: Intake
@@ -169,7 +169,7 @@ LEAST_UPRIGHT = np.cos(np.radians(15.0))
 BASE = "base_link"
 DRIFTING = "odom"
 
-# The pose of a laser that nothing is known of.
+# The pose of a laser whose poses are unknown.
 STANDING = np.eye(4)
 
 
@@ -208,7 +208,7 @@ def _robot_of(contents: Contents, wanted: str, part: int | None) -> "_Robot":
 
 
 def _streams_of(robot: "_Robot", contents: Contents) -> list[ScanStream]:
-    """The streams of a robot's lasers, the one of its own first; a note names the others."""
+    """The streams of a robot's lasers, the preferred one first; a note names other streams."""
     used: dict[str, ScanStream] = {}
     for stream in contents.streams:
         # Of several versions of the scans of a frame the first counts.
@@ -249,8 +249,8 @@ def _part(contents: Contents, stream: ScanStream, wanted: int | None) -> BagPart
 class _Robot:
     """The robot of a stream of scans: its frames, its tracks, and the source of its poses.
 
-    ``sources`` are the names of the sources that the bag has, each with its topic, or the frame in
-    which the laser's pose is found; ``words`` describe the one that is chosen.
+    ``there`` lists the names of the sources that the bag has; ``source`` is the topic of the chosen
+    one, or the frame in which transforms give the laser's pose; ``words`` describe it.
     """
 
     def __init__(self, contents: Contents, stream: ScanStream, part: BagPart, wanted: str) -> None:
@@ -283,7 +283,7 @@ class _Robot:
         return {"truth": "".join(truths[:1]), "tf": tree, "odom": odom}, further
 
     def _moving(self, frames: Sequence[str]) -> list[str]:
-        """Those of some frames above the laser in which it moves."""
+        """Those of the given frames above the laser relative to which it moves."""
         chain = self._frames.chain(self._stream.frame)
         moves = np.cumsum([0, *map(self._frames.moves, chain)])
         return [frame for frame in frames if moves[chain.index(frame)]]
@@ -313,7 +313,7 @@ class _Robot:
             return True
         if child in frames and frame in frames and not frames.carries(child, frame):
             return True
-        # Another robot's scans are beside it.
+        # A topic next to the scans of another robot is that robot's.
         there = dirname(topic)
         scanned = there in map(dirname, self._contents.scan_topics)
         return scanned and not self._stream.topic.startswith(there)
@@ -334,14 +334,14 @@ class _Robot:
 
     @property
     def others(self) -> str:
-        """That there is more odometry than was used, in a sentence; "" if there is not."""
+        """A note on odometry that is not used; "" if all is."""
         if not self._unused:
             return ""
         return f"odometry from {self.source}, not from {one_line(', '.join(self._unused), 90)}"
 
     @property
     def coarse(self) -> str:
-        """That poses come much more seldom than scans, in a sentence; "" if they do not."""
+        """A note on poses that are much rarer than scans; "" if they are not."""
         track = self._tracks.get(self.source) or self._edges.get(self._base)
         if not self.source or not track:
             return ""
@@ -373,7 +373,7 @@ class _Robot:
         return ""
 
     def _used_tracks(self) -> dict[str, FrameTrack]:
-        """The stamped poses that those of the laser are made of, by their names."""
+        """The tracks of stamped poses from which those of the laser are computed, by name."""
         chain = self._frames.chain(self._stream.frame)
         tracks = {f"/tf of {frame}": self._edges[frame] for frame in chain if frame in self._edges}
         if self.source in self._tracks:
@@ -435,7 +435,7 @@ class _Robot:
 
 
 def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, FrameTrack]]:
-    """The transforms of the namespaces that a topic is in, or of all if there are none of these."""
+    """The transforms of the namespaces that contain a topic; if they have none, all transforms."""
     spaces = sorted(contents.edges, key=len)
     own = [space for space in spaces if topic.startswith(f"{space}/")]
     return {k: edge for space in own or spaces for k, edge in contents.edges[space].items()}

@@ -10,13 +10,14 @@ odom      a topic of Odometry, ``/odom`` before others; where there is none, the
           to the frame ``odom``
 ========  ==================================================================================
 
-Only what belongs to the robot of the laser counts: odometry of a frame that carries the laser.
+Only odometry of the laser's own robot is used: that of a frame that carries the laser.
 Each scan has the mounting of its own frame, by the transforms: position, heading, and whether it is
 upside down. The pose of a scan is interpolated at its stamp, which is that of its first beam. Scans
-before the first pose or after the last are left out and counted. Where stamps go back, another part
-of the recording begins, of which one is read; where they are useless, the times of receipt count.
+before the first pose or after the last are left out and counted. Where stamps go back, a new part
+of the recording begins, and one of the parts is read; where stamps are useless, the times at which
+messages were received replace them.
 
-Only messages of the types named here are unpacked, by rosbags (extra ``ros``) and its own
+Only messages of the types in `poses.TYPES` are unpacked, by rosbags (extra ``ros``) and its own
 definitions.
 """
 

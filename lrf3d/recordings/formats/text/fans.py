@@ -21,7 +21,7 @@ FANS = {
 
 
 def front_fan(count: int, wide: float = np.pi) -> tuple[float, float]:
-    """First angle and step [rad] of a FLASER message's beams, which are half a turn wide.
+    """First angle and step [rad] of beams over a width; those of FLASER are half a turn wide.
 
     An odd fan reaches both −90° and +90°; an even one leaves +90° out.
     """
@@ -29,7 +29,7 @@ def front_fan(count: int, wide: float = np.pi) -> tuple[float, float]:
 
 
 def front_ends(count: int, wide: float) -> tuple[float, float]:
-    """First and last angle [rad] of beams spread so over a width [rad]."""
+    """First and last angle [rad] of beams that `front_fan` spreads over a width [rad]."""
     start, step = front_fan(count, wide)
     return start, start + step * (count - 1)
 

@@ -20,16 +20,16 @@ from lrf3d.recordings.formats.text.words import (
 )
 from lrf3d.recordings.log import Intake
 
-# Lines that show what the others are like.
+# Number of first lines from which the form of a file is inferred.
 SAMPLE = 60
 
-# More of them, where lines have few words.
+# Number of further lines that are sampled, where lines have few words.
 LARGE_SAMPLE = 4000
 
-# Share of the lines that a kind of lines needs, if it is known by its length alone.
+# Where short lines and long ones each exceed this share, only the long ones hold scans.
 LEAST_SHARE = 0.2
 
-# Share of the lines that are equally long, where all whole ones are.
+# Share of equally long lines above which a line of another length is refused.
 STEADY = 0.9
 
 
@@ -97,7 +97,7 @@ def _first_texts(path: Path) -> list[str]:
 
 
 def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
-    """The names of the columns: a row of names and rising numbers, or one before all numbers."""
+    """The names of the columns: a first row of names and rising numbers, or a row before it."""
     first = numeric[0]
     if all(map(is_number, numeric[-1])) and are_names(first):
         return named(first)

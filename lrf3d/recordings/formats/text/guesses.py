@@ -26,10 +26,10 @@ SERIES = re.compile(
     r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
 ).fullmatch
 
-# Words that may stand before the number of ranges.
+# Largest number of words before the number of ranges.
 MOST_BEFORE_COUNT = 8
 
-# Fewest ranges that a number counts.
+# Fewest words after a number for which it may be their count.
 FEWEST_COUNTED = 9
 
 # The columns of `ros2 topic echo --csv` of a LaserScan.
@@ -44,7 +44,7 @@ LEAST_SWEEP = 0.3
 # Their largest width, in turns: a turn and what rounding adds.
 LARGEST_SWEEP = 1.01
 
-# Share of the readings from which on bearings jump back too often for a sweep.
+# The bearings of a sweep jump back at less than this share of its readings.
 MOST_JUMPS = 0.1
 
 # Least share of the other readings whose bearings go the same way.
@@ -67,7 +67,7 @@ class Guess:
     Args:
         name: What the columns are found by, as notes say it.
         what: How they are found, in a sentence.
-        find: The layout of a form; None if it is not so.
+        find: Returns the layout of a form; None if the guess does not fit.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Guess:
 
 
 def layout_of(form: Form, intake: Intake) -> Layout:
-    """The layout of the first guess that fits; a note says what was found, and by what.
+    """The layout of the first guess that fits; a note says which columns were found, and how.
 
     Raises:
         InputError: No guess fits.
@@ -130,6 +130,7 @@ def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
     layout.beams = len(names)
     bearings = np.array([float(found[2]) for found in map(SERIES, names) if found])
     wide = np.ptp(bearings)
+    # Names that count from 0 or 1 are the numbers of the beams, not their bearings.
     counts = bearings[0] in (0.0, 1.0) and wide == len(bearings) - 1
     if not counts and wide <= TURNS[1]:
         layout.bearings = bearings

@@ -33,7 +33,7 @@ class Layout:
         length: Number of the words of a line; None if it differs.
         units: Units of roles, as far as they are known.
         settings: What holds for all scans, by the names of `SETTINGS`.
-        clockwise: Whether the bearings of the beams fall.
+        clockwise: Whether the beams go clockwise.
         bearings: The bearings of the beams, where names of columns give them.
         unused: Names of columns that are not used.
     """
@@ -53,7 +53,7 @@ class Layout:
         self.units |= {role: unit} if unit else {}
 
     def settle(self, table: Table) -> None:
-        """Enter into a table what is known of its numbers."""
+        """Enter the units, settings and bearings that are known into a table."""
         table.units |= self.units
         table.settings |= self.settings
         table.clockwise |= self.clockwise
@@ -65,6 +65,7 @@ class Layout:
         self.settle(table)
         ranges = list[Float]()
         rows = {role: array("d") for role in self.columns}
+        # A line may hold a single reading with its bearing, not a whole scan.
         single = self.beams == 1 and "angles" in self.columns
         for number, words in _rows(form, table.intake):
             try:
@@ -100,7 +101,8 @@ class Layout:
 def _rows(form: Form, intake: Intake) -> Iterator[tuple[int, Words]]:
     """The numbers of the lines of scans, and their words.
 
-    Headers of files that were joined are left out, and what comes before the first numbers.
+    Repeated headers, as in files that were joined, are left out, and lines before the first
+    numbers.
     """
     for number, text in texts_of(intake):
         if text.startswith("#") or not text:
@@ -112,7 +114,7 @@ def _rows(form: Form, intake: Intake) -> Iterator[tuple[int, Words]]:
 
 
 def described(spec: str, header: Words) -> Layout:
-    """The layout that a format describes; columns may have the names in a header.
+    """The layout that a format describes; it may refer to columns by their names in a header.
 
     Raises:
         InputError: It is not a format.

@@ -1,4 +1,4 @@
-"""Lines of a text of numbers: lists in brackets in one piece, times of day in seconds."""
+"""Lines of a text of numbers: lists in brackets are joined, times of day become seconds."""
 
 import re
 from collections.abc import Iterator

@@ -1,7 +1,7 @@
 """Scans in text files: a scan a line, or a reading a line, in columns.
 
-A format, a header or the numbers themselves say what they hold; how lines are written is one of the
-dialects of `dialects`, and the ways to find columns are those of `guesses`. A format is a list of
+A format, a header or the numbers themselves say what columns hold: `dialects` lists how lines may
+be written, and `guesses` the methods to find columns without a format. A format is a list of
 columns and settings, such as
 ``stamp:us, x@3, y, theta:deg, ranges:mm@25, first=-120deg, last=120deg``:
 
@@ -28,13 +28,13 @@ from lrf3d.recordings.formats.text.guesses import by_names, layout_of
 from lrf3d.recordings.formats.text.layout import Layout, described
 from lrf3d.recordings.log import Intake
 
-# Words in the names of files of poses, in place of one of the next in that of the scans.
+# Words in the name of a file of poses, where the file of its scans has a word of `SCANS`.
 PARTNERS = "motors robot odometry odom poses pose trajectory groundtruth gt".split()
 
 SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 
-# Columns of files of poses without names, by their number: TUM files, tables, and odometry as
-# `ros2 topic echo --csv` prints it, with covariances of its pose and its speed.
+# Columns of files of poses without a header, by the number of columns: TUM files, tables, and
+# odometry as `ros2 topic echo --csv` prints it, with covariances of its pose and its speed.
 POSES = {
     8: "stamp x y - qx qy qz qw",
     4: "stamp x y theta",
@@ -68,7 +68,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
 
 
 def _gather(table: Table, readings: Float) -> None:
-    """Make scans of readings with bearings."""
+    """Make scans of single readings, each with its bearing."""
     angles = table.values["angles"]
     stamps = table.values.get("stamp", np.empty(0))
     # A scan begins with another stamp, or where the bearings start again.
@@ -79,7 +79,7 @@ def _gather(table: Table, readings: Float) -> None:
 
 
 def _stack(table: Table, ranges: list[Float]) -> None:
-    """Enter the ranges of scans, and the bearings that lines repeat."""
+    """Enter the ranges of scans into the table, and the settings that each line repeats."""
     spread = {"first", "last"} <= table.settings.keys() and "step" not in table.settings
     table.values["ranges"] = padded(ranges, table.intake.notes, spread=spread)
     for role in SETTINGS.keys() & table.values.keys():
@@ -87,9 +87,9 @@ def _stack(table: Table, ranges: list[Float]) -> None:
 
 
 def add_partner(table: Table, spec: str = "") -> None:
-    """Add the odometry in a file that is named as that of the scans but for a word, if it is there.
+    """Add the odometry from the file whose name differs from the scans' by one word, if it exists.
 
-    Its poses are those at the stamps of the scans; without stamps, there is one for each.
+    Poses are interpolated at the stamps of the scans; without stamps, each scan has one pose.
     """
     path = table.intake.path
     notes = table.intake.notes
@@ -112,7 +112,7 @@ def add_partner(table: Table, spec: str = "") -> None:
 
 
 def _partner_table(path: Path, spec: str) -> Table:
-    """The table of a file of odometry, which has a format or is understood as it is."""
+    """The table of a file of odometry, by its format, its header or its number of columns."""
     intake = Intake(path)
     if is_records(path):
         return Table.named(intake, records(intake))

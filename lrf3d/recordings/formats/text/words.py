@@ -9,7 +9,7 @@ import numpy as np
 from lrf3d.base.errors import shown
 from lrf3d.geometry.lines import Float
 
-# Most words of a line that holds no whole scan.
+# Largest number of words of a line that is too short to hold a whole scan.
 SHORT = 6
 
 # Matches what stands for a reading that is missing.
@@ -50,7 +50,7 @@ def parsed(words: Sequence[str]) -> Float:
 
 
 def named(words: Iterable[str]) -> list[str]:
-    """Words as names of columns: in lower case, an underscore before what a capital begins."""
+    """Words as names of columns: in lower case, with an underscore before inner capitals."""
     return [re.sub("(?<=[a-z])(?=[A-Z])", "_", word.strip()).lower() for word in words]
 
 
