@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from rational import integers, meet
 
 from lrf3d.casting.kernels import echoes
-from lrf3d.casting.kernels.echoes import LEAST_SHARE, MOST_WALLS, SHARES
+from lrf3d.casting.kernels.echoes import LEAST_SHARE, MOST_WALLS, SURFACE
 from lrf3d.casting.kernels.light import MOST_TURNS
 from lrf3d.geometry.lines import Float
 from lrf3d.world.materials import PLAIN, Material
@@ -35,7 +35,8 @@ shares, brightness, intensity = (getattr(kernel, "py_func", kernel) for kernel i
 
 def surface_of(material: Material) -> SimpleNamespace:
     """A material as the kernels take it."""
-    return SimpleNamespace(**dict(zip(SHARES, (*material.optics, material.mirrors), strict=True)))
+    values = (*material.optics, material.mirrors)
+    return SimpleNamespace(**dict(zip(SURFACE.names, values, strict=True)))
 
 
 class Echo(NamedTuple):
