@@ -365,7 +365,8 @@ class Slam:
 
     def finish(self) -> None:
         """Settle all closures and optimise all poses, after the last scan."""
-        last = len(self.tracked) - 1
+        # A scan after the last key scan shows the place of that key scan.
+        last = self.closer.keys[-1].scan if self.closer.keys else 0
         self._known = [(min(pair), min(max(pair), last)) for pair in self._known]
         self._close_known()
         self.closer.settle(self.key_poses)

@@ -177,3 +177,15 @@ def test_the_place_where_a_map_contradicts_itself_is_named_and_drawn(tmp_path):
     summary = json.loads(done.stdout)
     assert not summary["self_check"]["passed"] and (tmp_path / "out/check.png").exists()
     assert all(len(each["scans"]) == 2 and each["why"] for each in summary["refused"])
+
+
+def test_a_known_pair_counts_also_where_its_later_scan_comes_after_the_last_key_scan():
+    scans, wheels, true = drive(ROOMS, TWICE, seed=8)
+    late = len(scans) - 1
+    early = int(np.hypot(*(true[: late // 2] - true[late])[:, :2].T).argmin())
+    said = solve_log(recorded(scans, wheels), close=[(early, late)])
+    keys = said.slam.key_scans
+    assert keys[-1] < late
+    edges = said.slam.edges
+    loops = edges[(edges["second"] == len(keys) - 1) & (edges["first"] < len(keys) - 2)]
+    assert np.abs(keys[loops["first"]] - early).min() < 10
