@@ -149,6 +149,7 @@ FORMATS: list[Format] = [
         kind="export", name="html", endings=(".html",), options=("every",),
         write="lrf3d.studio.page.page_file:page_file",
     ),
+    Format(kind="decisions", name="plan", endings=(".edit.toml",), read=_PLAN),
     Format(
         kind="other",
         looks={

@@ -59,6 +59,17 @@ class Mark(NamedTuple):
     opaque: bool = True
     # Whether it is a dashed line: it shows a beam overhead or a path, and nothing that stands.
     dashed: bool = False
+    # Its colour as ``#rrggbb``; empty where it is not known.
+    colour: str = ""
+
+
+class PerUnit(float):
+    """A scale that is given in metres per unit of the drawing."""
+
+
+def scale_of(scale: float, unit: float) -> float:
+    """The factor of a scale, where a unit of the drawing is read as so many metres."""
+    return scale / unit if isinstance(scale, PerUnit) else scale
 
 
 class Canvas:
@@ -74,6 +85,8 @@ class Canvas:
         self.marks = list[Mark]()
         # What the reader assumed, in words.
         self.said = ""
+        # Unit of the drawing [m], after scaling.
+        self.unit = 1.0
         self._work = self._points = 0
 
     @classmethod

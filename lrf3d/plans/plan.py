@@ -27,15 +27,14 @@ from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.plans.canvas import Canvas, Mark, is_area
+from lrf3d.plans.parts import FURNITURE_HEIGHT, Parts, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
-from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
-
-# Height of furniture [m]: that of tables and of kitchen units.
-FURNITURE_HEIGHT = 0.8
+from lrf3d.world.pieces import TOUCHING, connected, without_repeats, world_of_walls
+from lrf3d.world.toml_file import WorldFile
 
 # A doorway painted over a wall may leave strips of the wall along its sides, up to this thickness
 # [m].
@@ -89,6 +88,24 @@ class Plan(NamedTuple):
     rooms: Sequence[tuple[float, Float]] = ()
     # Largest gap [m] between walls that count as touching.
     gap: float = TOUCHING
+    # All strokes, with what they were taken for.
+    parts: Parts | None = None
+    # Unit of the drawing [m].
+    unit: float = 1.0
+    # The tables of the robot and its obstacles that were decided by hand.
+    tables: Mapping[str, Any] = {}
+    obstacles: tuple[Mapping[str, Any], ...] = ()
+    # The world that the plan is an edited one of.
+    base: World | None = None
+    # Decisions that fit nothing any more, in words.
+    lost: tuple[str, ...] = ()
+
+    def with_parts(self, parts: Parts) -> "Plan":
+        """The plan whose walls are those of the parts that stand."""
+        stands = parts.stands
+        return self._replace(
+            parts=parts, segments=parts.segments[stands], heights=parts.heights[stands]
+        )
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
@@ -97,6 +114,8 @@ class Plan(NamedTuple):
             left={name: strokes * factor for name, strokes in self.left.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,
+            parts=self.parts and self.parts._replace(segments=self.parts.segments * factor),
+            unit=self.unit * factor,
         )
 
     def world(self, path: Path) -> World:
@@ -106,15 +125,36 @@ class Plan(NamedTuple):
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
             raise WorldError(f"there is no wall in it{held}{remedy}")
-        world = world_of_walls(self.segments, self.heights, path, self.gap)
+        world = self._walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
         if words := "; ".join(filter(None, [self.said, doors, left])):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
+        if self.lost:
+            warnings.warn(
+                f"{path}: decided by hand, but not found any more: {', '.join(self.lost)};"
+                f" `lrf3d edit {path}` shows the drawing",
+                Lrf3dWarning,
+                stacklevel=4,
+            )
         _warn_of_plans_apart(world, path)
         return world
+
+    def file(self, path: Path) -> WorldFile:
+        """The world of the walls, with the robot and the obstacles that were decided by hand."""
+        return WorldFile(self.world(path), self.tables, self.obstacles, path)
+
+    def _walled(self, path: Path) -> World:
+        """The world of the walls; of one that was edited with what the drawing was."""
+        world = world_of_walls(self.segments, self.heights, path, self.gap)
+        edited = self.base is not None or (self.parts is not None and any(self.parts.materials))
+        if not edited or self.parts is None:
+            return world
+        standing = self.parts.taken(self.parts.stands)
+        world = World(standing.segments, connected(standing.segments, self.gap), name=world.name)
+        return world_of_parts(standing, world, self.base)
 
 
 def _warn_of_plans_apart(world: World, path: Path) -> None:
@@ -137,7 +177,8 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     """Find the walls and doors of a drawing, on some layers alone or without some (by patterns)."""
     marks = canvas.seen()
     roles = _with_floors(marks, _roles(marks, layers, without))
-    strokes = Strokes(*_segments(_pieces(marks, roles)), sheet="annotation" in roles)
+    pieces = _pieces(marks, roles)
+    strokes = Strokes(*_segments(pieces), sheet="annotation" in roles)
     for rule in RULES:
         strokes.take(rule)
     walls, own, cut = cleared(strokes.segments[strokes.left], strokes.doors)
@@ -152,7 +193,37 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter({**left, "doorway line": cut}), layered),
         canvas.said,
+        parts=_parts(strokes, [mark for *_, mark in pieces], walls, own),
+        unit=canvas.unit,
     )
+
+
+def _parts(strokes: Strokes, marks: list[Mark], walls: Float, own: Int) -> Parts:
+    """The walls, cut at doorways, and the strokes that each rule took out.
+
+    The index (n,) of each wall is that of its stroke among those left; strokes have the numbers of
+    their marks.
+    """
+    layers = np.array([mark.layer for mark in marks] or [""], dtype=object)
+    colours = np.array([mark.colour for mark in marks] or [""], dtype=object)
+
+    def part(segments: Float, kind: str, rows: Int, rule: str = "") -> Parts:
+        mark = strokes.mark[rows]
+        return Parts.of(segments, kind, rules=rule, layers=layers[mark], colours=colours[mark])
+
+    rows = np.flatnonzero(strokes.left)[own]
+    furniture = strokes.role[rows] == "furniture"
+    found = [
+        part(walls[chosen], kind, rows[chosen])
+        for kind, chosen in (("wall", ~furniture), ("furniture", furniture))
+    ]
+    for name, each in strokes.found.items():
+        door = each & ((strokes.role == "door") | np.isin(name, ["door stroke", "leaf stroke"]))
+        found += [
+            part(strokes.segments[chosen], kind, np.flatnonzero(chosen), name)
+            for kind, chosen in (("door", door), ("nothing", each & ~door))
+        ]
+    return found[0].joined(*found[1:])
 
 
 def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
@@ -253,54 +324,64 @@ def _divides(shape: Any, marks: list[Mark], near: Int) -> bool:
     return bool(ends.length <= 0.5 * shape.length and len(sides) > 1)
 
 
-def _pieces(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
-    """Roles and geometries: outlines of areas that stand, lines outside of them, and all others."""
+# A geometry with its role and the mark that it is of: of several, the first.
+_Piece = tuple[Any, str, Mark]
+
+
+def _pieces(marks: list[Mark], roles: list[str]) -> list[_Piece]:
+    """Outlines of areas that stand, lines outside of them, and all others."""
     solids = _solids(marks, roles)
-    large = [shape for shape, _ in solids if shape.length > CUTTING]
+    large = [shape for shape, *_ in solids if shape.length > CUTTING]
     solid = shapely.union_all(large).buffer(OUTLINE)
     shapely.prepare(solid)
-    pieces = list[tuple[Any, str]]()
+    pieces = list[_Piece]()
     for mark, role in zip(marks, roles, strict=True):
         if role not in STANDS:
-            pieces.append((mark.shape, role))
+            pieces.append((mark.shape, role, mark))
         elif not is_area(mark.shape):
             cut = solid.intersects(mark.shape)
-            pieces.append((mark.shape.difference(solid) if cut else mark.shape, role))
-    return pieces + [(shape.boundary, role) for shape, role in solids]
+            pieces.append((mark.shape.difference(solid) if cut else mark.shape, role, mark))
+    return pieces + [(shape.boundary, role, mark) for shape, role, mark in solids]
 
 
-def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
+def _solids(marks: list[Mark], roles: list[str]) -> list[_Piece]:
     """The areas that stand, joined where they touch, each with its role."""
-    areas = [(mark.shape, r) for mark, r in zip(marks, roles, strict=True) if is_area(mark.shape)]
-    doorways = shapely.union_all([shape for shape, role in areas if role == "doorway"])
+    areas = [(m.shape, role, m) for m, role in zip(marks, roles, strict=True) if is_area(m.shape)]
+    doorways = shapely.union_all([shape for shape, role, _ in areas if role == "doorway"])
     open_ = doorways.buffer(1.5 * SLIVER, join_style="mitre")
-    walls = [(shape, role) for shape, role in areas if role in ("wall", "window", "other")]
-    furniture = [(shape, role) for shape, role in areas if role == "furniture"]
+    walls = [area for area in areas if area[1] in ("wall", "window", "other")]
+    furniture = [area for area in areas if area[1] == "furniture"]
     return _joined(walls, "wall", open_) + _joined(furniture, "furniture", open_)
 
 
-def _joined(areas: list[tuple[Any, str]], name: str, open_: Any) -> list[tuple[Any, str]]:
+def _joined(areas: list[_Piece], name: str, open_: Any) -> list[_Piece]:
     """Areas joined where they touch, without the open doorways, each part with its role.
 
     The role is the given name if the layer of one of its areas gives a role, and else ``other``.
     """
     if not areas:
         return []
-    shapes = np.array([shape for shape, _ in areas])
+    shapes = np.array([shape for shape, *_ in areas])
     whole = shapely.union_all(shapes).difference(open_)
     parts = [each for each in shapely.get_parts(whole) if is_area(each)]
-    known = shapely.STRtree(shapes[[role != "other" for _, role in areas]])
-    named = set(known.query(parts, predicate="intersects")[0].tolist())
-    return [(part, name if number in named else "other") for number, part in enumerate(parts)]
+    met, area = shapely.STRtree(shapes).query(parts, predicate="intersects")
+    other = np.array([role == "other" for _, role, _ in areas])
+    named = set(met[~other[area]].tolist())
+    first = np.full(len(parts), len(areas) - 1)
+    np.minimum.at(first, met, area)
+    return [
+        (part, name if number in named else "other", areas[first[number]][2])
+        for number, part in enumerate(parts)
+    ]
 
 
-def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Int, Int, Any]:
+def _segments(pieces: list[_Piece]) -> tuple[Float, Int, Int, Any]:
     """The segments (n, 4) of geometries, each once, with its line, its piece and its role (n,)."""
-    shapes = [shape.boundary if is_area(shape) else shape for shape, _ in pieces]
+    shapes = [shape.boundary if is_area(shape) else shape for shape, *_ in pieces]
     lines, piece = shapely.get_parts(shapes, return_index=True)
     points, line = shapely.get_coordinates(lines, return_index=True)
     joined = np.flatnonzero((line[1:] == line[:-1]) & (points[1:] != points[:-1]).any(axis=1))
-    role = np.array([role for _, role in pieces] or [""], dtype=object)
+    role = np.array([role for _, role, _ in pieces] or [""], dtype=object)
     segments = np.hstack([points[joined], points[joined + 1]])
     line = line[joined]
     role = role[piece[line]]

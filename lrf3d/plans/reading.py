@@ -1,22 +1,40 @@
-"""Reading plans: the file of a drawing or a picture enters, its walls and doors leave."""
+"""Reading plans: the file of a drawing or a picture enters, its walls and doors leave.
+
+Decisions of a person about the drawing, from the file next to it, are obeyed.
+"""
 
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from lrf3d.base.errors import WorldError
 from lrf3d.base.interrupts import reading
+from lrf3d.plans.canvas import PerUnit
+from lrf3d.plans.edits import PlanEdits, digest_of
+from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan, plan_of
 from lrf3d.plans.readers.picture import read_picture
-from lrf3d.world.files import find_world, is_picture, options_of, read_file
+from lrf3d.world.files import (
+    edits_path,
+    find_world,
+    is_picture,
+    is_plan,
+    load_world,
+    options_of,
+    read_file,
+)
 from lrf3d.world.model import check_scale
 from lrf3d.world.schema import at
 
 
-def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
+def read_plan(path: str | Path, edits: Any = None, *, scale: float = 1.0, **options: Any) -> Plan:
     """Read the plan of a drawing or a picture: the walls and doors that `load_world` starts from.
 
     Args:
-        path: The file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp.
+        path: The file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp; or of a world, to be edited.
+        edits: Decisions about it: their file, a list of them, or a
+            :class:`~lrf3d.plans.edits.PlanEdits`. If not given, those of ``FILE.edit.toml``, where
+            that is there; ``()`` for none.
         scale: Enlarges the plan, but not the heights.
         options: ``resolution``, ``threshold``, ``layers``, ``without`` and ``page``, as for
             `load_world`.
@@ -32,20 +50,52 @@ def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
         >>> _ = Path("room.svg").write_text(f"{sheet}{room}</svg>")
         >>> len(lrf3d.read_plan("room.svg").segments)
         4
+        >>> from lrf3d.plans.decisions import Doorway, DrawnWall
+        >>> edits = [DrawnWall([[4, 2], [4, 6]], material="glass"), Doorway([4, 3], 0.9)]
+        >>> len(lrf3d.read_plan("room.svg", edits).doors)
+        1
     """
     path = find_world(path)
     check_scale(scale)
     options = options_of(path, **options)
     with reading(), at(str(path)):
-        plan: Plan = read_file(path, {"scale": scale, **options})
-        return plan
+        if is_plan(path):
+            plan: Plan = read_file(path, {"scale": scale, "edits": edits, **options})
+            return plan
+        return plan_of_file(path, scale, edits, **options)
 
 
-def plan_of_file(
+def plan_of_file(path: Path, scale: float = 1.0, edits: Any = None, **options: Any) -> Plan:
+    """Make the plan of a file, with the decisions about it; `read_file` calls this function."""
+    if edits is None and edits_path(path).is_file():
+        edits = edits_path(path)
+    if edits is None:
+        return drawn_plan(path, scale, **options)
+    name = edits.name if isinstance(edits, Path) else str(edits)[:80]
+    name = name if isinstance(edits, str | Path) else "edits"
+    found = PlanEdits.of(edits)
+    if found.source and found.source != path.name:
+        raise WorldError(f"{name} is of another drawing, {found.source}; choose that, or remove it")
+    reading_ = found.options()
+    if "scale" in reading_ and scale != 1.0:
+        raise WorldError(f"--scale: {name} has a scale; leave one out")
+    plan = drawn_plan(path, **{"scale": scale, **options, **reading_})
+    changed = found.digest and found.digest != digest_of(path)
+    said = f"{path.name} has changed since it was edited" if changed else ""
+    plan = plan._replace(said="; ".join(filter(None, [plan.said, said])))
+    return found.applied(plan, name)
+
+
+def drawn_plan(
     path: Path, scale: float = 1.0, layers: Any = (), without: Any = (), **options: Any
 ) -> Plan:
-    """Make the plan of a file by the reader of its format; `read_file` calls this function."""
+    """Make the plan of a file by the reader of its format, or of the walls of a world."""
+    if not is_plan(path):
+        world = load_world(path, edits=(), **options).scaled(scale)
+        return Plan(world.segments, world.heights, parts=Parts.of_world(world), base=world)
     if is_picture(path):
+        if isinstance(scale, PerUnit):
+            return read_picture(path, **{**options, "resolution": float(scale)})
         return read_picture(path, **options).scaled(scale)
     draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
     found = draw(path, scale, **options)

@@ -6,10 +6,19 @@ from typing import Any
 
 from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, check_names, expect
 from lrf3d.base.files import as_path, check_ordinary, data_folder
-from lrf3d.base.formats import WORLDS, by_ending, endings, enter_installed, function, of_kind
+from lrf3d.base.formats import (
+    WORLDS,
+    by_ending,
+    by_name,
+    endings,
+    enter_installed,
+    function,
+    of_kind,
+)
 from lrf3d.base.interrupts import reading
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
+from lrf3d.world.toml_file import WorldFile
 
 
 def load_world(
@@ -19,6 +28,7 @@ def load_world(
     resolution: float | None = None,
     threshold: float | None = None,
     scale: float = 1.0,
+    edits: Any = None,
     **drawing: Any,
 ) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
@@ -30,6 +40,8 @@ def load_world(
         threshold: Grey of its pixels, or of a scanned page's, from 0 to 255, from which on they
             are paper; found from the picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
+        edits: Decisions about a plan, as for `read_plan`; those of ``FILE.edit.toml`` next to it if
+            not given.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
             ``without``, those of layers to leave out, and ``page``, that of a PDF file.
 
@@ -42,15 +54,36 @@ def load_world(
         >>> lrf3d.load_world("paper_room").object_count
         3
     """
+    drawing |= {"trees": trees, "resolution": resolution, "threshold": threshold}
+    return load_world_file(name_or_path, scale=scale, edits=edits, **drawing).world
+
+
+def load_world_file(
+    name_or_path: str | Path, *, scale: float = 1.0, edits: Any = None, **options: Any
+) -> WorldFile:
+    """Read a world as `load_world` does, with what was decided by hand about its robot."""
     path = find_world(name_or_path)
     check_scale(scale)
-    options = options_of(path, trees=trees, resolution=resolution, threshold=threshold, **drawing)
+    given = options_of(path, **options)
+    # Those about a world file are in it once they are saved.
+    kept = path.suffix.lower() != ".toml" and edits_path(path).is_file()
     with reading(), at(str(path)):
-        found = read_file(path, {"scale": scale, **options} if is_plan(path) else options)
         # A plan, which has its scale, becomes a world; it says what it leaves out.
-        world: World = found.world(path) if is_plan(path) else found
-        expect(world, World, f"the reader of {path.suffix} files: what it returns")
-    return world if is_plan(path) else world.scaled(scale)
+        if is_plan(path):
+            plan = read_file(path, {"scale": scale, "edits": edits, **given})
+        elif kept if edits is None else edits:
+            plan = function(by_name("decisions", "plan").read)(path, scale, edits, **given)
+        else:
+            world: World = read_file(path, given)
+            expect(world, World, f"the reader of {path.suffix} files: what it returns")
+            return WorldFile(world.scaled(scale), path=path)
+        file: WorldFile = plan.file(path)
+        return file
+
+
+def edits_path(path: Path) -> Path:
+    """The file of the decisions about a drawing, next to it."""
+    return path.with_name(f"{path.name}{by_name('decisions', 'plan').endings[0]}")
 
 
 def options_of(path: Path, **options: Any) -> dict[str, Any]:

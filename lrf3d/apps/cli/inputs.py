@@ -57,7 +57,7 @@ def refuse_twice(args: Namespace) -> None:
 DRIVE = "--set --inside --outside --ignore-collisions"
 
 # Options of how a world is read.
-READING = "--scale --resolution --threshold --page --layers --without"
+READING = "--scale --resolution --threshold --page --layers --without --edits"
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -80,13 +80,12 @@ def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
     from lrf3d.plans.reading import read_plan
 
     plan = read_plan(args.world, **options_of(args))
-    file = WorldFile(plan.world(path := find_world(args.world)), path=path)
-    return scenario_of(checked_size(args.world, file)), plan
+    return scenario_of(checked_size(args.world, plan.file(find_world(args.world)))), plan
 
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
+    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees", "edits")
     given = {name: getattr(args, name, None) for name in names}
     return {k: value for k, value in given.items() if value is not None and value is not False}
 

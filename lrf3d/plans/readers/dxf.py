@@ -16,7 +16,14 @@ import shapely
 
 from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
-from lrf3d.plans.canvas import CURVE_ERROR, PALEST, Canvas, Mark, contrast_to_white
+from lrf3d.plans.canvas import (
+    CURVE_ERROR,
+    PALEST,
+    Canvas,
+    Mark,
+    contrast_to_white,
+    scale_of,
+)
 from lrf3d.plans.rules.layers import rename
 
 # On import, ezdxf prints a note where it cannot save its list of fonts, which no wall needs.
@@ -54,7 +61,9 @@ def draw(path: Path, scale: float) -> Canvas:
     if code not in range(25):
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
     unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
+    scale = scale_of(scale, unit)
     canvas = Canvas(CURVE_ERROR / (unit * scale))
+    canvas.unit = unit * scale
     config = Configuration(
         max_flattening_distance=canvas.tolerance,
         line_policy=LinePolicy.SOLID,
@@ -110,7 +119,10 @@ class _EntityPainter(Backend):
         # The innermost block says most about what the entity is.
         names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
         own = (properties.layer, next(names, ""))
-        return Mark(None, properties.layer, own, contrast=contrast, dashed=self.dashed)
+        colour = properties.color[:7].lower()
+        return Mark(
+            None, properties.layer, own, contrast=contrast, dashed=self.dashed, colour=colour
+        )
 
     def draw_line(self, start: Any, end: Any, properties: Any) -> None:
         self.canvas.line(np.array([tuple(start), tuple(end)]) * self.scale, self._mark(properties))

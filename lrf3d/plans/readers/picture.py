@@ -20,7 +20,8 @@ from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
-from lrf3d.plans.plan import FURNITURE_HEIGHT, THICKEST, Plan
+from lrf3d.plans.parts import FURNITURE_HEIGHT, Parts
+from lrf3d.plans.plan import THICKEST, Plan
 from lrf3d.plans.rules.enclosure import closes_rooms
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
@@ -123,13 +124,21 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     elif not closes_rooms(walls, thin[0], pixels):
         doubt = "hardly any of it closes a room: is it a plan? "
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    left = dark & ~grown(walls | furniture, RIM)
+    seen = [
+        Parts.of(np.concatenate(parts[:2]) * side, "wall"),
+        Parts.of(np.concatenate(parts[2:]) * side, "furniture"),
+        Parts.of(walls_of_grid(left) * side, "nothing", rules="dark part"),
+    ]
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
-        left={"dark part": _rows(dark & ~grown(walls | furniture, RIM)) * side},
+        left={"dark part": _rows(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
         said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * side,
+        parts=seen[0].joined(*seen[1:]),
+        unit=resolution,
     )
 
 

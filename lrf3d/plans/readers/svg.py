@@ -33,6 +33,7 @@ from lrf3d.plans.canvas import (
     contrast_to_white,
     curve_points,
     is_area,
+    scale_of,
 )
 
 # A pixel [m]: the unit of lengths that name none.
@@ -103,13 +104,17 @@ def draw(path: Path, scale: float) -> Canvas:
     if _tag(root) != "svg":
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
+    sheet = _framed(root, (0.0, 0.0, width, height), State(np.eye(3), (width, height)))
+    unit = PIXEL * math.hypot(*sheet.matrix[:2, 0])
+    scale = scale_of(scale, unit)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
+    canvas.unit = unit * scale
     by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
     painter = _ElementPainter(canvas, _style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
     up[1, 2] = scale * PIXEL * height
-    state = _framed(root, (0.0, 0.0, width, height), State(up, (width, height)))
-    painter.children(root, painter.state(root, state, transformed=False))
+    sheet = sheet._replace(matrix=up @ sheet.matrix)
+    painter.children(root, painter.state(root, sheet, transformed=False))
     return canvas
 
 
@@ -212,7 +217,14 @@ class _ElementPainter(NamedTuple):
             return
         rings = _outline(_tag(element), state, canvas.tolerance)
         dashed = style.get("stroke-dasharray", "none")
-        mark = Mark(None, state.layer, state.names, dashed=re.search("[1-9]", dashed) is not None)
+        drawn = svgelements.Color(next(filter(_is_plain, map(style.get, ("stroke", "fill"))), ""))
+        mark = Mark(
+            None,
+            state.layer,
+            state.names,
+            dashed=re.search("[1-9]", dashed) is not None,
+            colour="" if drawn.value is None else drawn.hexrgb,
+        )
         if not {"fill", "stroke"} & set(style):
             for ring in rings:
                 canvas.line(ring, mark, state.clip)
@@ -399,6 +411,11 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
         return 0.0, 0.0
     alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
     return alpha * contrast_to_white(colour.red, colour.green, colour.blue), alpha
+
+
+def _is_plain(text: str | None) -> bool:
+    """Whether a text names a colour, and no pattern."""
+    return text is not None and text != "none" and "url(" not in text
 
 
 def _style_sheet(root: Element) -> dict[Element, dict[str, str]]:
