@@ -125,7 +125,7 @@ class Plan(NamedTuple):
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
             raise WorldError(f"there is no wall in it{held}{remedy}")
-        world = self._walled(path)
+        world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
         if words := "; ".join(filter(None, [self.said, doors, left])):
@@ -146,7 +146,7 @@ class Plan(NamedTuple):
         """The world of the walls, with the robot and the obstacles that were decided by hand."""
         return WorldFile(self.world(path), self.tables, self.obstacles, path)
 
-    def _walled(self, path: Path) -> World:
+    def walled(self, path: Path) -> World:
         """The world of the walls; of one that was edited with what the drawing was."""
         world = world_of_walls(self.segments, self.heights, path, self.gap)
         edited = self.base is not None or (self.parts is not None and any(self.parts.materials))

@@ -165,6 +165,11 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
 
 def write_toml(world: World, path: Path) -> None:
     """Write a world as TOML."""
+    write_text(path, world_text(world))
+
+
+def world_text(world: World) -> str:
+    """The text of a world file."""
     place = {} if world.place is None else {"place": world.place}
     blocks = [toml_table("", {"name": world.name, **place})]
     described: set[int] = set()
@@ -181,7 +186,7 @@ def write_toml(world: World, path: Path) -> None:
     blocks += [toml_table("[[camera]]", asdict(camera)) for camera in world.cameras]
     if world.free is not None:
         blocks.append(toml_table("[free]", world.free.as_dict()))
-    write_text(path, "\n".join(blocks))
+    return "\n".join(blocks)
 
 
 def _outline(lines: list[Any], height: Any) -> dict[str, Any]:

@@ -256,6 +256,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
     "render": (lambda args: load_run(args.run), "runs:render"),
     "view": (read_world, "runs:view"),
+    "edit": (lambda args: None, "edit:edit"),
     "ros": (read_world, "runs:ros"),
     "score": (lambda args: load_run(args.run), "scores:score"),
     "export": (lambda args: load_run(args.run), "runs:export"),

@@ -17,7 +17,7 @@ import os
 import re
 import socket
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,15 @@ GUARDS = {
 # The files of the page.
 PAGE = Path(__file__).parent / "static"
 
+# Path of the socket of a scene.
+_MOMENTS = "/lrf3d/moments"
+
+# What pages load, by its path: its kind, and its bytes.
+Files = dict[str, tuple[str, bytes]]
+
+# Answers one page over its socket, by the path of that.
+Talks = dict[str, Callable[[Any], Coroutine[Any, Any, None]]]
+
 # Makes what one page shows: each has its own.
 Make = Callable[[], PageSession]
 
@@ -100,6 +109,23 @@ def serve(
     Raises:
         MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
+    talks: Talks = {_MOMENTS: partial(show_moments, make)}
+    serve_pages(
+        lambda: page_files(make()), talks, door, host=host, browser=browser, started=started
+    )
+
+
+def serve_pages(
+    files: Callable[[], Files],
+    talks: Talks,
+    door: socket.socket,
+    *,
+    host: str,
+    largest: int = MESSAGE_SIZE,
+    browser: bool = True,
+    started: Callable[[str], None] = lambda address: None,
+) -> None:
+    """Serve files by their paths, and sockets with messages [bytes], as `serve` does."""
     try:
         from websockets.asyncio.server import ServerConnection
         from websockets.asyncio.server import serve as listen
@@ -116,11 +142,11 @@ def serve(
 
     async def run() -> None:
         server = await listen(
-            lambda page: _show(make, page),
+            lambda page: talks[_path(page.request)](page),
             sock=door,
             create_connection=Page,
-            process_request=partial(_guarded, _files(make()), host),
-            max_size=MESSAGE_SIZE,
+            process_request=partial(_guarded, files(), talks, host),
+            max_size=largest,
             # A short message could unpack to gigabytes.
             compression=None,
             open_timeout=_PATIENCE,
@@ -146,11 +172,7 @@ def serve(
     check()
 
 
-# A file of the page: its kind, and its bytes.
-_File = tuple[str, bytes]
-
-
-def _files(session: PageSession) -> dict[str, _File]:
+def page_files(session: PageSession) -> Files:
     """What the page loads, by its path."""
     stage = session.scene.stage
     # Row 0 of the ground's picture is at the smallest y, as textures have it.
@@ -167,9 +189,11 @@ def _files(session: PageSession) -> dict[str, _File]:
     return files
 
 
-def _guarded(files: dict[str, _File], host: str, connection: Any, request: Any) -> Any:
-    """Answer a request for the page, its files or its socket; None opens the socket."""
-    response = _refusal(host, connection, request) or _file(files, connection, request)
+def _guarded(files: Files, talks: Talks, host: str, connection: Any, request: Any) -> Any:
+    """Answer a request for the page, its files or a socket; None opens the socket."""
+    response = _refusal(host, connection, request)
+    if response is None and _path(request) not in talks:
+        response = _file(files, connection, request)
     if response is not None:
         for name, value in GUARDS.items():
             response.headers[name] = value
@@ -200,13 +224,15 @@ def _method(request: Any) -> str:
     return str(getattr(request, "method", "GET"))
 
 
-def _file(files: dict[str, _File], connection: Any, request: Any) -> Any:
+def _path(request: Any) -> str:
+    return str(request.path.partition("?")[0])
+
+
+def _file(files: Files, connection: Any, request: Any) -> Any:
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    path = request.path.partition("?")[0]
-    if path == "/lrf3d/moments":
-        return None
+    path = _path(request)
     if path not in files:
         return connection.respond(404, "there is no such page\n")
     kind, body = files[path]
@@ -227,7 +253,7 @@ def page_text(setup: dict[str, Any]) -> str:
     )
 
 
-async def _show(make: Make, page: Any) -> None:
+async def show_moments(make: Make, page: Any) -> None:
     """Answer each message of a page, until it leaves; an empty answer says that nothing changed."""
     from websockets.exceptions import ConnectionClosed
 
