@@ -131,13 +131,16 @@ const editor = {
     input.value = question.metres ?? "";
     card.querySelector(".lrf3d-yes").textContent = question.metres ? "Yes" : "Set";
     card.querySelector("[data-do=other]").hidden = !question.metres;
-    if (!question.metres) input.focus();
+    input.focus();
+    input.select();
+    part("notice").hidden = true;
     sheet.stale();
   },
 
   answer(metres) {
     const { between } = this.question;
     part("ask").hidden = true;
+    part("top").focus();
     this.question = null;
     if (!(metres > 0)) return;
     const apart = Math.hypot(between[1][0] - between[0][0], between[1][1] - between[0][1]);
@@ -511,6 +514,8 @@ function connect() {
     sheet.stale();
   };
   top.oncontextmenu = () => false;
+  // A press would take the focus from what a tool asks.
+  top.onmousedown = (event) => event.preventDefault();
   top.addEventListener("wheel", (event) => {
     event.preventDefault();
     sheet.zoom(placed(event).at, Math.exp(-0.0015 * event.deltaY));
