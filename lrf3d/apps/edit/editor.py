@@ -95,6 +95,7 @@ class Editor:
         self.plan = plan
         self.__dict__.pop("scenario", None)
         self.__dict__.pop("caster", None)
+        self.__dict__.pop("_plain_caster", None)
 
     def decide(self, values: Mapping[str, Any]) -> None:
         """Take the decisions of a page in place of those before, and keep them.
@@ -120,6 +121,11 @@ class Editor:
     def caster(self) -> PlanarCaster:
         """The caster of the exact beams."""
         return PlanarCaster(self.scenario.world)
+
+    @cached_property
+    def _plain_caster(self) -> PlanarCaster:
+        world = self.scenario.world
+        return PlanarCaster(World(world.segments, heights=world.heights))
 
     def message(self) -> bytes:
         """The plan as the page shows it."""
@@ -154,8 +160,7 @@ class Editor:
         beyond = ways
         if self.caster.lighting is not None:
             # Without its materials, the world shows where beams first meet a mirror or a pane.
-            bare = World(self.scenario.world.segments, heights=self.scenario.world.heights)
-            ranges, walls = PlanarCaster(bare).scan_batch(lrf, [pose])
+            ranges, walls = self._plain_caster.scan_batch(lrf, [pose])
             first = np.minimum(ranges.T, far)
             beyond = self._behind(walls[0], scan.walls, ways)
         met = here + first * ways
