@@ -160,7 +160,7 @@ which other commands obey. A new .toml is an empty sheet. Ctrl-C ends the server
 {RESOLUTION}
 {LAYERS}
 
-Example: lrf3d edit flat.pdf""",
+Example: lrf3d edit flat.dxf""",
     "ros": f"""\
 Serve a robot in ROS 2: other programs see its scans and drive it.
 

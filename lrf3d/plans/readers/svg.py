@@ -105,7 +105,8 @@ def draw(path: Path, scale: float) -> Canvas:
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
     sheet = _framed(root, (0.0, 0.0, width, height), State(np.eye(3), (width, height)))
-    unit = PIXEL * math.hypot(*sheet.matrix[:2, 0])
+    # A unit is known to some digits, as svgelements gives it.
+    unit = float(f"{PIXEL * math.hypot(*sheet.matrix[:2, 0]):.9g}")
     scale = scale_of(scale, unit)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
     canvas.unit = unit * scale
