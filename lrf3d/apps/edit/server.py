@@ -8,7 +8,7 @@ import asyncio
 import contextlib
 import json
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,9 @@ _WATCH = 1.0
 SOCKET = "/lrf3d/edits"
 FILM = "/lrf3d/moments"
 
+# Does what a page asks for, with the values of its message.
+Act = Callable[[Any, dict[str, Any]], Coroutine[Any, Any, bool]]
+
 STATIC = Path(__file__).parent / "static"
 
 
@@ -43,6 +46,15 @@ class Desk:
         self.talks: Talks = {SOCKET: self.talk}
         self._writer: Any = None
         self._busy = asyncio.Lock()
+        # What a message may ask for; each returns whether the plan has changed.
+        self._acts: dict[str, Act] = {
+            "scan": self._scan,
+            "keep": self._keep,
+            "read": self._read_again,
+            "world": self._save,
+            "map": self._save,
+            "drive": self._film,
+        }
         for path in sorted(STATIC.iterdir()):
             kind = {".html": "html", ".css": "css", ".js": "javascript"}[path.suffix]
             name = "/" if kind == "html" else f"/lrf3d/{path.name}"
@@ -81,38 +93,47 @@ class Desk:
 
     async def _answer(self, page: Any, values: dict[str, Any]) -> bool:
         """Do what a page asks, and answer; returns whether the plan has changed."""
-        editor = self.editor
-        do = values.get("do")
-        try:
-            if do == "scan":
-                pose = [float(each) for each in values["pose"]][:3]
-                await page.send(editor.scan(pose))
-                return False
-            if do == "keep":
-                self._check_writer(page)
-                async with self._busy:
-                    await asyncio.to_thread(editor.decide, values["edits"])
-            elif do == "read":
-                async with self._busy:
-                    await asyncio.to_thread(editor.read)
-                    self._show_source()
-            elif do in ("world", "map"):
-                save = editor.save_world if do == "world" else editor.save_map
-                path = await asyncio.to_thread(save)
-                await page.send(packed({"kind": "said", "text": f"{path} is written"}))
-                return False
-            elif do == "drive":
-                await asyncio.to_thread(self._drive)
-                await page.send(packed({"kind": "film", "address": "/film"}))
-                return False
-            else:
-                return False
-        except (KeyError, TypeError, ValueError, Lrf3dError) as error:
-            known = isinstance(error, Lrf3dError)
-            await page.send(packed({"kind": "error", "text": str(error) if known else "malformed"}))
+        act = self._acts.get(str(values.get("do")))
+        if act is None:
             return False
-        await self._send_plan(page)
+        try:
+            changed = await act(page, values)
+        except (KeyError, TypeError, ValueError, Lrf3dError) as error:
+            text = str(error) if isinstance(error, Lrf3dError) else "malformed message"
+            await page.send(packed({"kind": "error", "text": text}))
+            return False
+        if changed:
+            await self._send_plan(page)
+        return changed
+
+    async def _scan(self, page: Any, values: dict[str, Any]) -> bool:
+        x, y, theta = map(float, values["pose"])
+        await page.send(self.editor.scan((x, y, theta)))
+        return False
+
+    async def _keep(self, page: Any, values: dict[str, Any]) -> bool:
+        self._check_writer(page)
+        async with self._busy:
+            await asyncio.to_thread(self.editor.decide, values["edits"])
         return True
+
+    async def _read_again(self, page: Any, values: dict[str, Any]) -> bool:
+        async with self._busy:
+            await asyncio.to_thread(self.editor.read)
+            self._show_source()
+        return True
+
+    async def _save(self, page: Any, values: dict[str, Any]) -> bool:
+        self._check_writer(page)
+        save = {"world": self.editor.save_world, "map": self.editor.save_map}[values["do"]]
+        path = await asyncio.to_thread(save)
+        await page.send(packed({"kind": "said", "text": f"{path} is written"}))
+        return False
+
+    async def _film(self, page: Any, values: dict[str, Any]) -> bool:
+        await asyncio.to_thread(self._drive)
+        await page.send(packed({"kind": "film", "address": "/film"}))
+        return False
 
     def _check_writer(self, page: Any) -> None:
         if self._writer is not page:
