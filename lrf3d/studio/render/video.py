@@ -16,11 +16,11 @@ from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.film import SLACK, FilmOptions
 from lrf3d.studio.render.workers import Job, draw
-from lrf3d.studio.scene.cameras import margins
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.views import film_times, margins
 
 # Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller.
 _EFFORT = 4
@@ -113,7 +113,11 @@ def _frame_times(
         limit if e is None else e for e, limit in zip(part, (-np.inf, np.inf), strict=True)
     )
     timeline = Timeline(run, playback=options.playback)
-    times = timeline.frame_times(fps, margins(str(options.view)))
+    view = str(options.view)
+    if low == -np.inf and high == np.inf:
+        return film_times(view, timeline, fps, options.length)
+    # A part is shown without gaps.
+    times = timeline.frame_times(fps, margins(view))
     chosen = times[(times >= low - SLACK) & (times <= high + SLACK)]
     if not len(chosen):
         raise InputError(
