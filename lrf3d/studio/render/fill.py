@@ -20,6 +20,7 @@ from lrf3d.studio.scene.look import (
     MAP_LIGHT,
     MAP_SHARE,
     NIGHT_LOW,
+    RIM,
     ROOF_SHARE,
     TINY,
     WHITE,
@@ -60,6 +61,8 @@ class Surfaces(NamedTuple):
     area: Float
     # (4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit.
     tones: Float
+    # Share of light of roofs beside a wall that was seen.
+    top: float
 
 
 class LaserLight(NamedTuple):
@@ -245,11 +248,17 @@ def grey(colour: Single) -> float:
 
 
 @borrower
-def expose(seen: Single, when: Float, clock: Float, height: float, tones: Float) -> float:
-    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is."""
+def expose(
+    seen: Single, when: Float, clock: Float, height: float, tones: Float, most: float
+) -> float:
+    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is.
+
+    It gets a share of light at the most.
+    """
     age = (clock[0] - when[0]) * clock[1] - when[3]
     share = min(max(age / DAWN, 0.0), 1.0)
-    on = when[1] * share * share * (3.0 - 2.0 * share)
+    sure = min(max(0.5 + (when[1] - 0.5) / RIM, 0.0), 1.0)
+    on = most * sure * share * share * (3.0 - 2.0 * share)
     bright = grey(seen)
     hot = on / (1.0 + 2.0 * age * age)
     share = on * max(1.0 - FALL * height, LEAST_FALL)
@@ -304,8 +313,8 @@ def shade(
             sample(laser.times, value[6], value[7], laser.area, when)
             bright = grey(seen)
             sure = min(2.0 * when[1], 1.0)
-            when[1] *= wall
-            lit[n] = expose(seen, when, clock, value[2], tones)
+            most = surfaces.top + wall * (1.0 - surfaces.top)
+            lit[n] = expose(seen, when, clock, value[2], tones, most)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
             found = min(max(_CLIMB_EDGE * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
             if found > 0.0:
@@ -322,7 +331,7 @@ def shade(
             y = eye[1] + away * way[1]
             read_ground(surfaces, x, y, _SLANT * away * max(away / eye[2], 1.0) / focus, seen)
             sample(laser.times, x, y, laser.area, when)
-            expose(seen, when, clock, 0.0, tones)
+            expose(seen, when, clock, 0.0, tones, 1.0)
         else:
             rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
             for k in range(3):

@@ -84,6 +84,7 @@ class PlainRenderer:
             *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
             np.array([look.HAZE, look.ZENITH, setting.night, setting.cool]),
+            setting.top,
         )
         times = stage.exposure.texels
         self._mirrors = stage.mirrors

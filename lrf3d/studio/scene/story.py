@@ -46,7 +46,7 @@ _SIDES = 12
 _SWAY = np.radians(9.0)
 
 # Angular speed at which the end goes round the whole [rad/s of the film].
-_END_DRIFT = np.radians(3.0)
+_END_DRIFT = np.radians(2.0)
 
 # Number of moments of a shot at which it is judged.
 _JUDGED = 5
@@ -62,6 +62,9 @@ _HIDDEN = 3.0
 
 # What it loses where less than half of the picture is lit.
 _DARK_HALF = 0.8
+
+# What it gains where all of it is walls of the map, in their colours.
+_MAPPED = 1.2
 
 # What it gains where the camera is nearest.
 _NEAR = 0.25
@@ -128,8 +131,10 @@ class Story:
         if shot.name == "end":
             passed = (time - shot.start) / self._timeline.playback
             glass = max(float(_eased(passed / _GLASSY)), _FIRST_GLASS)
-            return track.look(time, cuts=True, glass=glass, shot="end")
-        return track.look(time, cuts=True, opens=True, shot=shot.name)
+            return track.look(time, cuts=True, glass=glass, inset=False, shot="end")
+        # Where the whole comes into view, it needs no map beside it.
+        inset = shot.name != "rise"
+        return track.look(time, cuts=True, opens=True, inset=inset, shot=shot.name)
 
     def _made(self, number: int, aspect: float) -> CameraPath:
         """The looks of a shot by its number."""
@@ -223,7 +228,7 @@ class Story:
         return number, share[nearest][first]
 
     def _lit(self, track: CameraPath, moments: Float, aspect: float) -> float:
-        """The share of a picture that is lit, in the mean of moments (m,)."""
+        """The share of a picture that is lit, and more where the map has it: of moments (m,)."""
         views = [track.look(time) for time in moments.tolist()]
         ways = np.array([_rays(view, aspect) for view in views])
         count = ways.shape[1]
@@ -242,7 +247,9 @@ class Story:
         found = self._exposure.sampled(places[:, :2])
         now, _ = self._exposure.clock(moments, 1.0)
         seen = (found["sure"] > 0.5) & (found["seen"] <= np.repeat(now, count))
-        return float((down & seen).mean())
+        mapped = np.zeros(len(seen), bool)
+        mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
+        return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())
 
     def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
         """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""

@@ -48,7 +48,9 @@ float age(vec4 when, vec2 clock) {
 // How much of the light a place has got by an age.
 float lit(vec4 when, float age) {
     float share = clamp(age / DAWN, 0.0, 1.0);
-    return when.g * share * share * (3.0 - 2.0 * share);
+    // The picture of times is smooth, so that where it is half is an edge finer than its cells.
+    float sure = clamp(0.5 + (when.g - 0.5) / RIM, 0.0, 1.0);
+    return sure * share * share * (3.0 - 2.0 * share);
 }
 
 // A colour in the light of the laser: dark before it came, aglow with it, cool and bright after.

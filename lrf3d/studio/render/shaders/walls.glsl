@@ -58,7 +58,8 @@ void main() {
 #endif
     vec4 when = texture(times, foot.xy);
     float since = age(when, clock);
-    float on = paint.a * lit(when, since);
+    // Walls that are cut are filled, as architects draw them, once what is beside them is seen.
+    float on = mix(TOP_LIT, 1.0, paint.a) * lit(when, since);
     float left = 1.0;
 #ifdef OPENED
     left = opacity(on);
