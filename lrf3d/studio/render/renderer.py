@@ -63,7 +63,7 @@ class Renderer:
         self._camera = CameraBlock()
         self._parts = _Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
-        self._walls = self._filled("walls", *stage.faces[:3])
+        self._walls = self._filled("walls", *stage.faces[:4])
         ground = stage.ground
         self._ground = self._filled("ground", ground_of(ground, 1))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())

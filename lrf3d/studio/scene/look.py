@@ -82,6 +82,12 @@ EMBER_SHARE = (0.45, 0.16, 0.72)
 # Time in which a place becomes lit [s of the film].
 DAWN = 0.6
 
+# Height of a storey of a house [m].
+STOREY = 3.1
+
+# Height of a shelf of a rack [m].
+SHELF = 0.78
+
 # Width of the edge of light, in the share of how surely places were seen.
 RIM = 0.32
 
