@@ -67,6 +67,7 @@ Film:
 --size WxH: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
 --fps RATE: Frames per second; 25, but 10 for .gif.
 --playback SPEED: Simulated seconds per second of film.
+--length S: About how long a story takes [s]; 15 if not given.
 --samples 0|4 = 4: Samples per pixel for smooth edges.
 {WORKERS}
 --renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.

@@ -201,9 +201,7 @@ class Film:
             from lrf3d.studio.render.plain import PlainRenderer
 
             self.renderer = PlainRenderer(self.scene.stage, chosen.size)
-        self.camera = make_camera(
-            str(chosen.view), self.timeline, self.scene.stage, chosen.length
-        )
+        self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"

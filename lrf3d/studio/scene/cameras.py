@@ -1,6 +1,5 @@
 """The cameras of a film: with the robot, fixed, and of the whole."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -8,7 +7,7 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry.lines import Float
-from lrf3d.studio.scene.camera import AIM, STEP, Camera, CameraPath, Look, PathCamera, SmoothPath
+from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothPath
 from lrf3d.studio.scene.look import SECTION, Rig
 from lrf3d.studio.scene.stage.stage import STREET
 from lrf3d.studio.scene.stage.structures import Structures
@@ -83,6 +82,7 @@ _CALM = 12.5
 
 # Least share of the angle that is left, so that the robot stays in sight when it is far off.
 _NARROWEST = 0.15
+
 
 def chase(timeline: Timeline, structures: Structures) -> PathCamera:
     """Follows the robot from behind, smoothly, and looks ahead with it.

@@ -24,7 +24,7 @@ SHORTEST = 4.0
 LONGEST = 3600.0
 
 # Time for which a film shows the robot before the run starts [s of the film].
-OPENING = 1.4
+OPENING = 1.2
 
 # Time for which it shows the first scan [s of the film].
 FIRST = 2.4

@@ -9,6 +9,7 @@ had to go by: where its estimate is wrong, so is the light.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -129,7 +130,7 @@ class Exposure:
         """How far from a wall a segment of the map may lie to be that wall [m]."""
         return _TOLERANCE * self.cell
 
-    def clock(self, time: float, playback: float) -> tuple[float, float]:
+    def clock(self, time: Any, playback: float) -> tuple[Any, float]:
         """A time of the run [s] in lengths of it, and the film's seconds in one length."""
         return (time - self.start) / self.length, self.length / playback
 

@@ -20,8 +20,8 @@ from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.studio.scene.stage.structures import Structures, filled_between
 
-# What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. To a wall
-# of a room 1 is added where its first end is free, and 2 where its last one is.
+# What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. To the
+# number of a wall of a room 1 is added where its first end is free, and 2 where its last one is.
 PLAIN = 0.0
 FACADE = 1.0
 ROOM_WALL = 2.0

@@ -297,7 +297,9 @@ def outlines_of(structures: Structures) -> Lines:
         tops = tops[structures.closed]
         count = np.maximum(np.ceil(tops / look.STOREY) - 1.0, 0.0).astype(int)
         storeys = np.repeat(walls, count, axis=0)
-        levels = look.STOREY * (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1)
+        levels = look.STOREY * (
+            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+        )
     (a, b), (c, d) = (
         [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
         for lines, high in ((walls, tops), (storeys, levels))
