@@ -123,7 +123,8 @@ class Story:
         # The end begins when the run has ended.
         number = max(int(np.searchsorted(self._starts, time, side="left")) - 1, 0)
         shot = self.shots[number]
-        if time > shot.end and shot.name != "end":
+        # Shots that follow each other meet within a picture, as times are rounded.
+        if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
         track = self._track(number, aspect)
         if shot.name == "opening":
