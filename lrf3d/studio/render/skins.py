@@ -118,7 +118,7 @@ def rack(day: Single, place: tuple[float, float], wall: Single, pixel: float) ->
         filled = (day[k] * 0.30 + box * (card[k] * tint - day[k] * 0.30)) * seam
         whole = filled + steel * (day[k] * 1.05 - filled)
         day[k] = day[k] * 0.8 + near * (whole - day[k] * 0.8)
-    return 1.0 - 0.85 * near * box * (1.0 - steel)
+    return float(1.0 - 0.85 * near * box * (1.0 - steel))
 
 
 @borrower

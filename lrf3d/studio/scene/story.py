@@ -120,8 +120,9 @@ class Story:
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run, also before its start and after its end."""
+        number = max(int(np.searchsorted(self._starts, time, side="right")) - 1, 0)
         # The end begins when the run has ended.
-        number = max(int(np.searchsorted(self._starts, time, side="left")) - 1, 0)
+        number -= time == self.shots[-1].start
         shot = self.shots[number]
         # Shots that follow each other meet within a picture, as times are rounded.
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
