@@ -113,7 +113,7 @@ class FilmOptions:
     playback: float | None = None
     # How long a story takes [s].
     length: float = LENGTH
-    samples: int = 4
+    samples: int = 1
     renderer: str | None = None
     panel: str = "short"
     # What is drawn over the scene.
@@ -138,8 +138,8 @@ class FilmOptions:
         _check(paired, "size", self.size, "width and height [pixels]")
         _check(isinstance(view, str), "view", view, "the name of a camera")
         check_view(view, run.world.cameras)
-        sampled = is_finite(self.samples) and self.samples in (0, 4)
-        _check(sampled, "samples", self.samples, "0 or 4")
+        sampled = is_finite(self.samples) and self.samples in (0, 1, 4)
+        _check(sampled, "samples", self.samples, "0, 1 or 4")
         _check(self.panel in panel.PANELS, "panel", self.panel, f"one of {', '.join(panel.PANELS)}")
         limits = {"least": _SMALLEST, "most": _LARGEST}
         width, height = (whole_number(side, "size", **limits) for side in self.size)

@@ -53,10 +53,10 @@ def render_video(
             ``playback``, seconds of the run in a second of the film; ``view``, the camera:
             ``story``, ``chase``, ``first``, ``orbit``, ``overview``, ``top`` or one of the world's;
             ``length``, how long a story takes [s] (15), which shows parts of a longer run;
-            ``samples`` a pixel against jagged edges, 4, or 0 for none; ``renderer``, ``gl``, or
-            ``embree`` which needs no OpenGL and takes longer; ``panel``, ``short`` for three facts
-            or ``full`` for all numbers. If not given, the run has its own view and playback, and
-            OpenGL draws where it is there.
+            ``samples`` a pixel: 1, whose edges are smoothed, 4, or 0 for jagged edges;
+            ``renderer``, ``gl``, or ``embree`` which needs no OpenGL and takes longer; ``panel``,
+            ``short`` for three facts or ``full`` for all numbers. If not given, the run has its own
+            view and playback, and OpenGL draws where it is there.
 
     Raises:
         InputError: An argument is out of its range.
