@@ -114,6 +114,7 @@ def _look(args: Namespace) -> dict[str, Any]:
             renderer = "embree"
     return {
         **{name: vars(args)[name] for name in ("view", "playback", "panel")},
+        **({} if args.length is None else {"length": args.length}),
         "samples": int(args.samples),
         "renderer": renderer,
         "size": args.size or (_LARGE if renderer == "gl" else _SMALL),
