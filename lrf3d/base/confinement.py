@@ -87,6 +87,7 @@ def _limit(memory: int, seconds: int) -> None:
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (memory, memory))
     if sys.platform == "linux":
         # What libraries take before they read does not count.
         with open("/proc/self/statm") as file:

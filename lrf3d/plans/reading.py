@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.plans.plan import Plan, plan_of
-from lrf3d.plans.readers.picture import read_picture
 from lrf3d.world.files import is_picture, read_world
 
 
@@ -42,6 +41,8 @@ def plan_of_file(
 ) -> Plan:
     """Make the plan of a file by the reader of its format."""
     if is_picture(path):
+        from lrf3d.plans.readers.picture import read_picture
+
         return read_picture(path, **options).scaled(scale)
     draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
     found = draw(path, scale, **options)
