@@ -97,10 +97,10 @@ def _limit(memory: int, seconds: int) -> None:
 
 def _confine_at(path: str) -> None:
     """Confine this process once it opens the file; Python may write what it compiles until then."""
-    opening = {"open", "os.listdir", "os.scandir", "sqlite3.connect"}
+    opening = {"open", "os.listdir", "os.scandir"}
 
     def hook(event: str, values: tuple[Any, ...]) -> None:
-        if event in opening and path in str(values[0]):
+        if event in opening and str(values[0]).startswith(path):
             opening.clear()
             if sys.platform == "linux":
                 _confine()

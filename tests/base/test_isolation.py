@@ -26,6 +26,8 @@ from lrf3d.laser.range_finder import CENTRE
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
+needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="limits that Linux has")
+
 FAILURES = {
     "hold = [bytes(10**7) for _ in range(10**4)]": r"more than 0\.06 GB of memory; cut it down",
     "import numpy\nhold = numpy.ones(10**9)": r"more than 0\.06 GB of memory; .* LRF3D_READING=4",
@@ -61,6 +63,7 @@ def run_apart(path):
     return read_file("runpy:run_path", path, {}, isolated=True)
 
 
+@needs_linux
 @pytest.mark.parametrize("code", FAILURES)
 def test_whatever_happens_to_the_process_is_one_line(code, started, tmp_path, monkeypatch):
     monkeypatch.setattr(isolation, "LEAST_MEMORY", 60_000_000)
@@ -146,6 +149,7 @@ def test_an_option_that_no_process_takes_is_named(started):
         lrf3d.load_world(EXAMPLES / "flat.svg", layers=object())
 
 
+@needs_linux
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_process_ends_with_its_parent(number, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))

@@ -48,7 +48,7 @@ MOST_ON_SCAN = 10
 
 def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None) -> Canvas | Plan:
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
-    document = pypdfium2.PdfDocument(path)
+    document = pypdfium2.PdfDocument(path.read_bytes())
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle = document[page - 1]
