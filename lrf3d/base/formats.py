@@ -36,6 +36,7 @@ class Format:
         largest: Largest file that is read [bytes].
         options: Options of the function that reads it, or else of the one that writes it.
         extra: The extra of lrf3d that it needs.
+        apart: Whether a file is read in a process of its own, which knows the rows below alone.
     """
 
     kind: str
@@ -47,6 +48,7 @@ class Format:
     largest: int = 1 << 28
     options: tuple[str, ...] = ()
     extra: str = ""
+    apart: bool = False
 
 
 _PLAN = "lrf3d.plans.reading:plan_of_file"
@@ -61,44 +63,45 @@ FORMATS: list[Format] = [
     ),
     Format(
         kind="world", endings=(".geojson", ".json"), read="lrf3d.world.towns.geojson:read_geojson",
-        write="lrf3d.world.towns.geojson:write_geojson",
+        write="lrf3d.world.towns.geojson:write_geojson", apart=True,
     ),
     Format(
         kind="world", endings=(".osm",), read="lrf3d.world.towns.osm:read_osm", options=("trees",),
+        apart=True,
     ),
     Format(
         kind="world", endings=(".yaml", ".yml"), read="lrf3d.world.ros_map:read_ros_map",
-        write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16,
+        write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16, apart=True,
     ),
     Format(
         kind="picture", endings=(".png", ".pgm", ".jpg", ".jpeg", ".bmp"), read=_PLAN,
-        looks={b"\x89PNG": "a picture"}, options=("resolution", "threshold"),
+        looks={b"\x89PNG": "a picture"}, options=("resolution", "threshold"), apart=True,
     ),
     Format(
         kind="drawing", endings=(".dxf", ".svg"), read=_PLAN, largest=1 << 26,
-        looks={b"<": "XML"}, options=("layers", "without"),
+        looks={b"<": "XML"}, options=("layers", "without"), apart=True,
     ),
     Format(
         kind="drawing", endings=(".pdf",), read=_PLAN, largest=1 << 26,
         looks={b"%PDF": "a document"}, options=("threshold", "page", "layers", "without"),
-        extra="pdf",
+        extra="pdf", apart=True,
     ),
     Format(
         kind="world", endings=(".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), largest=1 << 27,
         read="lrf3d.world.mesh:read_mesh", write="lrf3d.world.mesh:write_glb",
-        looks={b"ply": _CLOUD},
+        looks={b"ply": _CLOUD}, apart=True,
     ),
     # The last two endings of CARMEN logs are what the University of Freiburg calls them.
     Format(
         kind="log", name="CARMEN", endings=(".log", ".log.gz", ".clf", ".clf.gz"),
         read="lrf3d.recordings.formats.carmen:load_carmen", options=("poses",),
-        write="lrf3d.recordings.formats.carmen_writer:write_log",
+        write="lrf3d.recordings.formats.carmen_writer:write_log", apart=True,
     ),
     Format(
         kind="log", name="bag", endings=(".mcap", ".db3", ".bag"),
         looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ZSTD), "a ROS bag"),
         read="lrf3d.recordings.formats.bags.reader:load_bag",
-        options=("poses", "scan_topic", "part"), extra="ros",
+        options=("poses", "scan_topic", "part"), extra="ros", apart=True,
     ),
     Format(
         kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
@@ -108,11 +111,11 @@ FORMATS: list[Format] = [
             b"\x93NUMPY": "an array: name it .npy",
             b"MATLAB 5": "a .mat file: name it .mat",
         },
-        options=("format",),
+        options=("format",), apart=True,
     ),
     Format(
         kind="log", name="run", endings=(".npz",), read="lrf3d.recordings.reading:run_log",
-        options=("poses",),
+        options=("poses",), apart=True,
         write="lrf3d.recordings.formats.run_file:save_run",
     ),
     Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),

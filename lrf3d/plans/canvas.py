@@ -11,9 +11,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.errors import WorldError
-from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.pieces import check_crossings
 
 # Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005
@@ -87,7 +85,6 @@ class Canvas:
 
     def count(self, steps: int = 1) -> None:
         """Count steps of work, also those that paint nothing, and raise if there are too many."""
-        check()
         self._work += steps
         if self._work > MOST_MARKS or self._points > MOST_POINTS:
             raise WorldError(
@@ -162,17 +159,12 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
         return shapely.Polygon()
     plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
     turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
-    # A curved outline may cross itself; bound the crossings first, as they are slow to resolve.
-    check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
     parts = parts[kept]
     turns = turns[kept]
     tree = shapely.STRtree(parts)
-    # Bound the pairs of meeting boxes loosely: each is cheap, and curved rings have many.
-    _check_overlaps(len(tree.query(parts)[0]) // 20)
     inner, outer = tree.query(parts, predicate="covered_by")
-    _check_overlaps(len(inner) - len(parts))
     # For each part: the number of rings around it, itself included, and its winding number or its
     # parity, of which 0 is a hole.
     depth = np.bincount(inner, minlength=len(parts))
@@ -236,10 +228,8 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
     covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
     cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
     under, cover = np.stack([under, cover])[:, under < hiding[cover]]
-    _check_overlaps(len(under))
     order = np.argsort(under, kind="stable")
     for over in np.split(order, np.flatnonzero(np.diff(under[order])) + 1):
-        check()
         for number in under[over[:1]]:
             # An area is cut at the edges of those above it, a line a little inside of them.
             solid = is_area(shapes[number])
@@ -250,12 +240,6 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
                 parts = shapely.get_parts(left[number])
                 left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
     return left
-
-
-def _check_overlaps(count: int) -> None:
-    """Bound the pairs of areas and lines that overlap, since each pair takes time."""
-    if count > MOST_MARKS:
-        raise WorldError(f"has more than {MOST_MARKS:,} areas and lines that lie on each other")
 
 
 def is_area(shape: Any) -> bool:

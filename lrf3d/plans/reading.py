@@ -4,20 +4,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.interrupts import reading
 from lrf3d.plans.plan import Plan, plan_of
-from lrf3d.plans.readers.picture import read_picture
-from lrf3d.world.files import find_world, is_picture, options_of, read_file
-from lrf3d.world.model import check_scale
-from lrf3d.world.schema import at
+from lrf3d.world.files import is_picture, read_world
 
 
-def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
+def read_plan(
+    path: str | Path, *, scale: float = 1.0, isolated: bool = True, **options: Any
+) -> Plan:
     """Read the plan of a drawing or a picture: the walls and doors that `load_world` starts from.
 
     Args:
         path: The file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp.
         scale: Enlarges the plan, but not the heights.
+        isolated: Whether it is read in a process of its own, with limits.
         options: ``resolution``, ``threshold``, ``layers``, ``without`` and ``page``, as for
             `load_world`.
 
@@ -33,19 +32,17 @@ def read_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Plan:
         >>> len(lrf3d.read_plan("room.svg").segments)
         4
     """
-    path = find_world(path)
-    check_scale(scale)
-    options = options_of(path, **options)
-    with reading(), at(str(path)):
-        plan: Plan = read_file(path, {"scale": scale, **options})
-        return plan
+    plan: Plan = read_world("", path, scale, isolated, options)
+    return plan
 
 
 def plan_of_file(
     path: Path, scale: float = 1.0, layers: Any = (), without: Any = (), **options: Any
 ) -> Plan:
-    """Make the plan of a file by the reader of its format; `read_file` calls this function."""
+    """Make the plan of a file by the reader of its format."""
     if is_picture(path):
+        from lrf3d.plans.readers.picture import read_picture
+
         return read_picture(path, **options).scaled(scale)
     draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
     found = draw(path, scale, **options)

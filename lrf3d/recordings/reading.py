@@ -5,11 +5,13 @@ import zlib
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from lrf3d.base.errors import InputError, shown
 from lrf3d.base.files import as_path, opened, own_name
 from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
 from lrf3d.base.interrupts import reading
+from lrf3d.base.isolation import read_file
 from lrf3d.geometry.lines import number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
 from lrf3d.recordings.formats.carmen import WORDS
@@ -49,6 +51,7 @@ def load_log(
     part: int | None = None,
     format: str | None = None,
     without_repairs: Sequence[str] = (),
+    isolated: bool = True,
 ) -> LaserLog:
     """Read the scans of a log; the ending of its name gives the format.
 
@@ -65,6 +68,7 @@ def load_log(
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
         without_repairs: Names of repairs that are left out. Reading makes only ``no_return``;
             without it the largest and smallest readings are kept as they are.
+        isolated: Whether it is read in a process of its own, with limits.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -83,13 +87,31 @@ def load_log(
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
-    row = _format_of(path, in_columns=bool(format))
-    given = {"poses": poses, "scan_topic": scan_topic, "part": part, "format": format}
-    if row.name != "bag" and (scan_topic or part):
-        name = "scan topic" if scan_topic else "part"
+    row = by_ending(path, "log")
+    options = {
+        "poses": poses, "scan_topic": scan_topic, "part": part, "format": format,
+        "largest_range": largest_range, "without_repairs": without_repairs,
+    }  # fmt: skip
+    known = row is None or row.apart
+    reader = "lrf3d.recordings.reading:log_of_file"
+    log: LaserLog = read_file(reader, path, options, isolated=isolated and known)
+    return log
+
+
+def log_of_file(
+    path: Path,
+    *,
+    largest_range: float | None,
+    without_repairs: Sequence[str],
+    **given: Any,
+) -> LaserLog:
+    """The log of a file by the reader of its format, with the options that the format has."""
+    row = _format_of(path, in_columns=bool(given["format"]))
+    if row.name != "bag" and (given["scan_topic"] or given["part"]):
+        name = "scan topic" if given["scan_topic"] else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
-    if "poses" not in row.options and poses not in ("auto", "odom"):
-        raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
+    if "poses" not in row.options and given["poses"] not in ("auto", "odom"):
+        raise InputError(f"{path}: no poses from {given['poses']} in it; there are auto, odom")
     options = {name: given[name] for name in row.options}
     log: LaserLog = function(row.read)(Intake(path, largest_range, without_repairs), **options)
     return log

@@ -4,10 +4,19 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, check_names, expect
+from lrf3d.base.errors import OutputError, WorldError, check_names, expect
 from lrf3d.base.files import as_path, check_ordinary, data_folder
-from lrf3d.base.formats import WORLDS, by_ending, endings, enter_installed, function, of_kind
+from lrf3d.base.formats import (
+    WORLDS,
+    Format,
+    by_ending,
+    endings,
+    enter_installed,
+    function,
+    of_kind,
+)
 from lrf3d.base.interrupts import reading
+from lrf3d.base.isolation import read_file
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
 
@@ -19,6 +28,7 @@ def load_world(
     resolution: float | None = None,
     threshold: float | None = None,
     scale: float = 1.0,
+    isolated: bool = True,
     **drawing: Any,
 ) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
@@ -30,6 +40,7 @@ def load_world(
         threshold: Grey of its pixels, or of a scanned page's, from 0 to 255, from which on they
             are paper; found from the picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
+        isolated: Whether a file of a foreign format is read in a process of its own, with limits.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
             ``without``, those of layers to leave out, and ``page``, that of a PDF file.
 
@@ -42,15 +53,38 @@ def load_world(
         >>> lrf3d.load_world("paper_room").object_count
         3
     """
+    pictured = {"resolution": resolution, "threshold": threshold}
+    options = {"trees": trees, **pictured, **drawing}
+    reader = "lrf3d.world.files:world_of_file"
+    world: World = read_world(reader, name_or_path, scale, isolated, options)
+    return world
+
+
+def read_world(
+    reader: str, name_or_path: str | Path, scale: float, isolated: bool, options: dict[str, Any]
+) -> Any:
+    """What a reader returns for the file of a world, or that of its format if none is given.
+
+    This is behind all doors, so that a file is read in one process only.
+    """
     path = find_world(name_or_path)
     check_scale(scale)
-    options = options_of(path, trees=trees, resolution=resolution, threshold=threshold, **drawing)
+    row = _row(path)
+    given = {"scale": scale, **options_of(path, **options)}
     with reading(), at(str(path)):
-        found = read_file(path, {"scale": scale, **options} if is_plan(path) else options)
-        # A plan, which has its scale, becomes a world; it says what it leaves out.
-        world: World = found.world(path) if is_plan(path) else found
-        expect(world, World, f"the reader of {path.suffix} files: what it returns")
-    return world if is_plan(path) else world.scaled(scale)
+        return read_file(
+            reader or row.read, path, given, isolated=isolated and row.apart, error=WorldError
+        )
+
+
+def world_of_file(path: Path, scale: float, **options: Any) -> World:
+    """The world of a file by the reader of its format."""
+    planned = is_plan(path)
+    found = function(_row(path).read)(path, **({"scale": scale} if planned else {}), **options)
+    # A plan, which has its scale, becomes a world; it says what it leaves out.
+    world: World = found.world(path) if planned else found
+    expect(world, World, f"the reader of {path.suffix} files: what it returns")
+    return world if planned else world.scaled(scale)
 
 
 def options_of(path: Path, **options: Any) -> dict[str, Any]:
@@ -62,29 +96,18 @@ def options_of(path: Path, **options: Any) -> dict[str, Any]:
         if value is not None and value is not False and not (type(value) is tuple and not value)
     }
     check_names("load_world", given, [name for row in of_kind(*WORLDS) for name in row.options])
-    row = by_ending(path, *WORLDS)
     for name in given:
-        if row is None or name not in row.options:
+        if name not in _row(path).options:
             fitting = ", ".join(endings(*WORLDS, option=name))
             raise WorldError(f"{path}: {name} is for {fitting} files alone")
     return given
 
 
-def read_file(path: Path, options: dict[str, Any]) -> Any:
-    """What the reader of a file returns."""
+def _row(path: Path) -> Format:
+    """The format of the file of a world."""
     row = by_ending(path, *WORLDS)
     assert row is not None
-    try:
-        return function(row.read)(path, **options)
-    except (Lrf3dError, MemoryError):
-        raise
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise WorldError(f"cannot be read: {error.strerror}") from None
-        # What a library raises depends on the damage.
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-        what = f"damaged, or not a {path.suffix[1:].lower()} file"
-        raise WorldError(f"{what} ({reason}); save it again") from error
+    return row
 
 
 def is_picture(path: str | Path) -> bool:

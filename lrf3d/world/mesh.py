@@ -9,7 +9,6 @@ A world is written as GLB: walls with their heights, a part for each object. glT
 vertices are relative to the world's origin, which is the translation of each part; y is up.
 """
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,8 +64,7 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
     """The looks of the parts of a scene, and their triangles (n, 3, 3) [m], z up."""
     import trimesh
 
-    if y_up := path.suffix.lower() in (".glb", ".gltf"):
-        _check_zeros(path)
+    y_up = path.suffix.lower() in (".glb", ".gltf")
     # Only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
@@ -98,20 +96,6 @@ def _looks(mesh: Any, name: str) -> Part:
     written = material_of(mesh.metadata.get("material"))
     material = written or material_of(str(getattr(look, "name", None)).lower())
     return Part(0, np.empty((0, 4)), np.empty(0), name, colour, material)
-
-
-def _check_zeros(path: Path) -> None:
-    """Bound the numbers of glTF that need no data in the file, as they are zero."""
-    data = path.read_bytes()
-    if data[:4] == b"glTF":
-        data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
-    try:
-        accessors = list(json.loads(data)["accessors"])
-        counts = [int(each["count"]) for each in accessors if "bufferView" not in each]
-    except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
-        return  # Its reader says what is wrong.
-    if max(counts, default=0) > 1_000_000:
-        raise WorldError(f"an accessor of {max(counts):,} numbers without data")
 
 
 def _joined(segments: Float, tolerance: float) -> Float:

@@ -82,7 +82,7 @@ def _described(path: Path) -> dict[str, Any]:
     try:
         node = loader.get_single_node()
         data = loader.construct_document(node) if node else None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
     if node is None or not (
         isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)

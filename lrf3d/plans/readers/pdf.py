@@ -48,7 +48,7 @@ MOST_ON_SCAN = 10
 
 def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None) -> Canvas | Plan:
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
-    document = pypdfium2.PdfDocument(path)
+    document = pypdfium2.PdfDocument(path.read_bytes())
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle = document[page - 1]
@@ -58,7 +58,7 @@ def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None
     canvas = Canvas.of_sheet(float(size.max()), scale)
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
     painter = _PagePainter(canvas, _hidden(file))
-    painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
+    painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size))
     rename(canvas, "latin-1")
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
     if _is_scanned(lines, painter.pictured, float(size.prod())):
@@ -124,10 +124,8 @@ class _PagePainter:
         # Area [m²] of the pictures.
         self.pictured = 0.0
 
-    def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
+    def paint(self, objects: list[Any], matrix: Float, clip: Any) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
-        if depth > 50:
-            raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
             self.canvas.count()
             kind = raw.FPDFPageObj_GetType(each)
@@ -142,7 +140,7 @@ class _PagePainter:
                     continue
                 count = raw.FPDFFormObj_CountObjects(each)
                 held = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
-                self.paint(held, inner, visible, depth + 1)
+                self.paint(held, inner, visible)
             else:
                 if kind == raw.FPDF_PAGEOBJ_IMAGE:
                     # A picture fills the unit square, so the determinant is its area.

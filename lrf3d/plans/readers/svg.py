@@ -52,9 +52,6 @@ UNITS = {
     "em": 16.0 * PIXEL,
 }
 
-# Upper bound on the depth of groups and uses within each other.
-DEEPEST = 100
-
 # Properties that an element takes over from those around it.
 INHERITED = frozenset(
     "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
@@ -91,7 +88,6 @@ class State(NamedTuple):
     alpha: float = 1.0
     names: tuple[str, ...] = ()
     layer: str = ""
-    depth: int = 0
 
 
 def draw(path: Path, scale: float) -> Canvas:
@@ -133,12 +129,9 @@ class _ElementPainter(NamedTuple):
             alpha=outer.alpha * _share(style.get("opacity", "1")),
             names=names,
             layer=layer,
-            depth=outer.depth + 1,
         )
         if transformed and style.get("transform", "none") != "none":
             state = state._replace(matrix=outer.matrix @ _transform(style, outer.size))
-        if state.depth > DEEPEST:
-            raise WorldError(f"has groups or uses within each other, more than {DEEPEST} deep")
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -193,7 +186,7 @@ class _ElementPainter(NamedTuple):
             self.canvas.left_out[f"unread {key}"] += 1
             return state.clip
         inner = self._replace(canvas=Canvas(self.canvas.tolerance, self.canvas.pen))
-        plain = State(state.matrix, state.size, depth=state.depth)
+        plain = State(state.matrix, state.size)
         paint = {"fill": "#fff", "stroke": "none"} if key == "clip-path" else {"fill": "#000"}
         inner.children(target, inner.state(target, plain)._replace(style=paint))
         self.canvas.count(len(inner.canvas.marks))

@@ -27,9 +27,7 @@ from lrf3d.laser.range_finder import CENTRE
 from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
 from lrf3d.recordings.formats.units import MICRO, MILLI
 from lrf3d.recordings.log import (
-    A_MESSAGE,
     LARGEST_RANGE,
-    MOST_READINGS,
     UNTIMED,
     Intake,
     LaserLog,
@@ -117,11 +115,9 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     reading = _Reading(intake)
     for number, line in intake.lines():
         try:
-            size = reading.take(line.split())
+            reading.take(line.split())
         except ValueError as error:
             intake.refuse(number, error)
-        else:
-            intake.take(size, number)
     if not reading.rows:
         raise InputError(
             f"{intake.path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines"
@@ -207,7 +203,7 @@ def _by_name(
         place += 1
         if name in ("n", "m"):
             count = _number(found, name, "the number of readings")
-            if not 2 * (name == "n") <= count <= MOST_READINGS or count != int(count):
+            if count < 2 * (name == "n") or count != int(count):
                 raise ValueError(f"{count:g} readings, expected a whole number from 2")
             found[name] = words[place : place + int(count)]
             place += int(count)
@@ -303,8 +299,8 @@ class _Reading:
         self._kinds = dict[int, tuple[bytes, int]]()
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
-    def take(self, words: list[bytes]) -> int:
-        """Read a message; returns its memory in readings, raises ValueError if it is invalid."""
+    def take(self, words: list[bytes]) -> None:
+        """Read a message; raises ValueError if it is invalid."""
         words = _translated(words)
         name = words[0] if words else b"#"
         if words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
@@ -313,29 +309,26 @@ class _Reading:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self._offset = offset
         elif name in TRACKS or name == b"Odometry":
-            return self._take_pose(words)
+            self._take_pose(words)
         elif _laser_of(name)[1]:
-            return self._take_scan(words)
+            self._take_scan(words)
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
-        return 0
 
-    def _take_pose(self, words: list[bytes]) -> int:
+    def _take_pose(self, words: list[bytes]) -> None:
         found, _ = _by_name(words, words[0], 0)
         self._pose = _pose(found)
         self._placed = True
-        if words[0] not in TRACKS:
-            return 0
-        self._stamped[TRACKS[words[0]]].append((_number(found, "time"), self._pose))
-        return A_MESSAGE // 2
+        if words[0] in TRACKS:
+            self._stamped[TRACKS[words[0]]].append((_number(found, "time"), self._pose))
 
-    def _take_scan(self, words: list[bytes]) -> int:
+    def _take_scan(self, words: list[bytes]) -> None:
         """Read a scan, unless scans of another kind came first."""
         kind, laser = _laser_of(words[0])
         first, lacking = self._kinds.get(laser, (kind, None))
         if first != kind:
             if first not in RAW or kind in RAW:
-                return 0
+                return
             # Scans with poses replace the earlier ones without poses.
             self.rows = [row for row in self.rows if row.laser != laser]
             lacking = None
@@ -360,7 +353,6 @@ class _Reading:
         self._counts[laser] = self._counts[laser] + 1
         self._kinds[laser] = (kind, lacking)
         self._placed |= kind not in RAW
-        return len(ranges) + A_MESSAGE
 
     def _farthest(self, found: Mapping[str, list[bytes]]) -> float:
         """Least reading of a message that means no return [m]; the user's limit may be nearer."""

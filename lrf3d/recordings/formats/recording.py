@@ -26,7 +26,8 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
-from lrf3d.recordings.formats.run_file import DAMAGES, load_run, read_arrays, run_arrays, write_npz
+from lrf3d.recordings.formats.npz import DAMAGES, read_arrays, write_npz
+from lrf3d.recordings.formats.run_file import load_run, run_arrays
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.loop import Simulation, Step
 from lrf3d.simulation.recorder import Snapshots, fill_row, row_type

@@ -24,7 +24,6 @@ from lrf3d.world.materials import Material, material_of
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import (
     Part,
-    check_crossings,
     from_corner,
     groups,
     members_of,
@@ -49,9 +48,6 @@ STRAIGHT = 0.01
 # A full turn, and the latitude of a pole [°].
 TURN = 360.0
 POLE = 90.0
-
-# Largest number of times that an outline crosses itself; surveyors let it cross once or twice.
-MOST_CROSSINGS = 200
 
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
@@ -179,9 +175,8 @@ def _check_shape(part: Any, kind: str) -> None:
 
 
 def encloses(polygon: Any) -> bool:
-    """Whether a polygon encloses anything; one that crosses itself time and again is an error."""
+    """Whether a polygon encloses anything."""
     if not shapely.is_valid(polygon):
-        check_crossings(polygon, MOST_CROSSINGS, "lines of one outline")
         polygon = shapely.make_valid(polygon)
     return bool(polygon.area > 0.0)
 
@@ -315,8 +310,6 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     # Labels are numbered by their first members, so blocks keep the order of the source.
     for members in members_of(groups(*pairs_within(local, CLOSING, "footprints"), len(local))):
         rings = []
-        if len(members) > 1:
-            check_crossings(local[members], 100 * MOST_CROSSINGS, "footprints")
         for index, points in _rings(local[members]):
             # Corners that came from the source, and not from closing a gap, are as in the source.
             gaps, nearest = map(np.asarray, source.query(points))

@@ -118,8 +118,6 @@ def _parse(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         data = json.loads(text, object_pairs_hook=_unique)
-    except RecursionError:
-        raise WorldError("nested too deeply for a world file") from None
     except ValueError as error:
         raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):

@@ -25,7 +25,7 @@ from lrf3d.base.files import own_name
 from lrf3d.geometry.lines import Float
 from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
-from lrf3d.world.pieces import MOST_PAIRS, pairs_within
+from lrf3d.world.pieces import pairs_within
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.towns.features import (
     LEVEL_HEIGHT,
@@ -220,11 +220,8 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
         if "building" not in tags and encloses(area)
     ]
     tree = shapely.STRtree([area for _, area in parts])
-    pairs = 0
     for tags, area in found:
         own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
-        if (pairs := pairs + len(own)) > MOST_PAIRS:
-            raise WorldError(f"more than {MOST_PAIRS:,} parts in buildings; remove repeated ones")
         if len(own) and encloses(area):
             area = shapely.make_valid(area)
             stands = shapely.union_all([parts[n][1] for n in own if is_building(parts[n][0])])

@@ -1,8 +1,7 @@
 """The messages in files of ROS bags: MCAP, SQLite, and the .bag of ROS 1.
 
 Files are read from their beginning, without an index, so that a file that a killed recorder or a
-full disk cut short is read up to its last whole record, also within a chunk. Unpacking stops at a
-limit: a few kilobytes may unpack to gigabytes.
+full disk cut short is read up to its last whole record, also within a chunk.
 """
 
 import bz2
@@ -21,14 +20,10 @@ from typing import Any, NamedTuple
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
 from lrf3d.base.formats import MCAP, ROS_1, SQLITE, ZSTD, by_name
-from lrf3d.base.interrupts import check
 
-# Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
-# megabyte, some of a hundred.
-MOST_UNPACKED = 1 << 28
-
-# Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
-MOST_TIMES = 200
+# Largest size [bytes] of a record: recorders write chunks of a megabyte, some of a hundred, so that
+# the length of a larger one is damaged.
+LARGEST_RECORD = 1 << 28
 
 # Bytes that are unpacked at a time of a packed file: of a file that is cut, the last are lost.
 BLOCK = 1 << 16
@@ -109,13 +104,9 @@ def unpacked(packing: str, data: bytes) -> bytes:
         "bz2": bz2.BZ2Decompressor,
     }
     parts = []
-    left = MOST_UNPACKED
     while data:
-        check()
         unpacker = kinds[packing]()
-        parts.append(unpacker.decompress(data, max_length=left + 1))
-        left -= len(parts[-1])
-        _check_size(MOST_UNPACKED - left)
+        parts.append(unpacker.decompress(data))
         data = unpacker.unused_data or b"" if unpacker.eof else b""
     return b"".join(parts)
 
@@ -126,22 +117,13 @@ def _zstd() -> Any:
 
 
 def _check_size(size: int) -> None:
-    if size > MOST_UNPACKED:
-        raise InputError(
-            f"a chunk or a message of more than the {MOST_UNPACKED // 1000**2} MB that are unpacked"
-            " at a time; record in smaller chunks"
-        )
+    if size > LARGEST_RECORD:
+        raise InputError(f"a record of {size / 1e6:,.0f} MB; record in smaller chunks")
 
 
 def _unpack(path: Path, whole: Any) -> None:
-    left = MOST_UNPACKED + MOST_TIMES * path.stat().st_size
     with suppress(EOFError), _zstd().open(path) as stream:
-        while part := stream.read(BLOCK):
-            check()
-            left -= len(part)
-            if left < 0:
-                raise InputError(f"a packed file unpacks to more than {MOST_TIMES} times its size")
-            whole.write(part)
+        shutil.copyfileobj(stream, whole, BLOCK)
     if not whole.tell():
         raise InputError("cut short, so that nothing in it is whole")
     whole.seek(0)
@@ -157,7 +139,6 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
             note(f"{path.name} was not closed: what is whole in {journal.name} was read, too")
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             for part in (path, journal):
-                check()
                 shutil.copyfile(part, folder / part.name)
             uri = (folder / path.name).as_uri()
         database = stack.enter_context(closing(sqlite3.connect(uri, uri=True)))

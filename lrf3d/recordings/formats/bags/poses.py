@@ -17,7 +17,7 @@ from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
 from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
 from lrf3d.recordings.formats.text.fans import WIDEST_FAN
 from lrf3d.recordings.formats.units import NANO
-from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
+from lrf3d.recordings.log import Intake, LaserLog
 
 # The types of messages of scans; where a beam has several echoes, the first one counts.
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -116,12 +116,12 @@ class Contents:
         found = self.by_frame.values()
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
 
-    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> int:
-        """Take a message, and return its size in readings; an error says why it is of no use."""
+    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> None:
+        """Take a message; an error says why it is of no use."""
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
             for each in message.transforms:
                 self._take_transform(topic, each, received, number)
-            return A_POSE * len(message.transforms)
+            return
         stamp = _stamp(message), received, number
         if kind in SCANS:
             if kind == ECHOES:
@@ -131,14 +131,13 @@ class Contents:
             stream = self.by_frame.get((topic, frame)) or ScanStream(topic, frame)
             stream.add(message, *stamp)
             self.by_frame[topic, frame] = stream
-            return len(message.ranges) + A_MESSAGE
+            return
         pose = message.pose if kind == POSE else message.pose.pose
         child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
         # Of several robots on one topic, each has a track.
         name = topic if self.children.get(topic, child) == child else f"{topic} of {child}"
         self.tracks[name].add_pose(pose.position, pose.orientation, *stamp)
         self.children[name] = child
-        return A_POSE
 
     def _take_transform(self, topic: str, message: Any, received: int, number: int) -> None:
         above = _frame(message.header.frame_id)

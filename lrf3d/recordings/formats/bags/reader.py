@@ -26,7 +26,7 @@ from pathlib import Path
 
 from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.base.formats import ZSTD
-from lrf3d.base.interrupts import check
+from lrf3d.base.isolation import check_memory
 from lrf3d.messages.ros import SCAN, TRANSFORMS
 from lrf3d.recordings.formats.bags.files import BagTopic, bag_files, packets, unpacked
 from lrf3d.recordings.formats.bags.poses import (
@@ -60,15 +60,12 @@ def load_bag(
     deserialized = {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
     topics = set[BagTopic]()
     for number, (topic, received, data) in enumerate(_wanted(intake, scan_topic, topics), 1):
-        check()
         try:
             message = deserialized[topic.packing](data, topic.kind)
-            size = contents.take(topic.name, topic.kind, message, received, number)
+            contents.take(topic.name, topic.kind, message, received, number)
         except Exception as error:
             # A damaged message may raise any exception.
             intake.refuse(number, _short(error), "message")
-        else:
-            intake.take(size, number, "message")
     scans = sorted(
         {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
     )
@@ -121,5 +118,6 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
 
 
 def _short(error: Exception) -> str:
-    """The message of a library's error in one line."""
+    """The message of a library's error in one line; a full memory is no damage of the file."""
+    check_memory(error)
     return one_line(" ".join(str(error).split()) or type(error).__name__, 150)

@@ -14,7 +14,7 @@ from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.lines import texts_of
 from lrf3d.recordings.formats.text.words import is_number, mostly_numbers, named, parsed
-from lrf3d.recordings.log import A_VALUE, Intake
+from lrf3d.recordings.log import Intake
 
 # Matches a column of a format: its name, its unit, how many columns it takes, and where it is.
 COLUMN = re.compile(r"([a-z]+|-)(?::([a-z]+))?(?:\*(\d+))?(?:@(.+))?").fullmatch
@@ -67,7 +67,11 @@ class Layout:
         rows = {role: array("d") for role in self.columns}
         # A line may hold a single reading with its bearing, not a whole scan.
         single = self.beams == 1 and "angles" in self.columns
+        begun = False
         for number, words in _rows(form, table.intake):
+            # A line before the first numbers is another header.
+            if not begun and not mostly_numbers(words):
+                continue
             try:
                 found = self._values(words)
             except ValueError as error:
@@ -77,7 +81,7 @@ class Layout:
                 ranges.append(found.pop("ranges"))
             for role, values in found.items():
                 rows[role].append(values[0])
-            table.intake.take(len(words) + A_VALUE * len(self.columns), number)
+            begun = True
         table.values |= {role: np.array(each) for role, each in rows.items() if len(each)}
         return ranges
 
@@ -101,15 +105,13 @@ class Layout:
 def _rows(form: Form, intake: Intake) -> Iterator[tuple[int, Words]]:
     """The numbers of the lines of scans, and their words.
 
-    Repeated headers, as in files that were joined, are left out, and lines before the first
-    numbers.
+    Repeated headers, as in files that were joined, are left out.
     """
     for number, text in texts_of(intake):
         if text.startswith("#") or not text:
             continue
         for words in form.dialect.rows(text):
-            begun = intake.readings > 0
-            if form.has(words) and named(words) != form.header and (begun or mostly_numbers(words)):
+            if form.has(words) and named(words) != form.header:
                 yield number, words
 
 
