@@ -20,7 +20,7 @@ from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
 from lrf3d.simulation.loop import motion_streams
 from lrf3d.simulation.scenario import Scenario
-from lrf3d.simulation.sensor import Sensor, caster_of
+from lrf3d.simulation.sensor import Caster, Sensor, caster_of
 
 
 class LiveRobot(Driven):
@@ -36,6 +36,7 @@ class LiveRobot(Driven):
         rng: np.random.Generator | int | None = 0,
         wheels: WheelOdometry | None = None,
         crowd: Crowd | None = None,
+        caster: Caster | str = "embree",
     ) -> None:
         self._crowd = Crowd(scenario.obstacles) if crowd is None else crowd
         self.wheels = wheels
@@ -47,7 +48,7 @@ class LiveRobot(Driven):
         super().__init__(self.start, 0.0, body, CollisionChecker(scenario.world, self._crowd))
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
         lasers = [(scenario.lrf, scenario.noise), *scenario.further]
-        caster = caster_of("embree", scenario.world)
+        caster = caster_of(caster, scenario.world)
         self._sensors = [
             Sensor(
                 scenario.world,
@@ -144,7 +145,14 @@ def live_fleet(
     _, crowd = robots_among(
         body, [Trajectory([0.0], [start]) for start in starts], scenario.obstacles
     )
+    caster = caster_of("embree", scenario.world)
     return [
-        LiveRobot(replace(scenario, start=start), rng=own, wheels=wheels, crowd=crowd.without(k))
+        LiveRobot(
+            replace(scenario, start=start),
+            rng=own,
+            wheels=wheels,
+            crowd=crowd.without(k),
+            caster=caster,
+        )
         for k, (start, own) in enumerate(zip(starts, generator(rng).spawn(count), strict=True))
     ]
