@@ -48,6 +48,9 @@ BACKLOG = 20_000_000
 DATA = 1
 TIME = 2
 
+# Time for clients between two ticks [s], also of a robot that is late: greetings take some turns.
+LEAST_WAIT = 0.002
+
 # Time that clients have to close their connections in the end [s].
 LAST_WORDS = 0.5
 
@@ -145,7 +148,7 @@ class Channels:
 
     def serve(self, seconds: float) -> None:
         """Hear clients for a time [s], and obey the newest command of each."""
-        self._loop.run_until_complete(asyncio.sleep(max(0.0, seconds)))
+        self._loop.run_until_complete(asyncio.sleep(max(LEAST_WAIT, seconds)))
         for client in self._clients:
             if client.command is not None:
                 self._obey(client, client.command)
