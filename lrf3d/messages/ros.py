@@ -219,4 +219,6 @@ def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
     (element, inner), count = form
     if element.name == "NAME":
         return [made(store, inner, each) for each in given or ()]
+    if inner[0] == "string":
+        return [*(given or ())]
     return np.asarray(np.zeros(count) if given is None else given, dtype=inner[0])

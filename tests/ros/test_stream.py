@@ -191,6 +191,7 @@ def test_the_model_of_the_robot_has_the_frames_that_are_published():
     made, _ = stream(lasers)
     seen = by_name((*made.first(), *made.tick()))
     model = ElementTree.fromstring(seen["robot_description"]["data"])
+    assert len([*made.encoded(made.first()), *made.encoded(made.step())]) > 10
     links = {each.get("name") for each in model.iter("link")}
     children = {each.get("link") for each in model.iter("child")}
     assert links == children | {"base_link"}
