@@ -161,6 +161,8 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 --namespace NS: Namespace of the topics.
 --robots N = 1: Number of robots; topics and frames of several begin with robot1, robot2, ….
 --no-clock: Leave /clock to another program.
+--no-odom-tf: Leave odom -> base_link and map -> odom to another program, such as a filter.
+--commands both|Twist|TwistStamped = both: Type of cmd_vel.
 --lines: Map while driving, and publish the line map as map_objects.
 {SEED}
 

@@ -159,7 +159,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
     """Serve a robot in ROS 2; a second clock is wrong usage, and returns 2."""
     from lrf3d.ros import SecondClockError, serve
 
-    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines")
+    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines", "commands")
     try:
         serve(
             scenario if scenario.start else routed(scenario, args, console),
@@ -167,6 +167,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
             started=console.note,
             namespace=args.namespace or "",
             clock=not args.no_clock,
+            odom_tf=not args.no_odom_tf,
             rng=args.seed,
             **{name: vars(args)[name] for name in names},
         )
