@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from lrf3d.compiling import compiled
 from lrf3d.geometry.lines import Bool, Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.free_space import distinct_poses
+from lrf3d.matching.likelihood import Likelihood, climbed, mean_score, some
 from lrf3d.matching.search import CELL, Field, window_scores
-from lrf3d.matching.surface import placement
 from lrf3d.simulation.run import Run
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
@@ -121,7 +120,7 @@ class KnownPlaces:
         return np.asarray(distance_transform_edt(~self.occupied) * self.side)
 
     @cached_property
-    def _scores(self) -> Float:
+    def _scores(self) -> Likelihood:
         """Log likelihoods of a hit in each cell, with a border that stands for all beyond."""
         near = np.exp(-0.5 * np.square(self._distance / SIGMA))
         scores = np.log((1.0 - LEAST) * near + LEAST)
@@ -167,13 +166,13 @@ class KnownPlaces:
     def climbed(self, guesses: Float, hits: Records) -> list[Place]:
         """The places (k,) to which the score of hits leads from guesses (k, 3)."""
         local = between(self.origin, guesses)
-        poses, scores = _climbed(local, hits, self._scores, self.side)
+        poses, scores = climbed(local, hits, self._scores, self.side)
         return [*map(Place, compose(self.origin, poses), scores.tolist())]
 
     def fits(self, pose: Float, hits: Records) -> bool:
         """Whether hits fit at a pose (3,) better than at any of some poses all over the map."""
         poses = between(self.origin, np.vstack([pose, self._anywhere]))
-        first, *others = [_score(each, hits, self._scores, self.side) for each in poses]
+        first, *others = [mean_score(each, hits, self._scores, self.side) for each in poses]
         return first > max(others, default=-np.inf)
 
     @cached_property
@@ -222,56 +221,3 @@ def distinct(places: list[Place]) -> list[Place]:
         if not any(is_same(place.pose, each.pose) for each in found):
             found.append(place)
     return found
-
-
-def some(hits: Records, most: int) -> Records:
-    """At most a number of hits, evenly from all."""
-    chosen = np.linspace(0, len(hits) - 1, min(most, len(hits))).astype(np.int64)
-    return hits[chosen]
-
-
-@compiled
-def _score(pose: Float, hits: Records, scores: Float, side: float) -> float:
-    """The mean score of hits (n,) at a pose (3,) in the frame of the cells."""
-    rows, columns = scores.shape
-    at = placement(pose)
-    total = 0.0
-    for i in range(len(hits)):
-        x = at.x + at.cos * hits[i].x - at.sin * hits[i].y
-        y = at.y + at.sin * hits[i].x + at.cos * hits[i].y
-        # The border of the scores stands for all cells beyond.
-        column = min(max(int(np.floor(x / side)) + 1, 0), columns - 1)
-        row = min(max(int(np.floor(y / side)) + 1, 0), rows - 1)
-        total += scores[row, column]
-    return total / max(len(hits), 1)
-
-
-@compiled
-def _climbed(guesses: Float, hits: Records, scores: Float, side: float) -> tuple[Float, Float]:
-    """The poses (k, 3) at which steps from guesses (k, 3) end, and the scores (k,) there."""
-    poses = guesses.copy()
-    reached = np.empty(len(poses))
-    level_count = 6  # Steps of 0.16 m and 0.04 rad are halved to 5 mm and 1.25 mrad.
-    most_steps = 12
-    for k in range(len(poses)):
-        at = poses[k]
-        best = _score(at, hits, scores, side)
-        step = np.array([0.16, 0.16, 0.04])
-        trial = at.copy()
-        for level in range(level_count):
-            for _ in range(most_steps):
-                here = at.copy()
-                before = best
-                for n in range(27):
-                    trial[0] = here[0] + (n // 9 - 1) * step[0]
-                    trial[1] = here[1] + (n // 3 % 3 - 1) * step[1]
-                    trial[2] = here[2] + (n % 3 - 1) * step[2]
-                    score = _score(trial, hits, scores, side)
-                    if score > best + 1e-9:
-                        best = score
-                        at[:] = trial
-                if best == before:
-                    break
-            step *= 0.5
-        reached[k] = best
-    return poses, reached

@@ -13,9 +13,10 @@ import numpy as np
 from lrf3d.geometry.lines import Float, Records
 from lrf3d.geometry.pose import between, compose
 from lrf3d.matching.key_scans import Key
+from lrf3d.matching.likelihood import some
 from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
-from lrf3d.slam.places.known_places import KnownPlaces, Place, is_same, some
+from lrf3d.slam.places.known_places import KnownPlaces, is_same
 
 # Distance [m] or turn [rad] after which a scan is used: nearer ones show the same.
 SPACING = np.array([0.4, 0.5])
@@ -30,11 +31,11 @@ WINDOW = 12
 # Number of scans that are laid out to follow a place.
 FOLLOWED = 6
 
-# Number of the best places whose scores tell the unit of chance.
-COMPARED = 10
+# Number of the best wrong places whose scores give the unit of chance.
+COMPARED = 11
 
-# Log odds of a place at which an earlier search arrived, too: that of two wrong ones of some ten
-# that fit about as well.
+# Log odds of a place to which a search by other scans leads, too: of some ten wrong ones that fit
+# about as well, it would lead to the same by chance once in ten times.
 AGREED = 2.3
 
 # Number of earlier searches with which one is compared: before, the drive has drifted.
@@ -46,8 +47,9 @@ MOST = 7.0
 # Change of the log odds by a scan that fits, or does not: neighbouring ones show the same walls.
 GAIN = 0.6
 
-# Probability from which a place is certain.
+# Probability from which a place is certain, and its log odds.
 CERTAIN = 0.99
+ENOUGH = float(np.log(CERTAIN / (1.0 - CERTAIN)))
 
 # Most hits of a scan, so that all count alike.
 SCAN_HITS = 60
@@ -153,16 +155,27 @@ class PlaceSearch:
         if not here or not chance:
             return
         first, *others = here
-        unit = 0.5 * (_spread(others) + _spread(chance))
-        margin = (first.score - max(each.score for each in (*others[:1], chance[0]))) / unit
+        wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
+        margin = (first.score - wrong[0]) / _spread(wrong[:COMPARED])
         now = Hypothesis(first.pose, middle, margin, sure=window[0].number)
         agreeing = sum(_agree(now, each) for each in self._searched[-REMEMBERED:])
         self._searched.append(now)
         # Each search is another chance to be wrong.
         log_odds = margin + AGREED * agreeing - float(np.log(len(self._searched)))
+        if ENOUGH - AGREED <= log_odds < ENOUGH and self._halves_agree(window, now):
+            log_odds += AGREED
         self._place = replace(now, log_odds=log_odds)
-        if self.probability >= CERTAIN:
+        if log_odds >= ENOUGH:
             self._begin(self._place)
+
+    def _halves_agree(self, window: list[_Seen], place: Hypothesis) -> bool:
+        """Whether each half of some scans, searched on its own, leads to a place."""
+        middle = len(window) // 2
+        for half in (window[:middle], window[middle:]):
+            first, *_ = self._places.search(_laid_out(half, place.at))
+            if not is_same(first.pose, place.pose):
+                return False
+        return True
 
     def _begin(self, place: Hypothesis) -> None:
         """Follow a new place to both ends of the drive, backward as far as scans support it."""
@@ -209,7 +222,7 @@ class PlaceSearch:
     def _keep(self) -> None:
         """Keep the poses of a place that is certain, up to the present scan."""
         place = self._place
-        if place is None or not self._is_followed or place.probability < CERTAIN:
+        if place is None or not self._is_followed or place.log_odds < ENOUGH:
             return
         if not self.found or self.found[-1].place is not place:
             self.found.append(Found(place))
@@ -233,12 +246,12 @@ def _laid_out(scans: list[_Seen], middle: _Seen) -> Records:
     return some(concatenated(parts), WINDOW_HITS)
 
 
-def _spread(places: list[Place]) -> float:
+def _spread(scores: list[float]) -> float:
     """The unit of chance: by it, the scores of the best of many wrong places are spread.
 
     They fall off exponentially, so that a lead of n units is met by chance once in e^n.
     """
-    *best, last = [each.score for each in places[:COMPARED]] or [0.0]
+    *best, last = scores
     return float(np.mean(best)) - last if best else np.inf
 
 
