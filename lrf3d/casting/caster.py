@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +13,17 @@ from lrf3d.base.errors import InputError, expect
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows
-from lrf3d.geometry.pose import as_pose, as_poses
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.casting.skyline import Walls, cast_depth, cast_lidar
+from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows, sealed
+from lrf3d.geometry.pose import Pose, as_pose, as_poses
+from lrf3d.laser import (
+    DepthCamera,
+    DepthImage,
+    LaserRangeFinder,
+    LaserScan,
+    Lidar,
+    LidarScan,
+)
 from lrf3d.world import World
 
 if TYPE_CHECKING:
@@ -169,6 +177,33 @@ class PlanarCaster:
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]."""
         return self._tree(self._level(height))
+
+    def cast_lidar(self, lidar: Lidar, pose: Sequence[float] | Float) -> LidarScan:
+        """The true scan of a lidar from its pose: walls up to their heights, tops, and the floor.
+
+        Objects of one height that are closed, and that nothing else reaches into, have tops. The
+        ranges of a level lidar are exact decisions, as those of `cast`, which is its layer of
+        elevation 0. Ranges are rounded to about 1e-15 of their size.
+        """
+        expect(lidar, Lidar, "lidar")
+        pose = as_pose(pose)
+        ranges, walls = self._layered(lidar, pose)
+        return LidarScan(pose, lidar, sealed(ranges), sealed(walls))
+
+    def cast_depth(self, camera: DepthCamera, pose: Sequence[float] | Float) -> DepthImage:
+        """The true picture of a depth camera from its pose, of what `cast_lidar` meets."""
+        expect(camera, DepthCamera, "depth camera")
+        pose = as_pose(pose)
+        depth, walls = self._layered(camera, pose)
+        return DepthImage(pose, camera, sealed(depth), sealed(walls))
+
+    def _layered(self, sensor: Lidar | DepthCamera, pose: Pose) -> tuple[Float, Int]:
+        cast = cast_lidar if isinstance(sensor, Lidar) else cast_depth
+        return cast(self._standing, sensor, np.array(pose))
+
+    @cached_property
+    def _standing(self) -> Walls:
+        return Walls(self.world)
 
     def _level(self, height: float) -> float:
         """A key that is equal for all heights [m] at which the same walls are met."""
