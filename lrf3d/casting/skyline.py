@@ -6,7 +6,8 @@ are cast in float64. The floor is z = 0.
 """
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
+from sys import getrefcount
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,13 +15,15 @@ import shapely
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.beams import RAY
-from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.skyline import ENTRY, Standing, raise_fan, raise_rays, read_layers
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.geometry.lines import TINY, Float, Int, Records
 from lrf3d.laser.depth_camera import DepthCamera
 from lrf3d.laser.lidar import Lidar
 from lrf3d.world import World
+
+Rows = NDArray[np.int32]
 
 # Entries of a skyline for which there is room at first; it is doubled as needed.
 ROOM_AT_FIRST = 8
@@ -33,12 +36,20 @@ UPRIGHT = 1e-20
 
 
 class Layered(NamedTuple):
-    """Layers for kernels: slopes (k, layers) that ascend, and their limits (layers,)."""
+    """Layers that ascend, as kernels take them, and how far they measure."""
 
-    slopes: Float
-    stretches: Float
-    range_min: float
+    plain: Plain
+    extent: tuple[float, float, float]
     range_max: float
+
+    @classmethod
+    def of(cls, slopes: Float, stretches: Float, sensor: Any) -> "Layered":
+        """Layers of slopes (k, layers), in which beams are so long (layers,) in a metre."""
+        slopes = np.ascontiguousarray(slopes)
+        limits = float(sensor.range_min), float(sensor.range_max)
+        nears, reaches = (limit / stretches for limit in limits)
+        extent = float(slopes.min()), float(slopes.max()), float(reaches.max())
+        return cls((slopes, stretches, nears, reaches), extent, limits[1])
 
 
 class Solids(NamedTuple):
@@ -57,6 +68,10 @@ class Walls:
         self.world = world
         self._tree = build_tree(world.segments)
         self._heights = world.heights[self._tree.rows]
+        self._highest = float(world.heights.max(initial=0.0))
+        self._lowest = float(world.heights.min(initial=np.inf))
+        self._arrays: dict[str, Any] = {}
+        self.room = ROOM_AT_FIRST
         self._plain = np.zeros(len(world.segments), np.int8), np.zeros((len(world.segments), 4))
 
     @cached_property
@@ -64,20 +79,41 @@ class Walls:
         found = solids(self.world)
         return found, shapely.STRtree(found.areas)
 
-    def standing(self, x: float, y: float, z: float) -> Plain:
-        """The walls as kernels take them, for a sensor at a place."""
-        highest = float(self._heights.max(initial=0.0))
+    def standing(self, pose: Float, z: float) -> Plain:
+        """The walls as kernels take them, for a sensor at a pose and a height."""
         inner, corners = self._plain
-        if (self._heights < z).any():
+        if self._lowest < z:
             found, tree = self._solids
             # An outline around the sensor is the wall of a yard.
-            around = tree.query(shapely.Point(x, y), predicate="within")
+            around = tree.query(shapely.Point(pose[0], pose[1]), predicate="within")
             rows = self._tree.rows
             inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)[rows]
             corners = found.corners[rows]
-        return Standing(self._tree[:], self._heights, inner, corners, highest)[:]
+        return Standing(self._tree[:], self._heights, inner, corners, self._highest)[:]
 
+    def skies(self, columns: int) -> Plain:
+        """Empty skylines of columns."""
+        spare = self._arrays.pop("skies", None)
+        if spare is not None and len(spare[1]) == columns and spare[3] == self.room:
+            return spare
+        empty = [np.zeros(columns, kind) for kind in (np.int64, np.int8, np.float64)]
+        return np.empty(self.room * columns, ENTRY), *empty[:2], self.room, empty[2]
 
+    def keep(self, skies: Plain) -> None:
+        """Keep skylines that are empty again for the next scan."""
+        self._arrays["skies"] = skies
+
+    def reused(self, name: str, shape: tuple[int, ...], kind: Any) -> Any:
+        """An array without values: the last one of its name, if nothing else holds it any more.
+
+        New memory costs as much time as a scan.
+        """
+        array = self._arrays.pop(name, None)
+        # Held by its name here, and as the argument of the count.
+        if array is None or getrefcount(array) > 2 or array.shape != shape:
+            array = np.empty(shape, kind)
+        self._arrays[name] = array
+        return array
 
 
 def solids(world: World) -> Solids:
@@ -122,44 +158,44 @@ def solids(world: World) -> Solids:
     return Solids(areas[solid], area, inner, corners)
 
 
-def cast_lidar(walls: Walls, lidar: Lidar, pose: Float) -> tuple[Float, Int]:
+def cast_lidar(walls: Walls, lidar: Lidar, pose: Float) -> tuple[Float, Rows]:
     """Ranges and walls (layers, columns) of a lidar at a pose (3,)."""
-    poses = np.asarray(pose, dtype=np.float64)[None]
     z = lidar.mount[2]
-    standing = walls.standing(float(poses[0, 0]), float(poses[0, 1]), z)
-    limits = float(lidar.range_min), float(lidar.range_max)
+    standing = walls.standing(pose, z)
     if not lidar.is_level:
-        beams = lidar.directions(poses[0]).reshape(-1, 3)
-        rays = rays_along(poses[0], beams)
-        single = Layered(beams[:, 2:], np.ones(1), *limits)
-        found = _columns(standing, rays, z, single)
-        return tuple(each.reshape(-1, lidar.columns) for each in found)
-    order = np.argsort(lidar.slopes, kind="stable")
-    layers = Layered(lidar.slopes[order][None], lidar.stretches[order], *limits)
-    rays = np.empty((1, lidar.columns), RAY)
-    laser = laser_of(lidar.planar)
-    rays_from(laser, poses, np.zeros(1), rays)
-    ranges, hits = _columns(standing, rays[0], z, layers, (laser, poses[0]))
-    if (order[1:] > order[:-1]).all():
-        return ranges.T, hits.T
-    back = np.argsort(order)
-    return ranges.T[back], hits.T[back]
+        beams = lidar.directions(pose).reshape(-1, 3)
+        rays = rays_along(pose, beams)
+        layers = Layered.of(beams[:, 2:], np.ones(1), lidar)
+        ranges, hits = _columns(walls, standing, rays, z, layers)
+        return ranges.reshape(-1, lidar.columns), hits.reshape(-1, lidar.columns)
+    layers, order, laser = _layers_of(lidar)
+    rays = walls.reused("rays", (lidar.columns,), RAY)
+    ranges, hits = _columns(walls, standing, rays, z, layers, (laser, pose))
+    return (ranges.T, hits.T) if order is None else (ranges.T[order], hits.T[order])
 
 
-def cast_depth(walls: Walls, camera: DepthCamera, pose: Float) -> tuple[Float, Int]:
+def cast_depth(walls: Walls, camera: DepthCamera, pose: Float) -> tuple[Float, Rows]:
     """Depths and walls (height, width) of a depth camera at a pose (3,)."""
     z = camera.mount[2]
-    standing = walls.standing(float(pose[0]), float(pose[1]), z)
-    limits = float(camera.range_min), float(camera.range_max)
-    if not camera.is_level:
-        beams = camera.directions(pose).reshape(-1, 3)
-        single = Layered(beams[:, 2:], np.ones(1), *limits)
-        found = _columns(standing, rays_along(pose, beams), z, single)
-        return tuple(each.reshape(camera.height, camera.width) for each in found)
-    row = camera.directions(pose)[0]
-    layers = Layered(camera.slopes[::-1][None], np.ones(camera.height), *limits)
-    depth, hits = _columns(standing, rays_along(pose, row), z, layers)
-    return depth.T[::-1], hits.T[::-1]
+    standing = walls.standing(pose, z)
+    beams = camera.directions(pose)
+    if camera.is_level:
+        layers = Layered.of(camera.slopes[None, ::-1], np.ones(camera.height), camera)
+        depth, hits = _columns(walls, standing, rays_along(pose, beams[0]), z, layers)
+        return depth.T[::-1], hits.T[::-1]
+    flat = beams.reshape(-1, 3)
+    layers = Layered.of(flat[:, 2:], np.ones(1), camera)
+    depth, hits = _columns(walls, standing, rays_along(pose, flat), z, layers)
+    return depth.reshape(beams.shape[:2]), hits.reshape(beams.shape[:2])
+
+
+@lru_cache(8)
+def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
+    """The layers of a level lidar, where they belong unless they ascend, and it as kernels take it."""
+    order = np.argsort(lidar.slopes, kind="stable")
+    layers = Layered.of(lidar.slopes[None, order], lidar.stretches[order], lidar)
+    back = None if (order[1:] > order[:-1]).all() else np.argsort(order)
+    return layers, back, laser_of(lidar.planar)
 
 
 def rays_along(pose: Sequence[float] | Float, beams: Float) -> Records:
@@ -175,29 +211,25 @@ def rays_along(pose: Sequence[float] | Float, beams: Float) -> Records:
 
 
 def _columns(
-    standing: Plain, rays: Records, z: float, layers: Layered,
+    walls: Walls, standing: Plain, rays: Records, z: float, layers: Layered,
     fan: tuple[Plain, Float] | None = None,
-) -> tuple[Float, Int]:  # fmt: skip
+) -> tuple[Float, Rows]:  # fmt: skip
     """Ranges and walls (columns, layers) along rays (columns,), which may be a fan at a pose."""
-    slopes = np.ascontiguousarray(layers.slopes)
-    reaches = layers.range_max / layers.stretches
-    eye = z, float(slopes.min()), float(slopes.max()), float(reaches.max())
-    limits = slopes[:, [0, -1]]
-    room = ROOM_AT_FIRST
+    slopes = layers.plain[0]
+    eye = z, *layers.extent
+    count = len(rays)
     while True:
-        count = len(rays)
-        entries = np.empty((count, room), ENTRY)
-        skies = entries, np.zeros(count, np.int64), np.zeros(count, np.int8), np.zeros(count)
+        skies = walls.skies(count)
         if fan is not None:
-            fits = raise_fan(standing, fan[0], fan[1], eye, skies)
+            fits = raise_fan(standing, *fan, rays, eye, skies)
         else:
-            fits = raise_rays(standing, rays, eye, limits, skies)
+            fits = raise_rays(standing, rays, eye, slopes[:, [0, -1]], skies)
         if fits:
             break
-        room *= 2
-    ranges = np.empty((len(rays), slopes.shape[1]))
-    hits = np.empty(ranges.shape, np.int64)
-    nears = layers.range_min / layers.stretches
-    plain = slopes, layers.stretches, nears, reaches
-    read_layers(rays, z, plain, layers.range_max, skies, ranges, hits)
+        walls.room *= 2
+    shape = (count, slopes.shape[1])
+    ranges = walls.reused("ranges", shape, np.float64)
+    hits = walls.reused("hits", shape, np.int32)
+    read_layers(rays, z, layers.plain, layers.range_max, skies, ranges, hits)
+    walls.keep(skies)
     return ranges, hits

@@ -89,8 +89,9 @@ def test_columns_are_those_of_rational_numbers(scene: Any, y: int, z: float, dat
     over = st.builds(lambda h, t: (h - z) / t, st.sampled_from([0.0, 0.25, 0.5, 1, 2]), st.integers(1, 9))
     slopes = sorted(data.draw(st.sets(over, min_size=1, max_size=8)))
     rays = rays_along(place, beams)
-    layers = Layered(np.array([slopes]), np.ones(len(slopes)), 0.0, 1e6)
-    found, _ = _columns(Walls(scene[2]).standing(*place), rays, z, layers)
+    layers = Layered.of(np.array([slopes]), np.ones(len(slopes)), LaserRangeFinder(range_max=1e6))
+    walls = Walls(scene[2])
+    found, _ = _columns(walls, walls.standing(np.array(place), z), rays, z, layers)
     assert_equal(found, exact_ranges(scene, place, rays, slopes))
 
 

@@ -73,7 +73,7 @@ from lrf3d.casting.kernels.tree import (
     new_stack,
     next_leaf,
 )
-from lrf3d.compiling import compiled, inner, record
+from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
 # Bound on the relative rounding error of the slope of a wall's top, in addition to that of 1 / t.
@@ -87,6 +87,10 @@ CLEAR_FLOOR = 1e-12
 MEETS = 0
 EXITS = 1
 BEGINS = 2
+
+# In place of where an entry stands.
+HIDDEN = -1
+AMBIGUOUS = -2
 
 # An entry of a skyline: a wall, or a place where beams leave the space over a low object.
 ENTRY = record(
@@ -113,10 +117,11 @@ class Standing(NamedTuple):
 class Skylines(NamedTuple):
     """The skylines of azimuths."""
 
-    entries: Records  # (azimuths, room) of kind ENTRY.
-    counts: Int  # (azimuths,) how many of them there are.
+    entries: Records  # (room · azimuths,) of kind ENTRY, the first of all azimuths first.
+    counts: Int  # (azimuths,) how many of its room each azimuth has.
     # (azimuths,) 1 where a low wall runs along the beam: entries then overlap.
     mixed: NDArray[np.int8]
+    room: int  # For how many entries each azimuth has room.
     covered: Float  # (azimuths,) bound on 1 / t of the wall that hides all behind it [1/m].
 
 
@@ -131,9 +136,9 @@ class Eye(NamedTuple):
 
 @compiled
 def raise_fan(
-    plain: Plain, plain_laser: Plain, pose: Float, eye: Plain, plain_skies: Plain
+    plain: Plain, plain_laser: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
 ) -> bool:
-    """Enter walls into the skylines of evenly spaced azimuths from one pose (3,).
+    """Enter walls into the skylines of evenly spaced azimuths from one pose (3,), and fill rays.
 
     Returns whether the skylines had room for all of them.
     """
@@ -149,6 +154,11 @@ def raise_fan(
     edge = 1.0 / (sight.reach * ROOM)
     for i in range(beams):
         covered[i] = max(covered[i], edge)
+        ray = rays[i]
+        ray.x = fan.x
+        ray.y = fan.y
+        ray.dx = dx[i]
+        ray.dy = dy[i]
     sketch = np.empty(SKETCH)
     waiting = np.empty(STACK, WAITING)
     root = waiting[0]
@@ -196,30 +206,38 @@ def _raise_wall(
             fits = _raise_exactly(walls, row, i, beam, eye, skies) and fits
         return fits
     sense = 1 if u * (wall.qy - wall.py) + v * (wall.qx - wall.px) > 0.0 else -1
-    exits = int(sense * walls.inner[row] > 0 and walls.heights[row] < eye.z)
+    height = walls.heights[row]
+    exits = EXITS if sense * walls.inner[row] > 0 and height < eye.z else MEETS
     name = walls.tree.rows[row]
-    start = sketch[START + place]
-    width = sketch[WIDTH + place]
-    before, after = turns_to_meet(start, width, fan.half)
+    # Taken out of their tuples once: each time counts a reference.
+    x = fan.x
+    y = fan.y
+    dx = fan.dx
+    dy = fan.dy
+    per_step = fan.per_step
+    z = eye.z
+    highest = walls.highest
+    before, after = turns_to_meet(sketch[START + place], sketch[WIDTH + place], fan.half)
     for turn in range(before, after + 1):
-        a = start + turn * TURN + fan.half
-        b = a + width
-        first = reached((a - BEARING_SLACK) * fan.per_step, beams)
-        stop = reached((b + BEARING_SLACK) * fan.per_step, beams)
-        sure = reached((a + BEARING_SLACK) * fan.per_step, beams)
-        sure_stop = reached((b - BEARING_SLACK) * fan.per_step, beams)
+        a = sketch[START + place] + turn * TURN + fan.half
+        b = a + sketch[WIDTH + place]
+        first = reached((a - BEARING_SLACK) * per_step, beams)
+        stop = reached((b + BEARING_SLACK) * per_step, beams)
+        sure = reached((a + BEARING_SLACK) * per_step, beams)
+        sure_stop = reached((b - BEARING_SLACK) * per_step, beams)
         for i in range(first, stop):
-            depth = fan.dx[i] * u - fan.dy[i] * v
+            depth = dx[i] * u - dy[i] * v
             if depth + slack < covered[i]:
                 continue
-            beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-            if sure <= i < sure_stop:
-                new = _entry(
-                    depth - slack, depth + slack, walls.heights[row], wall, (name, exits), eye.z
-                )
-                fits = _insert(new, i, beam, eye, walls.highest, skies) and fits
-            else:
-                fits = _raise_exactly(walls, row, i, beam, eye, skies) and fits
+            if i < sure or i >= sure_stop:
+                fits = _raise_exactly(walls, row, i, Beam(x, y, dx[i], dy[i]), eye, skies) and fits
+                continue
+            new = _entry(depth - slack, depth + slack, height, wall, (name, exits), z)
+            at = _place(new, i, eye, skies)
+            if at == AMBIGUOUS:
+                at = _place_exactly(new, i, Beam(x, y, dx[i], dy[i]), eye, skies)
+            if at != HIDDEN:
+                fits = _put(new, i, at, eye, highest, skies) and fits
     return fits
 
 
@@ -375,7 +393,7 @@ class Entry(NamedTuple):
     exits: int
 
 
-@inner
+@borrower
 def _entry(
     low: float, high: float, height: float, wall: Wall, name: tuple[int, int], z: float
 ) -> Entry:
@@ -394,40 +412,78 @@ def _entry(
 @inner
 def _insert(new: Entry, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines) -> bool:
     """Enter into the skyline of an azimuth what no nearer wall hides; whether there was room."""
+    place = _place(new, i, eye, skies)
+    if place == AMBIGUOUS:
+        place = _place_exactly(new, i, beam, eye, skies)
+    return place == HIDDEN or _put(new, i, place, eye, highest, skies)
+
+
+@borrower
+def _place(new: Entry, i: int, eye: Eye, skies: Skylines) -> int:
+    """Where an entry stands in a skyline; HIDDEN, or AMBIGUOUS where bounds do not show it."""
     if new.most < eye.least and new.exits != BEGINS:
-        return True
-    row = skies.entries[i]
+        return HIDDEN
+    entries = skies.entries
+    columns = len(skies.counts)
     count = skies.counts[i]
-    place = 0
-    # The ends of a wall along the beam count whatever stands between.
-    lasting = new.exits != MEETS and skies.mixed[i] != 0
-    while place < count:
-        entry = row[place]
+    mixed = skies.mixed[i] != 0
+    for k in range(count):
+        entry = entries[k * columns + i]
+        if new.low > entry.high:
+            return k
+        if not new.high < entry.low:
+            return AMBIGUOUS
+        if _hides(entry, new, eye, mixed):
+            return HIDDEN
+    return count
+
+
+@inner
+def _place_exactly(new: Entry, i: int, beam: Beam, eye: Eye, skies: Skylines) -> int:
+    """Where an entry stands in a skyline, or HIDDEN."""
+    entries = skies.entries
+    columns = len(skies.counts)
+    count = skies.counts[i]
+    for k in range(count):
+        entry = entries[k * columns + i]
         if _comes_first(new, entry, beam):
-            break
-        if not lasting and (
-            entry.sure >= new.most
-            or entry.sure >= eye.most
-            or (entry.height >= new.height and new.height >= eye.z)
-        ):
-            return True
-        place += 1
+            return k
+        if _hides(entry, new, eye, skies.mixed[i] != 0):
+            return HIDDEN
+    return count
+
+
+@borrower
+def _hides(near: Any, far: Any, eye: Eye, mixed: bool) -> bool:
+    """Whether no layer that passes over an entry meets one behind it.
+
+    The ends of a wall along the beam count whatever stands before them.
+    """
+    if mixed and far.exits != MEETS:
+        return False
+    if near.sure >= far.most or near.sure >= eye.most:
+        return True
+    return bool(near.height >= far.height and far.height >= eye.z)
+
+
+@borrower
+def _put(new: Entry, i: int, place: int, eye: Eye, highest: float, skies: Skylines) -> bool:
+    """Enter an entry in its place, and take out what it hides; whether there was room."""
+    entries = skies.entries
+    columns = len(skies.counts)
+    count = skies.counts[i]
     kept = place
     for k in range(place, count):
-        entry = row[k]
-        hides = new.sure >= entry.most or new.sure >= eye.most
-        if (entry.exits != MEETS and skies.mixed[i] != 0) or not (
-            hides or (new.height >= entry.height and entry.height >= eye.z)
-        ):
+        if not _hides(new, entries[k * columns + i], eye, skies.mixed[i] != 0):
             if kept < k:
-                row[kept] = row[k]
+                entries[kept * columns + i] = entries[k * columns + i]
             kept += 1
-    if kept == len(row):
+    if kept == skies.room:
         return False
     for k in range(kept, place, -1):
-        row[k] = row[k - 1]
+        entries[k * columns + i] = entries[(k - 1) * columns + i]
     skies.counts[i] = kept + 1
-    entry = row[place]
+    entry = entries[place * columns + i]
     entry.low = new.low
     entry.high = new.high
     entry.sure = new.sure
@@ -474,88 +530,124 @@ class Layers(NamedTuple):
 @compiled
 def read_layers(
     rays: Records, z: float, plain_layers: Plain, range_max: float, plain_skies: Plain,
-    ranges: Float, hits: Int,
+    ranges: Float, hits: NDArray[np.int32],
 ) -> None:  # fmt: skip
-    """Fill ranges and walls (azimuths, layers) from the skylines of rays, over a floor at z = 0."""
+    """Fill ranges and walls (azimuths, layers) from the skylines of rays, over a floor at z = 0.
+
+    The skylines are empty then.
+    """
     skies = Skylines(*plain_skies)
     layers = Layers(*plain_layers)
     slopes = layers.slopes
+    entries = skies.entries
+    columns = len(skies.counts)
     many = len(layers.lengths)
-    floor = np.empty(many)
+    floor = np.empty((1, many))
     ground = np.empty(many)
+    # Between these all layers measure.
+    near = 0.0
+    far = np.inf
+    for r in range(many):
+        near = max(near, layers.nears[r] * ROOM)
+        far = min(far, layers.reaches[r] / ROOM)
     for i in range(len(rays)):
         beam = beam_of(rays, i)
-        slope = slopes[min(i, len(slopes) - 1)]
+        own = min(i, len(slopes) - 1)
         if i < len(slopes):
             for r in range(many):
-                floor[r] = -z / slope[r] if slope[r] < 0.0 else np.inf
-                ground[r] = _limited(floor[r], r, layers, range_max)
-        row = skies.entries[i]
+                slope = slopes[i, r]
+                floor[0, r] = -z / slope if slope < 0.0 else np.inf
+                ground[r] = _limited(floor[0, r], r, layers, range_max)
         count = skies.counts[i]
-        if skies.mixed[i] != 0:
+        mixed = skies.mixed[i] != 0
+        skies.covered[i] = 0.0
+        skies.mixed[i] = 0
+        skies.counts[i] = 0
+        if mixed:
             for r in range(many):
                 ranges[i, r], hits[i, r] = _among_overlapping(
-                    row, count, beam, (z, slope[r], r, range_max), layers, ground[r]
+                    entries[i::columns][:count], beam, (z, slopes[own, r], r, range_max),
+                    layers, ground[r],
                 )
             continue
         first = 0
         for j in range(count):
-            entry = row[j]
-            stop = first
-            while stop < many and slope[stop] <= entry.sure:
+            entry = entries[j * columns + i]
+            stop = _beyond(slopes, own, (first, many), entry.sure)
+            most = entry.most
+            while stop < many and slopes[own, stop] <= most:
+                wall = _wall_of(entry)
+                if compare_height(slopes[own, stop], z, entry.height, beam, wall) > 0:
+                    break
                 stop += 1
-            while (
-                stop < many
-                and slope[stop] <= entry.most
-                and compare_height(slope[stop], z, entry.height, beam, _wall_of(entry)) <= 0
-            ):
-                stop += 1
-            if stop > first:
-                _read_entry(
-                    entry, beam, (first, stop), (z, range_max), layers, slope,
-                    (floor, ground, ranges[i], hits[i]),
-                )  # fmt: skip
+            if stop == first:
+                continue
+            if entry.exits == EXITS:
+                for r in range(first, stop):
+                    t = (entry.height - z) / slopes[own, r]
+                    ranges[i, r] = _limited(t, r, layers, range_max)
+                    hits[i, r] = entry.row if math.isfinite(ranges[i, r]) else -1
+                first = stop
+                continue
+            wall = _wall_of(entry)
+            t = length_of(beam, wall)
+            begin = _beyond(floor, 0, (first, stop), t * (1.0 - CLEAR_FLOOR))
+            while begin < stop and floor[0, begin] < t * (1.0 + CLEAR_FLOOR):
+                if compare_height(slopes[own, begin], z, 0.0, beam, wall) >= 0:
+                    break
+                begin += 1
+            _stand(ground, i, (first, begin), ranges, hits)
+            if near < t < far:
+                _measure(t, entry.row, layers.lengths, i, (begin, stop), ranges, hits)
+            else:
+                for r in range(begin, stop):
+                    ranges[i, r] = _within(t, r, beam, wall, layers, range_max)
+                    hits[i, r] = entry.row if math.isfinite(ranges[i, r]) else -1
             first = stop
-        for r in range(first, many):
-            ranges[i, r] = ground[r]
-            hits[i, r] = -1
+        _stand(ground, i, (first, many), ranges, hits)
+
+
+@borrower
+def _beyond(values: Float, row: int, part: tuple[int, int], limit: float) -> int:
+    """The first of ascending values of a part of a row that is above a limit, or the part's end."""
+    low, high = part
+    while low < high:
+        middle = (low + high) // 2
+        if values[row, middle] <= limit:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@borrower
+def _stand(
+    ground: Float, i: int, part: tuple[int, int], ranges: Float, hits: NDArray[np.int32]
+) -> None:
+    """Let a part of the layers of an azimuth end on the floor."""
+    for r in range(index_of(part[0]), index_of(part[1])):
+        ranges[i, r] = ground[r]
+        hits[i, r] = -1
+
+
+@borrower
+def _measure(
+    t: float, name: int, lengths: Float, i: int, part: tuple[int, int], ranges: Float,
+    hits: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Let a part of the layers of an azimuth end at a wall."""
+    for r in range(index_of(part[0]), index_of(part[1])):
+        ranges[i, r] = t * lengths[r]
+        hits[i, r] = name
 
 
 @inner
-def _read_entry(
-    entry: Any, beam: Beam, part: tuple[int, int], place: tuple[float, float], layers: Layers,
-    slope: Float, out: tuple[Float, Float, Float, Int],
-) -> None:  # fmt: skip
-    """Fill a part of the layers, which meet an entry, or the floor before it."""
-    z, range_max = place
-    floor, ground, ranges, hits = out
-    first, stop = part
-    name = entry.row
-    if entry.exits == EXITS:
-        for r in range(first, stop):
-            ranges[r] = _limited((entry.height - z) / slope[r], r, layers, range_max)
-            hits[r] = name if math.isfinite(ranges[r]) else -1
-        return
-    wall = _wall_of(entry)
-    t = length_of(beam, wall)
-    while first < stop and floor[first] < t * (1.0 + CLEAR_FLOOR):
-        clear = floor[first] < t * (1.0 - CLEAR_FLOOR)
-        if not clear and compare_height(slope[first], z, 0.0, beam, wall) >= 0:
-            break
-        ranges[first] = ground[first]
-        hits[first] = -1
-        first += 1
-    lengths = layers.lengths
-    nears = layers.nears
-    reaches = layers.reaches
-    for r in range(index_of(first), index_of(stop)):
-        ranges[r] = t * lengths[r]
-        hits[r] = name
-    for r in range(index_of(first), index_of(stop)):
-        if not nears[r] * ROOM < t < reaches[r] / ROOM:
-            found = within(t, nears[r], reaches[r], beam, wall)
-            ranges[r] = min(found * lengths[r], range_max) if found < np.inf else np.inf
-            hits[r] = name if math.isfinite(found) else -1
+def _within(
+    t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max: float
+) -> float:
+    """The range of a layer at a wall that it meets at t, within its limits, exactly."""
+    t = within(t, layers.nears[r], layers.reaches[r], beam, wall)
+    return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
 
 
 @inner
@@ -568,12 +660,12 @@ def _limited(t: float, r: int, layers: Layers, range_max: float) -> float:
 
 @inner
 def _among_overlapping(
-    row: Records, count: int, beam: Beam, place: tuple[float, float, int, float], layers: Layers,
+    row: Records, beam: Beam, place: tuple[float, float, int, float], layers: Layers,
     ground: float,
 ) -> tuple[float, int]:  # fmt: skip
     """The range and the wall of a layer of a skyline that has low walls along the beam."""
     z, slope, r, range_max = place
-    for j in range(count):
+    for j in range(len(row)):
         entry = row[j]
         wall = _wall_of(entry)
         if compare_height(slope, z, entry.height, beam, wall) > 0:
@@ -586,7 +678,7 @@ def _among_overlapping(
             if (
                 along.exits == BEGINS
                 and along.height > top
-                and _ends_after(row, j, count, along.row)
+                and _ends_after(row, j, along.row)
                 and compare_height(slope, z, along.height, beam, wall) <= 0
             ):
                 top = along.height
@@ -594,8 +686,7 @@ def _among_overlapping(
         if top > -np.inf:
             found = _limited((top - z) / slope, r, layers, range_max)
         elif compare_height(slope, z, 0.0, beam, wall) >= 0:
-            found = within(length_of(beam, wall), layers.nears[r], layers.reaches[r], beam, wall)
-            found = min(found * layers.lengths[r], range_max) if found < np.inf else np.inf
+            found = _within(length_of(beam, wall), r, beam, wall, layers, range_max)
         else:
             break
         return found, name if math.isfinite(found) else -1
@@ -603,9 +694,9 @@ def _among_overlapping(
 
 
 @inner
-def _ends_after(row: Records, first: int, count: int, name: int) -> bool:
+def _ends_after(row: Records, first: int, name: int) -> bool:
     """Whether a wall along the beam ends at one of the entries from the first on."""
-    for k in range(first, count):
+    for k in range(first, len(row)):
         if row[k].exits == EXITS and row[k].row == name:
             return True
     return False
