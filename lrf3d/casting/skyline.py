@@ -14,13 +14,23 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.kernels.beams import RAY
-from lrf3d.casting.kernels.scans import laser_of
-from lrf3d.casting.kernels.skyline import ENTRY, Standing, raise_fan, raise_rays, read_layers
+from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.kernels.skyline import (
+    ENTRY,
+    Standing,
+    raise_fan,
+    raise_obstacles,
+    raise_rays,
+    read_layers,
+)
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.geometry.lines import TINY, Float, Int, Records
+from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.depth_camera import DepthCamera
 from lrf3d.laser.lidar import Lidar
+from lrf3d.laser.range_finder import turn
 from lrf3d.world import World
 
 Rows = NDArray[np.int32]
@@ -50,6 +60,18 @@ class Layered(NamedTuple):
         nears, reaches = (limit / stretches for limit in limits)
         extent = float(slopes.min()), float(slopes.max()), float(reaches.max())
         return cls((slopes, stretches, nears, reaches), extent, limits[1])
+
+
+class Moment(NamedTuple):
+    """What moves: the motion (3,) of the robot during a scan, and obstacles at a time [s]."""
+
+    time: float = 0.0
+    motion: Float | None = None
+    obstacles: Crowd | None = None
+
+
+# One moment, without obstacles.
+STILL = Moment()
 
 
 class Solids(NamedTuple):
@@ -158,48 +180,77 @@ def solids(world: World) -> Solids:
     return Solids(areas[solid], area, inner, corners)
 
 
-def cast_lidar(walls: Walls, lidar: Lidar, pose: Float) -> tuple[Float, Rows]:
-    """Ranges and walls (layers, columns) of a lidar at a pose (3,)."""
+def cast_lidar(
+    walls: Walls, lidar: Lidar, pose: Float, moment: Moment = STILL
+) -> tuple[Float, Rows]:
+    """Ranges and walls (layers, columns) of a lidar at a pose (3,), or of one that moves on."""
     z = lidar.mount[2]
     standing = walls.standing(pose, z)
+    columns = lidar.columns
+    rolls = moment.motion is not None and bool(np.any(moment.motion))
+    times = moment.time + lidar.planar.time_increment * np.arange(columns, dtype=np.float64)
+    poses = swept(lidar, pose, moment.motion) if rolls else pose[None]
     if not lidar.is_level:
-        beams = lidar.directions(pose).reshape(-1, 3)
-        rays = rays_along(pose, beams)
-        layers = Layered.of(beams[:, 2:], np.ones(1), lidar)
-        ranges, hits = _columns(walls, standing, rays, z, layers)
-        return ranges.reshape(-1, lidar.columns), hits.reshape(-1, lidar.columns)
+        beams = lidar.directions((0.0, 0.0, 0.0))
+        cos = np.cos(poses[:, 2])
+        sin = np.sin(poses[:, 2])
+        beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
+        shape = beams.shape[:2]
+        places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
+        flat = beams.reshape(-1, 3)
+        rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
+        layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
+        ranges, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
+        return ranges.reshape(shape), hits.reshape(shape)
     layers, order, laser = _layers_of(lidar)
-    rays = walls.reused("rays", (lidar.columns,), RAY)
-    ranges, hits = _columns(walls, standing, rays, z, layers, (laser, pose))
+    rays = walls.reused("rays", (columns,), RAY)
+    fan = (laser, pose)
+    if rolls:
+        rays_from(laser, poses, times, rays[None])
+        fan = None
+    elif moment.obstacles is not None:
+        rays["time"] = times
+    ranges, hits = _columns(walls, standing, rays, z, layers, fan, moment.obstacles)
     return (ranges.T, hits.T) if order is None else (ranges.T[order], hits.T[order])
 
 
-def cast_depth(walls: Walls, camera: DepthCamera, pose: Float) -> tuple[Float, Rows]:
+def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:
+    """Poses (columns, 3) of a lidar, at the times of its columns, whose robot moves on evenly."""
+    mount = np.array(lidar.planar.mount)
+    shares = np.linspace(0.0, 1.0, lidar.columns)[:, None]
+    return compose(pose, between(mount, compose(shares * motion, mount)))
+
+
+def cast_depth(
+    walls: Walls, camera: DepthCamera, pose: Float, moment: Moment = STILL
+) -> tuple[Float, Rows]:
     """Depths and walls (height, width) of a depth camera at a pose (3,)."""
     z = camera.mount[2]
     standing = walls.standing(pose, z)
     beams = camera.directions(pose)
     if camera.is_level:
         layers = Layered.of(camera.slopes[None, ::-1], np.ones(camera.height), camera)
-        depth, hits = _columns(walls, standing, rays_along(pose, beams[0]), z, layers)
+        rays = rays_along(pose, beams[0], moment.time)
+        depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
         return depth.T[::-1], hits.T[::-1]
     flat = beams.reshape(-1, 3)
     layers = Layered.of(flat[:, 2:], np.ones(1), camera)
-    depth, hits = _columns(walls, standing, rays_along(pose, flat), z, layers)
+    rays = rays_along(pose, flat, moment.time)
+    depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
     return depth.reshape(beams.shape[:2]), hits.reshape(beams.shape[:2])
 
 
 @lru_cache(8)
 def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
-    """The layers of a level lidar, where they belong unless they ascend, and it as kernels take it."""
+    """The layers of a level lidar, their order unless they ascend, and it as kernels take it."""
     order = np.argsort(lidar.slopes, kind="stable")
     layers = Layered.of(lidar.slopes[None, order], lidar.stretches[order], lidar)
     back = None if (order[1:] > order[:-1]).all() else np.argsort(order)
     return layers, back, laser_of(lidar.planar)
 
 
-def rays_along(pose: Sequence[float] | Float, beams: Float) -> Records:
-    """Rays (n,) in the plane from a pose along beams (n, 3)."""
+def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:
+    """Rays (n,) in the plane from a pose, or the columns x, y of some, along beams (n, 3)."""
     rays = np.zeros(len(beams), RAY)
     rays["x"] = pose[0]
     rays["y"] = pose[1]
@@ -207,12 +258,13 @@ def rays_along(pose: Sequence[float] | Float, beams: Float) -> Records:
     upright = (np.abs(flat) < UPRIGHT).all(axis=1)
     rays["dx"] = np.where(upright, UPRIGHT, flat[:, 0])
     rays["dy"] = flat[:, 1]
+    rays["time"] = times
     return rays
 
 
 def _columns(
     walls: Walls, standing: Plain, rays: Records, z: float, layers: Layered,
-    fan: tuple[Plain, Float] | None = None,
+    fan: tuple[Plain, Float] | None = None, crowd: Crowd | None = None,
 ) -> tuple[Float, Rows]:  # fmt: skip
     """Ranges and walls (columns, layers) along rays (columns,), which may be a fan at a pose."""
     slopes = layers.plain[0]
@@ -224,6 +276,9 @@ def _columns(
             fits = raise_fan(standing, *fan, rays, eye, skies)
         else:
             fits = raise_rays(standing, rays, eye, slopes[:, [0, -1]], skies)
+        if crowd is not None and len(crowd):
+            limits = slopes[:, [0, -1]]
+            fits = raise_obstacles(crowd.plain, crowd.own, rays, eye, limits, skies) and fits
         if fits:
             break
         walls.room *= 2

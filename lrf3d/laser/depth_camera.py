@@ -13,7 +13,16 @@ from functools import cached_property
 import numpy as np
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Value, number, sealed, whole_number
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    Bool,
+    Float,
+    Int,
+    Value,
+    number,
+    sealed,
+    whole_number,
+)
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser.lidar import MOST_BEAMS, RAISED, mounted
 from lrf3d.laser.range_finder import turn

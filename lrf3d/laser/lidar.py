@@ -29,7 +29,7 @@ STEEPEST = math.radians(89.9)
 
 
 def mounted(values: Any, name: str) -> tuple[float, ...]:
-    """A mount x, y, z [m], yaw, pitch, roll [rad] from outside, of which the angles may be left out.
+    """A mount x, y, z [m], yaw, pitch, roll [rad] from outside; the angles may be left out.
 
     The sensor stands on the floor, z = 0, or above it.
     """
@@ -93,8 +93,8 @@ class Lidar(Value):
         steep = self.elevations
         if steep.ndim != 1 or not len(steep) or not (np.abs(steep) <= STEEPEST).all():
             raise InputError(
-                f"lidar: elevations {shown(steep.tolist())}: expected radians within ±{STEEPEST:.4g}"
-                " (89.9°), at least one"
+                f"lidar: elevations {shown(steep.tolist())}: expected radians, at least one,"
+                f" within ±{STEEPEST:.4g} (89.9°)"
             )
         object.__setattr__(self, "mount", mounted(self.mount, "lidar"))
         try:

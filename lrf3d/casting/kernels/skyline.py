@@ -48,6 +48,7 @@ from lrf3d.casting.kernels.fan import (
     turns_to_meet,
     view_boxes,
 )
+from lrf3d.casting.kernels.movers import anywhere, place, side_at
 from lrf3d.casting.kernels.predicates import (
     Beam,
     Wall,
@@ -112,6 +113,16 @@ class Standing(NamedTuple):
     inner: NDArray[np.int8]
     corners: Float  # (n, 4) the neighbours of its ends p and q on the outline of the object.
     highest: float  # The height of the highest [m].
+
+
+class Piece(NamedTuple):
+    """One wall as it stands."""
+
+    wall: Wall
+    height: float  # [m]
+    inner: int  # See Standing.
+    corners: Wall  # The neighbours of its ends p and q on the outline of the object.
+    name: int  # Its number in the world, or below −1 of an obstacle.
 
 
 class Skylines(NamedTuple):
@@ -201,9 +212,10 @@ def _raise_wall(
     beams = len(covered)
     fits = True
     if not slack < np.inf or fan.per_step == 0.0:
+        piece = _piece(walls, row)
         for i in range(beams):
             beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-            fits = _raise_exactly(walls, row, i, beam, eye, skies) and fits
+            fits = _raise_exactly(piece, i, beam, eye, walls.highest, skies) and fits
         return fits
     sense = 1 if u * (wall.qy - wall.py) + v * (wall.qx - wall.px) > 0.0 else -1
     height = walls.heights[row]
@@ -230,7 +242,8 @@ def _raise_wall(
             if depth + slack < covered[i]:
                 continue
             if i < sure or i >= sure_stop:
-                fits = _raise_exactly(walls, row, i, Beam(x, y, dx[i], dy[i]), eye, skies) and fits
+                beam = Beam(x, y, dx[i], dy[i])
+                fits = _raise_exactly(_piece(walls, row), i, beam, eye, highest, skies) and fits
                 continue
             new = _entry(depth - slack, depth + slack, height, wall, (name, exits), z)
             at = _place(new, i, eye, skies)
@@ -268,8 +281,77 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
             sift(tree.columns, first, stop, beam, limit, sifted)
             for k in range(first, stop):
                 if sifted[k - first] <= 0.0:
-                    fits = _raise_exactly(walls, k, i, beam, own, skies) and fits
+                    piece = _piece(walls, k)
+                    fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
     return fits
+
+
+@compiled
+def raise_obstacles(
+    plain: Plain, own: int, rays: Records, eye: Plain, slopes: Float, plain_skies: Plain
+) -> bool:
+    """Enter dynamic obstacles into the skylines of rays (n,), where they are at the rays' times.
+
+    All but the robot's own are seen; their walls are named by numbers below −1.
+    """
+    among = anywhere(plain)
+    movers = among.movers
+    sides = among.sides
+    sight = Eye(*eye)
+    skies = Skylines(*plain_skies)
+    fits = True
+    for j in range(len(movers)):
+        mover = movers[j]
+        placed = np.nan
+        sense = 0
+        for i in range(len(rays)):
+            beam = beam_of(rays, i)
+            if rays[i].time != placed:
+                placed = rays[i].time
+                place(among, j, placed)
+                sense = _sense(sides, mover.first, mover.stop)
+            at = among.placed[j]
+            east = at.x - beam.ox
+            north = at.y - beam.oy
+            size = math.sqrt(beam.dx * beam.dx + beam.dy * beam.dy)
+            wide = (at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))) * size
+            ahead = beam.dx * east + beam.dy * north
+            if j == own or abs(beam.dx * north - beam.dy * east) > wide or ahead < -wide:
+                continue
+            row = min(i, len(slopes) - 1)
+            seen = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+            before = mover.stop - 1
+            for k in range(mover.first, mover.stop):
+                after = k + 1 if k + 1 < mover.stop else mover.first
+                corners = Wall(sides[before].px, sides[before].py, sides[after].qx, sides[after].qy)
+                piece = Piece(side_at(sides, k), mover.height, sense, corners, -2 - k)
+                # A wall of the world may be higher: it covers by itself.
+                fits = _raise_exactly(piece, i, beam, seen, np.inf, skies) and fits
+                before = k
+    return fits
+
+
+@inner
+def _sense(sides: Records, first: int, stop: int) -> int:
+    """The sense in which an outline runs: 1 with its inside on the left, or −1."""
+    area = 0.0
+    for k in range(first, stop):
+        side = sides[k]
+        area += (side.px - sides[first].px) * (side.qy - sides[first].py)
+        area -= (side.py - sides[first].py) * (side.qx - sides[first].px)
+    return 1 if area > 0.0 else -1
+
+
+@inner
+def _piece(walls: Standing, row: int) -> Piece:
+    """The wall in a row."""
+    return Piece(
+        wall_at(walls.tree.walls, row),
+        walls.heights[row],
+        int(walls.inner[row]),
+        wall_at(walls.corners, row),
+        int(walls.tree.rows[row]),
+    )
 
 
 @inner
@@ -285,18 +367,17 @@ def _farthest(eye: Eye, highest: float) -> float:
 
 @inner
 def _raise_exactly(
-    walls: Standing, row: int, i: int, beam: Beam, eye: Eye, skies: Skylines
+    piece: Piece, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
 ) -> bool:
     """Enter a wall at an azimuth if its beam meets it, exactly; whether there was room."""
-    wall = wall_at(walls.tree.walls, row)
-    height = walls.heights[row]
-    name = walls.tree.rows[row]
+    wall = piece.wall
+    height = piece.height
     low = height < eye.z
     verdict, near, far = judged(wall, beam, Nearest(-1, np.inf, np.inf))
     if verdict == MISSED:
         return True
     sense = area_sign(beam.ox, beam.oy, wall)
-    exits = sense * walls.inner[row] > 0
+    exits = sense * piece.inner > 0
     if verdict == OPEN:
         holds = sense == 0 and between(beam.ox, beam.oy, wall)
         if not holds and not (
@@ -304,23 +385,26 @@ def _raise_exactly(
         ):
             return True
         if sense == 0 and low:
-            return _raise_along(wall, height, name, i, beam, eye, walls.highest, skies)
-        if walls.inner[row] != 0 and low:
-            exits = _exits_at_end(walls, row, beam, exits)
+            return _raise_along(piece, i, beam, eye, highest, skies)
+        if piece.inner != 0 and low:
+            exits = _exits_at_end(piece, beam, exits)
         t = length_of(beam, wall)
         near = t / ROOM
         far = t * ROOM
     bounds = (1.0 / far, 1.0 / near) if near > 0.0 else (np.inf, np.inf)
-    new = _entry(bounds[0], bounds[1], height, wall, (name, int(exits and low)), eye.z)
-    return _insert(new, i, beam, eye, walls.highest, skies)
+    kind = EXITS if exits and low else MEETS
+    new = _entry(bounds[0], bounds[1], height, wall, (piece.name, kind), eye.z)
+    return _insert(new, i, beam, eye, highest, skies)
 
 
 @inner
 def _raise_along(
-    wall: Wall, height: float, name: int, i: int, beam: Beam, eye: Eye, highest: float,
-    skies: Skylines,
-) -> bool:  # fmt: skip
+    piece: Piece, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
+) -> bool:
     """Enter a low wall whose line goes through the sensor: where it begins, and where it ends."""
+    wall = piece.wall
+    height = piece.height
+    name = piece.name
     t = length_of(beam, wall)
     bounds = (1.0 / (t * ROOM), ROOM / t) if t > 0.0 else (np.inf, np.inf)
     px, py, qx, qy = wall
@@ -343,11 +427,11 @@ def _raise_along(
 
 
 @inner
-def _exits_at_end(walls: Standing, row: int, beam: Beam, exits: bool) -> bool:
+def _exits_at_end(piece: Piece, beam: Beam, exits: bool) -> bool:
     """Whether a beam comes to a wall of a closed object from inside, also through its ends."""
-    px, py, qx, qy = wall_at(walls.tree.walls, row)
-    ax, ay, bx, by = wall_at(walls.corners, row)
-    left = walls.inner[row] > 0
+    px, py, qx, qy = piece.wall
+    ax, ay, bx, by = piece.corners
+    left = piece.inner > 0
     if side(beam, px, py) == 0:
         ahead, behind = ((qx, qy), (ax, ay)) if left else ((ax, ay), (qx, qy))
         return _comes_through(beam, (px, py), ahead, behind)
@@ -566,8 +650,11 @@ def read_layers(
         if mixed:
             for r in range(many):
                 ranges[i, r], hits[i, r] = _among_overlapping(
-                    entries[i::columns][:count], beam, (z, slopes[own, r], r, range_max),
-                    layers, ground[r],
+                    entries[i::columns][:count],
+                    beam,
+                    (z, slopes[own, r], r, range_max),
+                    layers,
+                    ground[r],
                 )
             continue
         first = 0
@@ -586,7 +673,7 @@ def read_layers(
                 for r in range(first, stop):
                     t = (entry.height - z) / slopes[own, r]
                     ranges[i, r] = _limited(t, r, layers, range_max)
-                    hits[i, r] = entry.row if math.isfinite(ranges[i, r]) else -1
+                    hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
                 first = stop
                 continue
             wall = _wall_of(entry)
@@ -598,11 +685,11 @@ def read_layers(
                 begin += 1
             _stand(ground, i, (first, begin), ranges, hits)
             if near < t < far:
-                _measure(t, entry.row, layers.lengths, i, (begin, stop), ranges, hits)
+                _measure(t, max(entry.row, -1), layers.lengths, i, (begin, stop), ranges, hits)
             else:
                 for r in range(begin, stop):
                     ranges[i, r] = _within(t, r, beam, wall, layers, range_max)
-                    hits[i, r] = entry.row if math.isfinite(ranges[i, r]) else -1
+                    hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
             first = stop
         _stand(ground, i, (first, many), ranges, hits)
 
@@ -642,9 +729,7 @@ def _measure(
 
 
 @inner
-def _within(
-    t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max: float
-) -> float:
+def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max: float) -> float:
     """The range of a layer at a wall that it meets at t, within its limits, exactly."""
     t = within(t, layers.nears[r], layers.reaches[r], beam, wall)
     return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
@@ -689,7 +774,7 @@ def _among_overlapping(
             found = _within(length_of(beam, wall), r, beam, wall, layers, range_max)
         else:
             break
-        return found, name if math.isfinite(found) else -1
+        return found, max(name, -1) if math.isfinite(found) else -1
     return ground, -1
 
 
