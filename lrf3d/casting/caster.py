@@ -13,7 +13,7 @@ from lrf3d.base.errors import InputError, expect
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.casting.skyline import STILL, Moment, Rows, Walls, cast_depth, cast_lidar
+from lrf3d.casting.skyline import STILL, Conditions, Rows, StandingWalls, cast_depth, cast_lidar
 from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows, sealed
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import (
@@ -179,7 +179,7 @@ class PlanarCaster:
         return self._tree(self._level(height))
 
     def cast_lidar(
-        self, lidar: Lidar, pose: Sequence[float] | Float, moment: Moment = STILL
+        self, lidar: Lidar, pose: Sequence[float] | Float, moment: Conditions = STILL
     ) -> LidarScan:
         """The true scan of a lidar from its pose: walls up to their heights, tops, and the floor.
 
@@ -194,7 +194,7 @@ class PlanarCaster:
         return LidarScan(pose, lidar, sealed(ranges), sealed(walls), moment.time, motion)
 
     def cast_depth(
-        self, camera: DepthCamera, pose: Sequence[float] | Float, moment: Moment = STILL
+        self, camera: DepthCamera, pose: Sequence[float] | Float, moment: Conditions = STILL
     ) -> DepthImage:
         """The true picture of a depth camera from its pose, of what `cast_lidar` meets."""
         expect(camera, DepthCamera, "depth camera")
@@ -203,7 +203,7 @@ class PlanarCaster:
         return DepthImage(pose, camera, sealed(depth), sealed(walls), moment.time)
 
     def _layered(
-        self, sensor: Lidar | DepthCamera, pose: Pose, moment: Moment
+        self, sensor: Lidar | DepthCamera, pose: Pose, moment: Conditions
     ) -> tuple[Float, Rows]:
         place = np.array(pose)
         if isinstance(sensor, DepthCamera):
@@ -235,8 +235,8 @@ class PlanarCaster:
             walls[lidar.slopes == 0.0] = level.walls
 
     @cached_property
-    def _standing(self) -> Walls:
-        return Walls(self.world)
+    def _standing(self) -> StandingWalls:
+        return StandingWalls(self.world)
 
     def _level(self, height: float) -> float:
         """A key that is equal for all heights [m] at which the same walls are met."""

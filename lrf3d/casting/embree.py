@@ -17,7 +17,7 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster, cast_one_by_one
 from lrf3d.casting.kernels.echoes import Lit
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.casting.skyline import Moment, Rows
+from lrf3d.casting.skyline import Conditions, Rows
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.geometry.lines import Bool, Float, Int, Records, is_finite, numbers
 from lrf3d.geometry.pose import Pose, as_pose
@@ -154,7 +154,7 @@ class EmbreeCaster(PlanarCaster):
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
     def _layered(
-        self, sensor: Lidar | DepthCamera, pose: Pose, moment: Moment
+        self, sensor: Lidar | DepthCamera, pose: Pose, moment: Conditions
     ) -> tuple[Float, Rows]:
         if self._triangles is None:
             return super()._layered(sensor, pose, moment)

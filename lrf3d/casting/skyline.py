@@ -16,15 +16,10 @@ from numpy.typing import NDArray
 
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.kernels.beams import RAY
+from lrf3d.casting.kernels.layers import read_layers
+from lrf3d.casting.kernels.raising import Standing, raise_fan, raise_obstacles, raise_rays
 from lrf3d.casting.kernels.scans import laser_of, rays_from
-from lrf3d.casting.kernels.skyline import (
-    ENTRY,
-    Standing,
-    raise_fan,
-    raise_obstacles,
-    raise_rays,
-    read_layers,
-)
+from lrf3d.casting.kernels.skyline import ENTRY
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.geometry.lines import TINY, Float, Int, Records
 from lrf3d.geometry.pose import between, compose
@@ -62,7 +57,7 @@ class Layered(NamedTuple):
         return cls((slopes, stretches, nears, reaches), extent, limits[1])
 
 
-class Moment(NamedTuple):
+class Conditions(NamedTuple):
     """What moves: the motion (3,) of the robot during a scan, and obstacles at a time [s]."""
 
     time: float = 0.0
@@ -71,7 +66,7 @@ class Moment(NamedTuple):
 
 
 # One moment, without obstacles.
-STILL = Moment()
+STILL = Conditions()
 
 
 class Solids(NamedTuple):
@@ -83,7 +78,7 @@ class Solids(NamedTuple):
     corners: Float  # (n, 4) the corners before the wall's start and after its end.
 
 
-class Walls:
+class StandingWalls:
     """The walls of a world as they stand, with the tops of closed objects."""
 
     def __init__(self, world: World) -> None:
@@ -181,19 +176,20 @@ def solids(world: World) -> Solids:
 
 
 def cast_lidar(
-    walls: Walls, lidar: Lidar, pose: Float, moment: Moment = STILL
+    walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions = STILL
 ) -> tuple[Float, Rows]:
     """Ranges and walls (layers, columns) of a lidar at a pose (3,), or of one that moves on."""
     z = lidar.mount[2]
     standing = walls.standing(pose, z)
     columns = lidar.columns
-    rolls = moment.motion is not None and bool(np.any(moment.motion))
+    moved = moment.motion is not None and bool(np.any(moment.motion))
+    motion = moment.motion if moved else None
     times = moment.time + lidar.planar.time_increment * np.arange(columns, dtype=np.float64)
-    poses = swept(lidar, pose, moment.motion) if rolls else pose[None]
+    poses = pose[None] if motion is None else swept(lidar, pose, motion)
     if not lidar.is_level:
         beams = lidar.directions((0.0, 0.0, 0.0))
-        cos = np.cos(poses[:, 2])
-        sin = np.sin(poses[:, 2])
+        cos: Any = np.cos(poses[:, 2])
+        sin: Any = np.sin(poses[:, 2])
         beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
         shape = beams.shape[:2]
         places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
@@ -204,8 +200,8 @@ def cast_lidar(
         return ranges.reshape(shape), hits.reshape(shape)
     layers, order, laser = _layers_of(lidar)
     rays = walls.reused("rays", (columns,), RAY)
-    fan = (laser, pose)
-    if rolls:
+    fan: tuple[Plain, Float] | None = (laser, pose)
+    if motion is not None:
         rays_from(laser, poses, times, rays[None])
         fan = None
     elif moment.obstacles is not None:
@@ -222,7 +218,7 @@ def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:
 
 
 def cast_depth(
-    walls: Walls, camera: DepthCamera, pose: Float, moment: Moment = STILL
+    walls: StandingWalls, camera: DepthCamera, pose: Float, moment: Conditions = STILL
 ) -> tuple[Float, Rows]:
     """Depths and walls (height, width) of a depth camera at a pose (3,)."""
     z = camera.mount[2]
@@ -263,7 +259,7 @@ def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float =
 
 
 def _columns(
-    walls: Walls, standing: Plain, rays: Records, z: float, layers: Layered,
+    walls: StandingWalls, standing: Plain, rays: Records, z: float, layers: Layered,
     fan: tuple[Plain, Float] | None = None, crowd: Crowd | None = None,
 ) -> tuple[Float, Rows]:  # fmt: skip
     """Ranges and walls (columns, layers) along rays (columns,), which may be a fan at a pose."""

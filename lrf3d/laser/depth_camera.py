@@ -7,17 +7,17 @@ optical axis, so that all of a flat wall across it has one depth.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     Bool,
     Float,
-    Int,
     Value,
     number,
     sealed,
@@ -132,7 +132,7 @@ class DepthImage(Value):
     pose: Pose
     camera: DepthCamera
     depth: Float
-    walls: Int
+    walls: NDArray[np.int32]
     time: float = 0.0
 
     def __repr__(self) -> str:
@@ -147,8 +147,3 @@ class DepthImage(Value):
         """Points (m, 3) [m] in the world, row by row."""
         place = np.array([self.pose[0], self.pose[1], self.camera.mount[2]])
         return place + self.depth[self.hits][:, None] * self.camera.directions(self.pose)[self.hits]
-
-
-def image_at(image: DepthImage, time: float) -> DepthImage:
-    """The same picture at a time [s]."""
-    return replace(image, time=time)

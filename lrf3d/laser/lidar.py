@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from lrf3d.base.errors import InputError, check_names, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Value, number, sealed
@@ -209,7 +209,7 @@ class LidarScan(Value):
     pose: Pose
     lidar: Lidar
     ranges: Float
-    walls: Int
+    walls: NDArray[np.int32]
     time: float = 0.0
     motion: Float | None = field(default=None)
 
@@ -244,10 +244,3 @@ class LidarScan(Value):
             return self.ranges[self.hits][:, None] * beams
         place = np.array([self.pose[0], self.pose[1], self.lidar.mount[2]])
         return place + self.ranges[self.hits][:, None] * self.lidar.directions(self.pose)[self.hits]
-
-
-def with_ranges(scan: LidarScan, ranges: ArrayLike) -> LidarScan:
-    """A scan with other ranges, of which those without a return hit no wall."""
-    found = np.asarray(ranges, dtype=np.float64)
-    walls = np.where(np.isfinite(found), scan.walls, -1)
-    return replace(scan, ranges=sealed(found), walls=sealed(walls))

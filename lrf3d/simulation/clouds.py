@@ -14,7 +14,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.casting.crowd import Crowd, moves_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.movers import poses_along
-from lrf3d.casting.skyline import Moment
+from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, sealed
 from lrf3d.geometry.pose import as_pose, between, compose
 from lrf3d.laser import Chain, DepthImage, LaserRangeFinder, LaserScan, Lidar, LidarScan
@@ -41,7 +41,7 @@ class Clouds:
         lidar = self.sensors.lidars[number]
         place = lidar.planar.placed(pose)
         moves = None if motion is None or not np.any(motion) else motion
-        scan = self._caster.cast_lidar(lidar, place, Moment(time, moves, self._crowd))
+        scan = self._caster.cast_lidar(lidar, place, Conditions(time, moves, self._crowd))
         if not noisy:
             return scan
         ranges = self._measured(scan.ranges, scan.walls, lidar.planar, number, time)
@@ -53,7 +53,7 @@ class Clouds:
         camera = self.sensors.depth_cameras[number]
         mount = np.array([*camera.mount[:2], camera.mount[3]])
         place = as_pose(compose(np.asarray(pose), mount))
-        image = self._caster.cast_depth(camera, place, Moment(time, None, self._crowd))
+        image = self._caster.cast_depth(camera, place, Conditions(time, None, self._crowd))
         if not noisy:
             return image
         half = 0.5 * camera.fov

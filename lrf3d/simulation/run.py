@@ -66,8 +66,8 @@ class Run(Value, Pictured):
             all beams of a scan are sent at once.
         wheels: (k, 3) poses by odometry at the scans, the first as it was; None without odometry.
         imu: What the IMU measured; None without one.
-        cloud_sensors: Its lidars and depth cameras. A run keeps no clouds: `lidar` and `depth` cast them
-            again, to the last bit.
+        cloud_sensors: Its lidars and depth cameras. A run keeps no clouds: `lidar` and `depth` cast
+            them again, to the last bit.
         sweeps: (k, lidars, 3) motion of the robot during each scan of a lidar; None without any.
 
     Examples:

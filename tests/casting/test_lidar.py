@@ -22,7 +22,7 @@ from lrf3d import (
     load_world,
 )
 from lrf3d.casting.crowd import Crowd
-from lrf3d.casting.skyline import Layered, Moment, Walls, _columns, rays_along
+from lrf3d.casting.skyline import Conditions, Layered, StandingWalls, _columns, rays_along
 from lrf3d.world.mesh import extrude
 from tests.helpers.rational import cast_layer
 
@@ -38,7 +38,7 @@ SHAPES = [
 
 @st.composite
 def scenes(draw: Any) -> tuple[list[Any], list[Any], World]:
-    """Walls and tops as `cast_layer` takes them, on a grid of cells of three metres."""
+    """StandingWalls and tops as `cast_layer` takes them, on a grid of cells of three metres."""
     walls: list[Any] = []
     tops: list[Any] = []
     owners: list[int] = []
@@ -58,7 +58,7 @@ def scenes(draw: Any) -> tuple[list[Any], list[Any], World]:
                 walls.append(((bx, by, ax, ay) if turned else (ax, ay, bx, by), height))
                 owners.append(number)
     for number in range(draw(st.integers(0, 2))):
-        # Walls that touch others, and stand on the lines between cells.
+        # StandingWalls that touch others, and stand on the lines between cells.
         x = draw(st.integers(0, 3)) * 3.0
         walls.append(((x, -4.0, x, draw(st.integers(-2, 5))), draw(HEIGHTS)))
         owners.append(len(cells) + number)
@@ -96,7 +96,7 @@ def test_columns_are_those_of_rational_numbers(scene: Any, y: int, z: float, dat
     slopes = sorted(data.draw(st.sets(over, min_size=1, max_size=8)))
     rays = rays_along(place, beams)
     layers = Layered.of(np.array([slopes]), np.ones(len(slopes)), LaserRangeFinder(range_max=1e6))
-    walls = Walls(scene[2])
+    walls = StandingWalls(scene[2])
     found, _ = _columns(walls, walls.standing(np.array(place), z), rays, z, layers)
     assert_equal(found, exact_ranges(scene, place, rays, slopes))
 
@@ -119,7 +119,9 @@ def test_rays_find_what_the_fan_finds(scene: Any, y: float, z: float, theta: flo
     lidar = Lidar(np.linspace(-1.0, 0.5, 9), columns=60, mount=(0, 0, z), range_min=0.7)
     caster = PlanarCaster(scene[2])
     still = caster.cast_lidar(lidar, (0.125, y, theta))
-    barely = caster.cast_lidar(lidar, (0.125, y, theta), Moment(motion=np.array([1e-300, 0, 0])))
+    barely = caster.cast_lidar(
+        lidar, (0.125, y, theta), Conditions(motion=np.array([1e-300, 0, 0]))
+    )
     assert np.array_equal(still.ranges, barely.ranges)
     assert np.array_equal(still.walls, barely.walls)
 
@@ -159,7 +161,7 @@ def test_obstacles_stand_in_the_cloud_where_they_are_at_each_beam() -> None:
     lidar = Lidar([-0.2, -0.17, -0.1, 0.0], columns=360, mount=(0, 0, 1.0), scan_duration=1.0)
     crowd = Crowd([box])
     for motion in [None, np.array([0.0, 1e-9, 0.0])]:
-        scan = caster.cast_lidar(lidar, (0, 0, 0), Moment(0.0, motion, crowd))
+        scan = caster.cast_lidar(lidar, (0, 0, 0), Conditions(0.0, motion, crowd))
         ahead = scan.points()[np.hypot(*scan.points()[:, :2].T) < 4.9]
         assert ahead[:, 2].max() == pytest.approx(0.4)
         # At the moment of the beam ahead the box is in the middle of its path.
@@ -167,7 +169,7 @@ def test_obstacles_stand_in_the_cloud_where_they_are_at_each_beam() -> None:
         assert middle[:, 0].min() > 2.4
         assert (np.abs(ahead[:, 1]) < 0.6).all()
     image = caster.cast_depth(
-        DepthCamera(9, 9, 0.8, mount=(0, 0, 0.3)), (0, 0, 0), Moment(0.5, None, crowd)
+        DepthCamera(9, 9, 0.8, mount=(0, 0, 0.3)), (0, 0, 0), Conditions(0.5, None, crowd)
     )
     assert image.depth[4, 4] == 2.5
 

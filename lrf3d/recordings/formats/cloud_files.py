@@ -84,7 +84,10 @@ def _matrix(run: Run, number: int) -> np.ndarray:
     for (one, other), angle in (((1, 2), roll), ((2, 0), pitch), ((0, 1), theta)):
         cos = np.cos(angle)
         sin = np.sin(angle)
-        axes[[one, other]] = cos * axes[one] - sin * axes[other], sin * axes[one] + cos * axes[other]
+        axes[[one, other]] = (
+            cos * axes[one] - sin * axes[other],
+            sin * axes[one] + cos * axes[other],
+        )
     return np.column_stack([axes, [x, y, z]])
 
 
