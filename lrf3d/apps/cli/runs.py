@@ -179,9 +179,12 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
 
 def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
-    path = _output(args, f"run{by_name('export', args.to).endings[0] or '_bag'}")
+    folder = "_kitti" if args.to == "kitti" else "_bag"
+    # Next to run.npz the arrays of its points have another name.
+    ending = {"npz": "_points.npz"}.get(args.to, by_name("export", args.to).endings[0])
+    path = _output(args, f"run{ending or folder}")
     export_run(run, args.to, path, every=args.every)
-    files = [path] if path.is_file() else sorted(path.iterdir())
+    files = [each for each in (path, *path.rglob("*")) if each.is_file()]
     scans = len(range(0, len(run), args.every))
     size = sum(file.stat().st_size for file in files)
     shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"

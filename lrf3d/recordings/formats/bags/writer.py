@@ -18,6 +18,7 @@ from lrf3d.base.files import replacing, unfinished_folder, writing
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserRangeFinder, Stamp
+from lrf3d.messages import clouds
 from lrf3d.messages.ros import (
     BASE,
     MAP,
@@ -119,6 +120,11 @@ def _fill(run: Run, folder: Path) -> None:
         kinds[scan_topic(run, lrf)] = SCAN
         if _is_simulated(run):
             kinds[f"/ground_truth{scan_topic(run, lrf)}"] = beam_truth
+    for lidar in run.cloud_sensors.lidars:
+        kinds[f"/{lidar.name}/points"] = clouds.CLOUD
+    for camera in run.cloud_sensors.depth_cameras:
+        kinds[f"/{camera.name}/depth/image_raw"] = clouds.IMAGE
+        kinds[f"/{camera.name}/depth/camera_info"] = clouds.CAMERA
     with bag:
         topics = {
             topic: bag.add_connection(
@@ -151,6 +157,7 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     here = Pose(0.0, 0.0, 0.0)
     start = Stamp.of(float(times[0]))
     fixed = [transform(start, BASE, each.name, each.mount, each.height) for each in run.lasers]
+    fixed += clouds.mount_transforms(run.cloud_sensors, start)
     if run.estimate is None and run.wheels is None:
         fixed.append(transform(start, MAP, WORLD, here))
     yield STATIC_FRAMES, start, {"transforms": fixed}
@@ -196,6 +203,7 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
             yield topic, stamp, scan.as_ros(lrf.name, scan_time=step)
             if simulated:
                 yield f"/ground_truth{topic}", stamp, beam_truth(run, number, laser)
+        yield from clouds.cloud_messages(run, number, stamp)
         if mapped and number in snapshots:
             shown = run.maps[snapshots[number]].segments, run.lasting_objects[snapshots[number]]
             yield LINES, stamp, {"markers": [line_marker(*shown, stamp)]}
