@@ -58,7 +58,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         scenario = routed(scenario, args, console)
         drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args), say=warn)
         own["drive"] = drive
-    output = results_folder(console, [args.world], scenario.name, args.out)
+    output = results_folder(args, console, [args.world], scenario.name)
     simulations = _simulations(scenario, own, args)
     main = simulations[0]
     begin = perf_counter()
@@ -212,7 +212,7 @@ def _run_fleet(
     _check_fleet(scenario, own, args)
     scenario = routed(scenario, args, console)
     drives = _drives(scenario, args)
-    output = results_folder(console, [args.world], scenario.name, args.out)
+    output = results_folder(args, console, [args.world], scenario.name)
     sigma = (args.sigma or [None])[0]
     noise = made(own.get("noise"))
 
