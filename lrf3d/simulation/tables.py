@@ -6,11 +6,12 @@ leave.
 """
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.errors import InputError, check_names, shown
+from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, shown
 from lrf3d.geometry.lines import number
 from lrf3d.laser import LaserRangeFinder, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
@@ -33,6 +34,13 @@ def laser_with_noise(
     for key in [key for key in laser if key.endswith("_deg")]:
         laser[key.removesuffix("_deg")] = math.radians(laser.pop(key))
     lrf = LaserRangeFinder(**laser)
+    width = 2.0 * math.degrees(lrf.spread[1])
+    # [°] Range finders have no narrower and no wider field; angles in radians would be narrower.
+    narrowest = 10.0
+    widest = 361.0
+    if width and not narrowest <= width <= widest:
+        text = f"laser: its angles, read as degrees, are a field of {width:.4g}°"
+        warnings.warn(f"{text}; expected 10° to 360°", Lrf3dWarning, 1)
     sigma = errors.pop("sigma", SIGMA)
     return lrf, imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
 

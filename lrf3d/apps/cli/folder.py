@@ -145,7 +145,7 @@ def _remove(folder: Path, names: Iterable[str], console: Console) -> None:
                 (folder / parent).rmdir()
 
 
-def _without_endings(made_by: Mapping[str, Any]) -> Any:
+def _without_endings(made_by: Mapping[str, Any]) -> tuple[Any, ...]:
     """What a run is made by; the same drive may be a log and a bag, which differ in endings."""
     sources = [_ENDING.sub("", str(each)) for each in made_by["sources"]]
     return made_by.get("command"), sources, made_by.get("seed")
@@ -166,6 +166,19 @@ def _of_others(folder: Path, made_by: Mapping[str, Any]) -> str:
     return f"results of lrf3d {before.get('command')} {' '.join(map(str, before['sources']))}{seed}"
 
 
+def _made_by(args: Namespace, sources: Sequence[str | Path], folder: Path) -> dict[str, Any]:
+    """The command, the sources and the seed of what is written to a folder."""
+    # Paths are relative to the folder, so that a project can be moved.
+    named = [
+        str(source)
+        if source in world_names()
+        else os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
+        for source in sources
+    ]
+    seed = {"seed": args.seed} if hasattr(args, "seed") else {}
+    return {"command": args.command, "sources": named, **seed}
+
+
 def results_folder(
     args: Namespace,
     console: Console,
@@ -181,16 +194,9 @@ def results_folder(
     if args.force and any(vars(args).get(name) for name in ("resume", "shard", "merge")):
         raise InputError("--force removes the run before; leave out --resume, --shard and --merge")
     folder = make_folder(Path("out") / folder_name(name) if args.out is None else args.out)
-    # Paths are relative to the folder, so that a project can be moved.
-    named = [
-        str(source)
-        if source in world_names()
-        else os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
-        for source in sources
-    ]
-    made_by = {"command": console.command, "sources": named}
-    made_by |= {"seed": args.seed} if hasattr(args, "seed") else {}
+    made_by = _made_by(args, sources, folder)
     if alone:
+        console.until_end.callback(_leave_nothing_empty, folder)
         console.until_end.enter_context(locked(folder / "results", folder))
     if args.force:
         _remove_old(folder, console)
@@ -206,6 +212,15 @@ def results_folder(
         # What is written before a command is stopped has its origin, too.
         write_text(folder / "summary.json", json_text({"made_by": made_by}))
     return ResultsFolder(folder, made_by, console)
+
+
+def _leave_nothing_empty(folder: Path) -> None:
+    """Remove the folder of a command that has failed before it wrote anything."""
+    if [path.name for path in folder.iterdir()] == ["summary.json"] and not _files_of(
+        _summary_of(folder) or {}
+    ):
+        (folder / "summary.json").unlink()
+        folder.rmdir()
 
 
 def _resumable(folder: Path) -> bool:
@@ -225,53 +240,68 @@ def _remove_old(folder: Path, console: Console) -> None:
 def file_of_run(args: Namespace, name: str) -> Iterator[Path]:
     """Yield the file to write of a run, in its folder if none is given.
 
-    It is entered among the files of the run, which are replaced when it is written again, and
-    removed with it.
+    It is entered among the files of the run, which are removed with it.
     """
     folder = args.run if args.run.is_dir() else args.run.parent
     path: Path = args.out or folder / name
     make_folder(path.parent)
+    made_by = _made_by(args, [args.run], path.parent)
     # The folder of a fleet holds one for each robot.
     homes = [each for each in (folder, folder.parent) if _summary_of(each) is not None]
     home = next(iter(homes), folder).resolve()
-    files = _files_of(_summary_of(home) or {})
-    known = args.out is None or _name_in(home, path) in files
-    if path.is_dir():
-        known = args.out is None or any(_name_in(home, each) in files for each in path.iterdir())
-    if path.exists() and not (known or args.force):
-        raise InputError(
-            f"{path}: is there, and not known to be of {args.run}; choose another name, or replace"
-            " it with --force"
-        )
+    if args.out is not None and not set(_entries(path, home)) & _files_of(_summary_of(home) or {}):
+        _refuse_others(path, made_by, args.force)
     yield path
+    _mark(path, made_by)
     if summary := _summary_of(home):
-        made = [path] if path.is_file() else path.iterdir()
-        entered = {_name_in(home, each): _name_in(home, each) for each in made}
         listed = dict(summary.get("files", {}))
-        others = {key: file for key, file in entered.items() if file not in listed.values()}
-        write_text(home / "summary.json", json_text({**summary, "files": listed | others}))
+        added = {name: name for name in _entries(path, home) if name not in listed.values()}
+        write_text(home / "summary.json", json_text({**summary, "files": listed | added}))
 
 
-def _name_in(folder: Path, file: Path) -> str:
-    return os.path.relpath(file.parent.resolve() / file.name, folder)
+def _entries(path: Path, folder: Path) -> list[str]:
+    """The names of a file, or of the files of a bag, relative to a folder."""
+    files = path.iterdir() if path.is_dir() else [path]
+    return [os.path.relpath(each.parent.resolve() / each.name, folder) for each in files]
 
 
 @contextmanager
-def new_file(path: Path, force: bool) -> Iterator[Path]:
-    """Yield a place for a file, and what is written beside it; it is moved to ``path``.
-
-    What is there and differs is replaced by force alone.
-    """
+def new_file(args: Namespace, path: Path, sources: Sequence[str | Path]) -> Iterator[Path]:
+    """Yield a place for a file, and what is written beside it; it is moved to ``path``."""
     with unfinished_folder(path) as folder:
         yield folder / path.name
-        made = sorted(folder.iterdir())
-        for file in made:
-            there = path.with_name(file.name)
-            if there.exists() and not (force or cmp(file, there, shallow=False)):
-                raise InputError(
-                    f"{there}: is there and differs; choose another name, or replace it with"
-                    " --force"
-                )
+        made_by = _made_by(args, sources, path.parent)
+        made = {file: path.with_name(file.name) for file in sorted(folder.iterdir())}
+        for file, there in made.items():
+            _refuse_others(there, made_by, args.force, file)
+            _mark(file, made_by)
         with writing(path):
-            for file in made:
-                os.replace(file, path.with_name(file.name))
+            for file, there in made.items():
+                os.replace(file, there)
+
+
+# The attribute of a file in which it is written what it was made by, where the system has them.
+_ATTRIBUTE = "user.lrf3d.made_by"
+
+
+def _mark(file: Path, made_by: Mapping[str, Any]) -> None:
+    """Note with a file what it was made by, and its size, which an edit would change."""
+    with suppress(OSError, AttributeError):
+        text = json.dumps([_without_endings(made_by), file.stat().st_size])
+        os.setxattr(file, _ATTRIBUTE, text.encode())
+
+
+def _refuse_others(
+    path: Path, made_by: Mapping[str, Any], force: bool, same: Path | None = None
+) -> None:
+    """Refuse to replace a file of other sources, or that has been edited, without force."""
+    if force or not path.exists() or (same is not None and cmp(same, path, shallow=False)):
+        return
+    before = None
+    with suppress(OSError, AttributeError, ValueError):
+        before = json.loads(os.getxattr(path, _ATTRIBUTE))
+    if before != [list(_without_endings(made_by)), path.stat().st_size]:
+        raise InputError(
+            f"{path}: is there, and not known to be of {' '.join(made_by['sources'])}; choose"
+            " another name, or replace it with --force"
+        )

@@ -232,7 +232,7 @@ def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     worse = degrade_log(log, **changes, rng=args.seed)
     kept = degrade_log(log, every=args.every, beams_every=args.beams_every)
     make_folder(out.parent)
-    with new_file(out, args.force) as place:
+    with new_file(args, out, [args.log]) as place:
         write_log(worse, place)
     there, left = (sum(int(scan.hits.sum()) for scan in each.scans) for each in (kept, worse))
     lost = there - left

@@ -39,7 +39,7 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) 
     if args.out is not None:
         from lrf3d.studio.figures.figures import draw_world
 
-        with new_file(args.out, args.force) as place:
+        with new_file(args, args.out, [args.world]) as place:
             draw_world(scenario.world, place, route=route, poses=poses, plan=plan)
         figures["picture"] = str(args.out)
         rows.append(("picture", str(args.out)))
@@ -83,7 +83,7 @@ def convert(_: None, args: Namespace, console: Console) -> None:
         options.pop("resolution", None)
     world = load_world(args.from_, **options)
     cells = args.to.suffix.lower() == ".yaml" or not bare
-    with new_file(args.to, args.force) as place:
+    with new_file(args, args.to, [args.from_]) as place:
         save_world(world, place, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}
     _describe(console, world, {"from": args.from_}, written, list(written.items()))
@@ -92,7 +92,7 @@ def convert(_: None, args: Namespace, console: Console) -> None:
 def generate(_: None, args: Namespace, console: Console) -> None:
     """Generate a world that a robot can drive in."""
     world = generate_world(args.kind, size=args.size, seed=args.seed)
-    with new_file(args.out, args.force) as place:
+    with new_file(args, args.out, [args.kind]) as place:
         save_world(world, place)
     written = {"written": str(args.out)}
     figures = {"kind": args.kind, "seed": args.seed, **written}
@@ -160,7 +160,7 @@ def crosscheck(scenario: Scenario, args: Namespace, console: Console) -> int:
     if args.figure is not None:
         from lrf3d.studio.figures.figures import draw_crosscheck
 
-        with new_file(args.figure, args.force) as place:
+        with new_file(args, args.figure, [args.world]) as place:
             draw_crosscheck(world, lrf, poses, result, place)
         figures["picture"] = str(args.figure)
         rows.append(("picture", str(args.figure)))

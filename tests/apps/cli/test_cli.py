@@ -153,7 +153,7 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("world shaw", "did you mean 'world show'?"),
         ("run", "required: WORLD"),
         ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
-        ("run city --foo", "there is no '--foo'; see lrf3d run -h"),
+        ("run city --xyzzy", "there is no '--xyzzy'; see lrf3d run -h"),
         ("run city --mode best", "--mode: 'best': expected robust or paper"),
         ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
         ("run city --scans 0", "--scans: '0': expected a whole number from 1"),
