@@ -26,11 +26,8 @@ from lrf3d.world.schema import Converter, at, poses, row, rows, several
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
-def laser_with_noise(
-    noise: Mapping[str, Any] | None = None, **laser: Any
-) -> tuple[LaserRangeFinder, Noise]:
-    """The laser of a table, and its noise."""
-    errors = dict(noise or {})
+def laser_of(noise: Any = None, **laser: Any) -> LaserRangeFinder:
+    """The laser of a table, without its noise."""
     for key in [key for key in laser if key.endswith("_deg")]:
         laser[key.removesuffix("_deg")] = math.radians(laser.pop(key))
     lrf = LaserRangeFinder(**laser)
@@ -41,8 +38,13 @@ def laser_with_noise(
     if width and not narrowest <= width <= widest:
         text = f"laser: its angles, read as degrees, are a field of {width:.4g}°"
         warnings.warn(f"{text}; expected 10° to 360°", Lrf3dWarning, 1)
+    return lrf
+
+
+def noise_of(lrf: LaserRangeFinder, **errors: Any) -> Noise:
+    """The noise of a table, and of a laser."""
     sigma = errors.pop("sigma", SIGMA)
-    return lrf, imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
+    return imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
 
 
 # The keys of the table of the robot.
@@ -57,8 +59,8 @@ ROBOT: Mapping[str, Converter] = {
 # What checks the values of each table, in the order in which tables are checked.
 TABLES: Mapping[str, Callable[..., object]] = {
     "robot": dict,
-    "laser": laser_with_noise,
-    "noise": lambda **values: laser_with_noise(values),
+    "laser": lambda noise=None, **values: noise_of(laser_of(**values), **(noise or {})),
+    "noise": lambda **values: noise_of(LaserRangeFinder(), **values),
     "odometry": WheelOdometry,
     "imu": Imu,
     "mapper": LineMapper,
@@ -145,8 +147,9 @@ def lasers_with_noise(
     for place, table in enumerate(file.lasers or [{}]):
         key = f"laser[{place}]" if len(file.lasers) > 1 else "laser"
         with file.at(f"{key} with settings" if settings else key):
-            own = {**noise, **table.get("noise", {})}
-            found.append(laser_with_noise(**{**table, **settings, "noise": own}))
+            lrf = laser_of(**{**table, **settings})
+        with file.at(f"{key}.noise" if "noise" in table else "noise"):
+            found.append((lrf, noise_of(lrf, **{**noise, **table.get("noise", {})})))
     with file.at("laser"):
         lasers_of([lrf for lrf, _ in found])
     return found

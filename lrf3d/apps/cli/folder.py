@@ -7,6 +7,7 @@ with --force.
 import json
 import os
 import re
+import shlex
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -60,14 +61,14 @@ class ResultsFolder:
         drawings: Mapping[str, Drawing],
         *,
         rows: Rows,
-        following: str = "",
+        following: Sequence[str | Path] = (),
         kept: str,
     ) -> None:
         """Write summary.json, print the results, and draw, which may fail or be stopped, last.
 
         Files and drawings are given by their contents; a drawing that fails does not keep the
-        others from being drawn. ``following`` is the command that a user may want next, and
-        ``kept`` is printed if drawing fails or is stopped: how to continue.
+        others from being drawn. ``following`` are the words of the command that a user may want
+        next, and ``kept`` is printed if drawing fails or is stopped: how to continue.
         """
         made = {**files, "summary": "summary.json"}
         before = _files_of(_summary_of(self.path) or {})
@@ -92,7 +93,8 @@ class ResultsFolder:
         if self.console.shows:
             here = [name for name in made.values() if ".." not in Path(name).parts]
             written_row = [("files", f"{self.path}: {', '.join(here)}")]
-            written_row += [("next", following)] if following else []
+            if following:
+                written_row.append(("next", shlex.join(["lrf3d", *map(str, following)])))
             print_table(written_row, max(9, *(len(name) for name, _ in rows)))
 
     def _draw(self, drawings: Mapping[str, Drawing], made: dict[str, str]) -> list[str]:

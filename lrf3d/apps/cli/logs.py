@@ -80,7 +80,7 @@ def map_(log: LaserLog, args: Namespace, console: Console) -> None:
         {"map": "map.geojson"},
         drawings,
         rows=[*log_rows(log), *_filled(rows)],
-        following=f"lrf3d run {output.path}/map.geojson",
+        following=["run", output.path / "map.geojson"],
         kept=kept,
     )
 
@@ -112,7 +112,7 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
         {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
         drawings,
         rows=_slam_rows(solved, summary),
-        following=f"lrf3d view {output.path}",
+        following=["view", output.path],
         kept=kept,
     )
 

@@ -93,7 +93,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         {"run": "run.npz", **files},
         pictures,
         rows=_rows(runs, summary),
-        following=f"lrf3d {'view' if args.video else 'render'} {output.path}",
+        following=["view" if args.video else "render", output.path],
         kept=KEPT,
     )
 
@@ -250,7 +250,7 @@ def _run_fleet(
         files,
         pictures | _pictures(runs[0], scenario, args, console),
         rows=[*rows, ("time", f"{common['seconds']:.1f} s")],
-        following=f"lrf3d {'view' if args.video else 'render'} {output.path / 'robot1'}",
+        following=["view" if args.video else "render", output.path / "robot1"],
         kept=f"the runs are kept in {output.path}",
     )
 

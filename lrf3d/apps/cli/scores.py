@@ -56,7 +56,7 @@ def score(run: Run, args: Namespace, console: Console) -> None:
         {},
         {"score picture": ("score.png", draw)},
         rows=_score_rows(errors, figures),
-        following=f"lrf3d render {args.run} --trajectory {args.trajectory}",
+        following=["render", args.run, "--trajectory", args.trajectory],
         kept=f"{output.path / 'summary.json'} holds the figures",
     )
 

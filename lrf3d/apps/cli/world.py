@@ -37,10 +37,10 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) 
         rows += _plan_rows(plan)
         figures |= _plan_figures(plan)
     if args.out is not None:
-        from lrf3d.studio.figures.figures import draw_world
+        from lrf3d.studio.figures.figures import draw_scenario
 
         with new_file(args, args.out, [args.world]) as place:
-            draw_world(scenario.world, place, route=route, poses=poses, plan=plan)
+            draw_scenario(scenario, place, plan=plan)
         figures["picture"] = str(args.out)
         rows.append(("picture", str(args.out)))
     _describe(console, scenario.world, {"name": scenario.name}, figures, rows)
