@@ -11,6 +11,7 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
+import operator
 import sys
 from pathlib import Path
 
@@ -158,7 +159,20 @@ def missing_extra(task: str, extra: str) -> MissingLibraryError:
 def expect(value: object, kind: "Any", name: str) -> None:
     """Check the kind of an argument that comes from outside."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} {shown(value)}: expected a {kind.__name__}")
+        names = " or ".join(each.__name__ for each in getattr(kind, "__args__", (kind,)))
+        expected = names.replace("NoneType", "None")
+        raise InputError(f"{name} {shown(value)}: expected a {expected}")
+
+
+def index_of(value: object, count: int, name: str) -> int:
+    """A number from outside of one of some things, counted from 0, or from −1 backwards."""
+    try:
+        place = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        place = count
+    if isinstance(value, bool) or not -count <= place < count:
+        raise InputError(f"{name} {shown(value)}: expected a whole number from 0 to {count - 1}")
+    return place
 
 
 def each_of(values: "Any", kind: type, name: str) -> "Iterator[Any]":

@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, Lrf3dWarning, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE as LARGEST
-from lrf3d.geometry.lines import TINY, Float, Int, as_rows, wrap_angle
+from lrf3d.geometry.lines import TINY, Float, Int, as_rows, numbers, wrap_angle
 
 # Headings [rad] of this or more, in whole halves of it, are degrees as a rule.
 _LEAST_DEGREES = 30.0
@@ -40,6 +40,7 @@ class Pose(NamedTuple):
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
+        other = as_pose(other)
         x, y = self.apply(np.array([[other.x, other.y]]))[0]
         return Pose(float(x), float(y), float(wrap_angle(self.theta + other.theta)))
 
@@ -49,6 +50,9 @@ class Pose(NamedTuple):
 
     def apply(self, points: Float) -> Float:
         """Transform points (n, 2) from the frame of this pose to the frame that it is given in."""
+        points = numbers(points, "points")
+        if points.ndim < 1 or points.shape[-1] != 2:
+            raise InputError(f"points of shape {points.shape}: expected (n, 2)")
         cos = np.cos(self.theta)
         sin = np.sin(self.theta)
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))

@@ -151,7 +151,7 @@ class LaserRangeFinder(Value):
 
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Unit vectors (beams, 2) of the beams in the world, for the laser at a pose."""
-        return turned(self.fan, float(pose[2]))
+        return turned(self.fan, as_pose(pose).theta)
 
 
 def lasers_of(

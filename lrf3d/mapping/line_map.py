@@ -168,6 +168,7 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         0
     """
     expect(line_map, LineMap, "map")
+    expect(free, FreeCells | None, "free")
     # Endings of worlds that are written in other formats than a map.
     other_formats = (".toml", ".yaml", ".yml", ".glb")
     if as_path(path).suffix.lower() in other_formats:

@@ -56,9 +56,8 @@ class EstimatedTrajectory(Value):
     def __post_init__(self) -> None:
         self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
-        count = len(self.poses)
-        known = len(self.known_scans)
-        as_poses(self.poses)
+        count = len(as_poses(self.poses))
+        known = self.known_scans.size
         if len(as_poses(self.odometry)) not in (0, count):
             raise InputError(
                 f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"

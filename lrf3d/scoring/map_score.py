@@ -9,7 +9,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, expect
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths, numbers
+from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths, number, numbers
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
@@ -43,6 +43,7 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
         (v, 4) the parts longer than a least length [m], and (v,) their walls, in ascending order.
     """
     expect(run, Run, "run")
+    least = number(least, "least length", "metres")
     segments = run.world.segments
     along = directions(segments)
     size = lengths(segments)
@@ -81,6 +82,7 @@ def seen_share(run: Run) -> float | None:
         >>> round(seen_share(run), 1)
         0.4
     """
+    expect(run, Run, "run")
     return shown_share(run.world, run.trajectory.poses[:, :2], *visible_walls(run, 0.0))
 
 
@@ -234,6 +236,10 @@ def adjusted_rand_index(first: Int, second: Int) -> float:
     1 means equal groups, whatever the labels; 0 is the value of random labels. In the degenerate
     cases (fewer than two things, all things apart in both, all things together in both) it is 1.
     """
+    first = numbers(first, "labels")
+    second = numbers(second, "labels")
+    if first.ndim != 1 or first.shape != second.shape:
+        raise InputError(f"labels {first.shape} and {second.shape}: expected (n,) of both")
     together, in_first, in_second = map(_pairs, (np.column_stack([first, second]), first, second))
     everything = _pairs(np.zeros(len(first)))
     expected = in_first * in_second / everything if everything else 0.0

@@ -181,6 +181,9 @@ class Simulation:
             for each, own in zip(self.lasers, noises, strict=True)
         )
         # The errors of the wheels and of the IMU.
+        expect(odometry, WheelOdometry | None, "odometry")
+        expect(imu, Imu | None, "imu")
+        expect(film, FilmPlan, "film")
         self.motion_sensors = odometry, imu
         wheels, inertial = motion_streams(self.rng, odometry, imu)
         self._odometer = None if odometry is None else Odometer(odometry, wheels)

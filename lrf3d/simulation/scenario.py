@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.base.errors import InputError, WorldError, check_names
+from lrf3d.base.errors import InputError, WorldError, check_names, each_of, expect
 from lrf3d.base.files import own_name
 from lrf3d.base.interrupts import Progress, silent
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.geometry.lines import Float, Value, whole_number
+from lrf3d.geometry.lines import Float, Value, as_rows, number, numbers, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
@@ -114,14 +114,30 @@ class Scenario(Value):
     imu: Imu | None = None
 
     def __post_init__(self) -> None:
+        for name, kind in (
+            ("world", World), ("lrf", LaserRangeFinder), ("mapper", Mapping), ("film", FilmPlan),
+            ("odometry", WheelOdometry | None), ("imu", Imu | None), ("name", str),
+        ):  # fmt: skip
+            expect(getattr(self, name), kind, f"scenario: {name}")
+        for name in ("speed", "scan_interval", "lookahead", "radius"):
+            number(getattr(self, name), f"scenario: {name}", positive=True)
+        for name, columns in (("route", 2), ("poses", 3), ("outline", 2)):
+            if getattr(self, name) is not None:
+                as_rows(getattr(self, name), f"scenario: {name}", columns, least=1)
+        if self.start is not None:
+            object.__setattr__(self, "start", as_pose(self.start))
         arrays = ("route", "poses", "outline")
         self._hold(*(name for name in arrays if getattr(self, name) is not None))
         if self.outline is not None:
             from lrf3d.casting.collision import Body
 
             object.__setattr__(self, "radius", Body(outline=self.outline).reach)
+        obstacles = tuple(each_of(self.obstacles, DynamicObstacle, "scenario: obstacle"))
+        levels = np.ravel(numbers(self.compared, "scenario: compared")).tolist()
+        compared = tuple(number(each, "scenario: compared") for each in levels)
+        object.__setattr__(self, "compared", compared)
         object.__setattr__(self, "noise", as_noise(self.noise))
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "obstacles", obstacles)
 
     def __repr__(self) -> str:
         drive = "a route to plan"

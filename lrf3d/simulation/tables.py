@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, shown
+from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, each_of, shown
 from lrf3d.geometry.lines import number
 from lrf3d.laser import LaserRangeFinder, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
@@ -114,7 +114,7 @@ def read_toml(path: Path) -> World:
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
     """The values of settings by table and key; the last one counts if a key is set twice."""
     tables: dict[str, dict[str, Any]] = {}
-    for text in texts:
+    for text in each_of(texts, str, "settings"):
         name, equals, value = text.partition("=")
         table, dot, key = name.strip().partition(".")
         if not (equals and dot):

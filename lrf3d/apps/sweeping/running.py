@@ -79,6 +79,7 @@ def sweep(
     """
     _check_kinds(worlds, mappers, axes)
     expect(progress, Callable, "progress")
+    expect(executor, Executor | None, "executor")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
