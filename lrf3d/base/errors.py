@@ -108,11 +108,29 @@ class OutputError(Lrf3dError, OSError):
 
 
 class Lrf3dWarning(UserWarning):
-    """Something is done in another way than usual; the results are those that were asked for."""
+    """Something is done in another way than usual; the results are those that were asked for.
+
+    The logger ``lrf3d`` gets the text, too, which is printed where the program has set up logging.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(message)
+        import logging
+
+        logger = logging.getLogger("lrf3d")
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+        logger.log(self.level, "%s", message)
+
+    # That of the logger: logging.WARNING.
+    level = 30
 
 
 class Lrf3dNote(Lrf3dWarning):
     """What was assumed, or left out, in reading a file."""
+
+    # That of the logger: logging.INFO.
+    level = 20
 
 
 class DrawingError(Lrf3dError):

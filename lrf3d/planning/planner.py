@@ -4,6 +4,8 @@ Lookouts in the free space are joined to a tour by paths with clearance to the w
 straightened, and the drive along them is checked for collisions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """EstimatedTrajectory: the estimated poses of a drive, with covariances and loop closures."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -108,7 +110,7 @@ class EstimatedTrajectory(Value):
         """Lines (c, 4) x1 y1 x2 y2 [m] between the estimated positions of pairs of scans (c, 2)."""
         return self.poses[pairs, :2].reshape(-1, 4)
 
-    def part(self, scans: Int) -> "EstimatedTrajectory":
+    def part(self, scans: Int) -> EstimatedTrajectory:
         """The estimate at some of the scans, in ascending order."""
         new_index = np.full(len(self), -1)
         new_index[scans] = np.arange(len(scans))

@@ -1,5 +1,7 @@
 """MapScore: the agreement of a map of line segments with the walls that a run could see."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import isfinite

@@ -3,6 +3,8 @@
 The input is a world and a drive; steps are yielded one by one, and only the mapper keeps anything.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -59,7 +61,7 @@ class Step:
     pose: Pose
     scans: tuple[LaserScan, ...]
     true_scans: tuple[LaserScan, ...]
-    _simulation: "Simulation" = field(repr=False)
+    _simulation: Simulation = field(repr=False)
     odometry: Float = field(repr=False)
     imu: Float = field(repr=False)
 

@@ -1,5 +1,7 @@
 """Run: the input and the results of a simulation."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -80,7 +82,7 @@ class Run(Value, Pictured):
     walls: Int
     snapshot_scans: tuple[int, ...]
     maps: tuple[LineMap, ...]
-    obstacles: "tuple[DynamicObstacle, ...]" = ()
+    obstacles: tuple[DynamicObstacle, ...] = ()
     film: FilmPlan = USUAL_FILM
     estimate: EstimatedTrajectory | None = None
     intensities: Float | None = None
@@ -204,7 +206,7 @@ class Run(Value, Pictured):
         lasting[unknown] = world.object_count + np.arange(len(unknown))
         return tuple(sealed(lasting[numbers]) for numbers in tracked)
 
-    def part(self, scans: Int) -> "Run":
+    def part(self, scans: Int) -> Run:
         """The run of some of its scans, in ascending order, with the last of its maps."""
         scans = numbers(scans, "scans")
         if scans.ndim != 1 or scans.dtype.kind not in "iu" or not len(scans):

@@ -3,6 +3,8 @@
 It is read from a world file and run as a simulation. Everything but the walls has a default.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -164,7 +166,7 @@ class Scenario(Value):
         _, sigma = spread_of(self.noise) or (0.0, SIGMA)
         return sigma, *self.compared
 
-    def changed(self, **changes: Any) -> "Scenario":
+    def changed(self, **changes: Any) -> Scenario:
         """The scenario with other fields; a new world or route resets those that depend on it."""
         # `run` takes an rng, too, and passes the others on.
         check_names("scenario", changes, [*(each.name for each in fields(self)), "rng"])
@@ -177,7 +179,7 @@ class Scenario(Value):
 
     def with_route(
         self, *, where: Side | None = None, say: Callable[[str], None] = lambda note: None
-    ) -> "Scenario":
+    ) -> Scenario:
         """The scenario, with a planned route past most of its walls if it has none.
 
         Indoors a robot whose speed is not given drives at 1 m/s, and one whose radius is not given
@@ -260,7 +262,7 @@ class Scenario(Value):
         return following.drive_laps(self.route, start=self.start, most=most, **settings)
 
     def _check_walls(
-        self, laps: Iterable[Trajectory], body: "Body", note: Callable[[str], None] | None
+        self, laps: Iterable[Trajectory], body: Body, note: Callable[[str], None] | None
     ) -> None:
         """Note the first collision of laps with a wall; without a function to call, raise it."""
         from lrf3d.casting.collision import check_drive, find_collision
@@ -275,14 +277,14 @@ class Scenario(Value):
     def simulation(
         self,
         *,
-        drive: "Trajectory | ArrayLike | Controller | None" = None,
+        drive: Trajectory | ArrayLike | Controller | None = None,
         rng: np.random.Generator | int | None = None,
-        mapper: "Mapper | Mapping[str, Any] | None" = None,
-        caster: "Caster | str" = "embree",
+        mapper: Mapper | Mapping[str, Any] | None = None,
+        caster: Caster | str = "embree",
         scans: int | None = None,
         on_collision: Callable[[str], None] | str | None = None,
         **changes: Any,
-    ) -> "Simulation":
+    ) -> Simulation:
         """The simulation of ``lrf3d run``; the same seed gives the same numbers.
 
         Args:
@@ -327,7 +329,7 @@ class Scenario(Value):
             radius=scenario.radius, outline=scenario.outline, on_collision=checks, **settings,
         )  # fmt: skip
 
-    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
+    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> tuple[Any, Mapper]:
         """The noises of the lasers, or the one given, and a LineMapper set up for them."""
         from lrf3d.simulation.loop import line_mapper
 
@@ -340,7 +342,7 @@ class Scenario(Value):
 
     def run(
         self, *, snapshots: int | None = None, progress: Progress = silent, **changes: Any
-    ) -> "Run":
+    ) -> Run:
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
 
         It takes the arguments of `simulation` and of `simulate`.

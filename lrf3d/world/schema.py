@@ -203,7 +203,7 @@ def keys_of(make: Callable[..., Any]) -> dict[str, Converter]:
     annotated with choices is one of them.
     """
     keys: dict[str, Converter] = {}
-    for name, parameter in signature(make).parameters.items():
+    for name, parameter in signature(make, eval_str=True).parameters.items():
         kind, *notes = get_args(parameter.annotation) or (parameter.annotation,)
         choices = [each for each in notes if not isinstance(each, type | str)]
         if "rad" in notes:

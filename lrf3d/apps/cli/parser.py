@@ -46,6 +46,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     Raises:
         InputError: The words are not a command and what it takes.
     """
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
     name = next((each for each in (" ".join(words[:2]), *words[:1]) if each in COMMANDS), None)
     if name is None:
         _without_command(words)
@@ -257,6 +259,6 @@ def overview(group: str = "") -> str:
         f"usage: lrf3d {group}COMMAND\n\n"
         "Simulate a robot with a laser range finder, map its world, and film it.\n\n"
         f"Commands:\n{table((), rows, left=(0, 1))}\n\n"
-        "lrf3d COMMAND -h shows the options of a command, lrf3d --version the version.\n\n"
+        "lrf3d help COMMAND shows the options of a command, lrf3d --version the version.\n\n"
         "Example: lrf3d run city"
     )

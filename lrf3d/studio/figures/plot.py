@@ -1,5 +1,7 @@
 """Plots of values on matplotlib axes: the functions of :mod:`lrf3d.plot`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from io import BytesIO
 from textwrap import fill
