@@ -352,4 +352,14 @@ KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
 --size M: Approximate width [m]; depends on the kind if not given.
 
 Example: lrf3d world generate maze --seed 7 --out maze.toml""",
+    "completion": """\
+Print a script by which a shell completes commands, options and choices.
+
+The shell reads it when it starts: save it as
+~/.local/share/bash-completion/completions/lrf3d, or put eval "$(lrf3d completion zsh)" into
+~/.zshrc.
+
+SHELL bash|zsh: The shell.
+
+Example: lrf3d completion bash""",
 }

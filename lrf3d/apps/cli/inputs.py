@@ -284,6 +284,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "world show": (read_shown, "world:show"),
     "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
+    "completion": (lambda args: None, "completion:completion"),
 }
 
 

@@ -291,5 +291,23 @@ def test_a_warning_stands_once_and_a_start_in_a_box_is_called_so(tmp_path):
     assert done.stderr.count("(5, 4) is inside a closed shape of 2.0 m by 2.0 m") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["re"], ["render"]),
+        (["run", "city", "--sc"], ["--scale", "--scans"]),
+        (["world", "sh"], ["show"]),
+        (["world", "show", "city", "--tr"], ["--trees"]),
+        (["run", "--mode", "p"], ["paper"]),
+    ],
+)
+def test_a_shell_completes_commands_options_and_choices(words, expected):
+    script = lrf3d("completion", "bash").stdout
+    typed = f"COMP_WORDS=(lrf3d {' '.join(words)}); COMP_CWORD={len(words)}; _lrf3d"
+    command = ["bash", "-c", f'{script}{typed}; echo "${{COMPREPLY[@]}}"']
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert sorted(done.stdout.split()) == expected
+
+
 def test_a_wrong_share_of_the_noise_names_the_noise(room):
     assert ": noise: drop-outs: share 2.0" in refused("run", room, "--set", "noise.drop_outs=2")
