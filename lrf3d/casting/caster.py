@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrf3d.base.cores import share
-from lrf3d.base.errors import InputError, expect
+from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
@@ -140,6 +140,11 @@ class PlanarCaster:
     def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
         """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
         expect(lrf, LaserRangeFinder, "range finder")
+        if not isinstance(rays, np.ndarray) or rays.dtype != RAY or rays.ndim != 1:
+            names = ", ".join(RAY.names or ())
+            raise InputError(
+                f"rays {shown(rays)}: expected records (n,) of {names}; for poses cast"
+            )
         ranges = np.empty(len(rays))
         walls = np.empty(len(rays), np.int64)
         tree = self.tree(lrf.height)[:]

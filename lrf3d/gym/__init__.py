@@ -211,7 +211,7 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         given = numbers(actions, "actions")
         again = self._ended
         if given.shape != (self.num_envs, 2):
-            raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
+            raise InputError(f"actions of shape {given.shape}: expected {(self.num_envs, 2)}")
         given = np.where(again[:, None], 0.0, given)
         if not (finite := np.isfinite(given).all(axis=1)).all():
             found = f"action of robot {(robot := int(np.argmin(finite)))}: {given[robot].tolist()}"
@@ -405,7 +405,10 @@ class DriveEnv(_Limited, gymnasium.Env[Observation, NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive with an action (2,)."""
-        observation, rewards, ended, cut, infos = self.robots.step(numbers([action], "action"))
+        given = numbers(action, "action")
+        if given.shape != (2,):
+            raise InputError(f"action of shape {given.shape}: expected (2,), speed and turn rate")
+        observation, rewards, ended, cut, infos = self.robots.step(given[None])
         ends = {name: bool(infos[name][0]) for name in ("reached", "collided")}
         info = {**self._info(), **ends}
         return self._shown(observation), float(rewards[0]), bool(ended[0]), bool(cut[0]), info

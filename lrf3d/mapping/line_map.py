@@ -1,5 +1,7 @@
 """LineMap: the map that a mapper builds, and the file that it is kept in."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -98,12 +100,12 @@ class LineMap(Value, Pictured):
         return codes
 
     @classmethod
-    def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> "LineMap":
+    def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> LineMap:
         """The map of segments with `codes`."""
         return cls(segments, objects, points, np.array(KINDS, KIND)[codes])
 
     @classmethod
-    def empty(cls) -> "LineMap":
+    def empty(cls) -> LineMap:
         """The map before the first scan."""
         return cls(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0, np.int64))
 
@@ -168,6 +170,7 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         0
     """
     expect(line_map, LineMap, "map")
+    expect(free, FreeCells | None, "free")
     # Endings of worlds that are written in other formats than a map.
     other_formats = (".toml", ".yaml", ".yml", ".glb")
     if as_path(path).suffix.lower() in other_formats:

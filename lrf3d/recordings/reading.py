@@ -7,12 +7,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.errors import InputError, shown
+from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.files import as_path, opened, own_name
 from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
 from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
-from lrf3d.geometry.lines import number
+from lrf3d.geometry.lines import number, whole_number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
 from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
@@ -87,6 +87,10 @@ def load_log(
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
+    for name, text in (("format", format), ("scan topic", scan_topic)):
+        expect(text, str | None, name)
+    if part is not None:
+        part = whole_number(part, "part")
     row = by_ending(path, "log")
     options = {
         "poses": poses, "scan_topic": scan_topic, "part": part, "format": format,

@@ -4,6 +4,8 @@ A command enters; a twist leaves, speeds ahead and to the left [m/s] and the tur
 is held as long as the command stays. `drive` takes inputs over time and returns a trajectory.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

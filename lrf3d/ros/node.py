@@ -37,6 +37,18 @@ class SecondClockError(InputError):
     """Another program publishes the simulated time."""
 
 
+def require_ros() -> None:
+    """Check that ROS 2 is there."""
+    try:
+        import_module("rclpy")
+        import_module("tf2_msgs.msg")
+    except ImportError as error:
+        raise MissingLibraryError(
+            f"ROS 2 is not there ({error}); source it (. /opt/ros/DISTRO/setup.sh), or install its"
+            " wheels into an environment of their own, as scripts/ros does"
+        ) from None
+
+
 class Node:
     """Publishers, subscribers and services of a stream; it spins in the calling thread."""
 
@@ -192,14 +204,7 @@ def serve(
         InputError: A setting is invalid.
     """
     expect(scenario, Scenario, "scenario")
-    try:
-        import_module("rclpy")
-        import_module("tf2_msgs.msg")
-    except ImportError as error:
-        raise MissingLibraryError(
-            f"ROS 2 is not there ({error}); source it (. /opt/ros/DISTRO/setup.sh), or install its"
-            " wheels into an environment of their own, as scripts/ros does"
-        ) from None
+    require_ros()
     chosen = Settings(**settings)
     node = Node(chosen.namespace, arguments)
     try:

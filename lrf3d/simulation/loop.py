@@ -3,6 +3,8 @@
 The input is a world and a drive; steps are yielded one by one, and only the mapper keeps anything.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -69,7 +71,7 @@ class Step:
     pose: Pose
     scans: tuple[LaserScan, ...]
     true_scans: tuple[LaserScan, ...]
-    _simulation: "Simulation" = field(repr=False)
+    _simulation: Simulation = field(repr=False)
     odometry: Float = field(repr=False)
     imu: Float = field(repr=False)
     sweeps: Float = field(repr=False)
@@ -215,6 +217,9 @@ class Simulation:
             for each, own in zip(self.lasers, noises, strict=True)
         )
         # The errors of the wheels and of the IMU.
+        expect(odometry, WheelOdometry | None, "odometry")
+        expect(imu, Imu | None, "imu")
+        expect(film, FilmPlan, "film")
         self.motion_sensors = odometry, imu
         wheels, inertial = motion_streams(self.rng, odometry, imu)
         self._odometer = None if odometry is None else Odometer(odometry, wheels)

@@ -4,6 +4,8 @@ A simulation or its parts enter, or the scans of a user's own loop; a Run in mem
 `lrf3d.recordings.formats.recording` keeps the same rows in a file.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -63,7 +65,9 @@ def simulate(
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
         progress: Called with the number of finished scans, and of all.
-        **settings: All others.
+        **settings: ``caster``, ``noise``, ``mapper``, ``rng``, ``obstacles``, ``start``,
+            ``scan_interval``, ``scans``, ``radius``, ``outline``, ``on_collision``, ``odometry``,
+            ``imu``, ``film`` and ``robot``.
 
     Raises:
         InputError: An argument is invalid, a scan takes longer than the interval to the next, or a

@@ -1,5 +1,7 @@
 """Run: the input and the results of a simulation."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.base.errors import InputError, MissingLibraryError, shown
+from lrf3d.base.errors import InputError, MissingLibraryError, expect, index_of, shown
 from lrf3d.base.lazy import ABOVE, Pictured
-from lrf3d.geometry.lines import Float, Int, Value, number, sealed
+from lrf3d.geometry.lines import Float, Int, Value, number, numbers, sealed, whole_number
 from lrf3d.laser import DepthImage, LaserRangeFinder, LaserScan, LidarScan
 from lrf3d.laser.cloud_sensors import NO_SENSORS, CloudSensors
 from lrf3d.laser.scan import LIGHT
@@ -85,7 +87,7 @@ class Run(Value, Pictured):
     walls: Int
     snapshot_scans: tuple[int, ...]
     maps: tuple[LineMap, ...]
-    obstacles: "tuple[DynamicObstacle, ...]" = ()
+    obstacles: tuple[DynamicObstacle, ...] = ()
     film: FilmPlan = USUAL_FILM
     estimate: EstimatedTrajectory | None = None
     intensities: Float | None = None
@@ -100,6 +102,11 @@ class Run(Value, Pictured):
     sweeps: Float | None = None
 
     def __post_init__(self) -> None:
+        for name, kind in (
+            ("world", World), ("lrf", LaserRangeFinder), ("trajectory", Trajectory),
+            ("estimate", EstimatedTrajectory | None), ("film", FilmPlan),
+        ):  # fmt: skip
+            expect(getattr(self, name), kind, f"run: {name}")
         number(self.radius, "run: radius", "metres")
         scans = len(self.trajectory)
         beams = sum(each.beams for each in self.lasers)
@@ -187,7 +194,7 @@ class Run(Value, Pictured):
 
     def map_after(self, scan: int) -> LineMap:
         """The newest map snapshot without any scan after the given one."""
-        snapshot = self.snapshot_after(scan)
+        snapshot = self.snapshot_after(whole_number(scan, "scan", least=-1))
         return self.maps[snapshot] if snapshot >= 0 else LineMap.empty()
 
     @cached_property
@@ -207,8 +214,13 @@ class Run(Value, Pictured):
         lasting[unknown] = world.object_count + np.arange(len(unknown))
         return tuple(sealed(lasting[numbers]) for numbers in tracked)
 
-    def part(self, scans: Int) -> "Run":
+    def part(self, scans: Int) -> Run:
         """The run of some of its scans, in ascending order, with the last of its maps."""
+        scans = numbers(scans, "scans")
+        if scans.ndim != 1 or scans.dtype.kind not in "iu" or not len(scans):
+            raise InputError(f"scans {shown(scans)}: expected some numbers of scans")
+        for each in (scans.min(), scans.max()):
+            index_of(each, len(self), "scan")
         light: dict[str, Any] = {name: values[scans] for name, values in self.light.items()}
         part = replace(
             self,
@@ -230,7 +242,8 @@ class Run(Value, Pictured):
 
     def scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The measured scan with an index from 0, of one of the lasers by its number."""
-        lrf = self.lasers[laser]
+        index = index_of(index, len(self), "scan")
+        lrf = self.lasers[index_of(laser, len(self.lasers), "laser")]
         begin = sum(each.beams for each in self.lasers[:laser])
         beams = slice(begin, begin + lrf.beams)
         motions = self.motions
@@ -261,7 +274,7 @@ class Run(Value, Pictured):
         return replace(scan, ranges=self.truth[index, begin : begin + len(scan.ranges)], **unlit)
 
     @cached_property
-    def _clouds(self) -> "Clouds":
+    def _clouds(self) -> Clouds:
         from lrf3d.simulation.clouds import Clouds
 
         return Clouds(self.world, self.cloud_sensors, self.obstacles)

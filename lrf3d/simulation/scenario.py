@@ -3,6 +3,8 @@
 It is read from a world file and run as a simulation. Everything but the walls has a default.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -11,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.base.errors import InputError, WorldError, check_names
+from lrf3d.base.errors import InputError, WorldError, check_names, each_of, expect
 from lrf3d.base.files import own_name
 from lrf3d.base.interrupts import Progress, silent
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.geometry.lines import Float, Value, whole_number
+from lrf3d.geometry.lines import Float, Value, as_rows, number, numbers, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
@@ -118,14 +120,30 @@ class Scenario(Value):
     depth_cameras: tuple[DepthCamera, ...] = ()
 
     def __post_init__(self) -> None:
+        for name, kind in (
+            ("world", World), ("lrf", LaserRangeFinder), ("mapper", Mapping), ("film", FilmPlan),
+            ("odometry", WheelOdometry | None), ("imu", Imu | None), ("name", str),
+        ):  # fmt: skip
+            expect(getattr(self, name), kind, f"scenario: {name}")
+        for name in ("speed", "scan_interval", "lookahead", "radius"):
+            number(getattr(self, name), f"scenario: {name}", positive=True)
+        for name, columns in (("route", 2), ("poses", 3), ("outline", 2)):
+            if getattr(self, name) is not None:
+                as_rows(getattr(self, name), f"scenario: {name}", columns, least=1)
+        if self.start is not None:
+            object.__setattr__(self, "start", as_pose(self.start))
         arrays = ("route", "poses", "outline")
         self._hold(*(name for name in arrays if getattr(self, name) is not None))
         if self.outline is not None:
             from lrf3d.casting.collision import Body
 
             object.__setattr__(self, "radius", Body(outline=self.outline).reach)
+        obstacles = tuple(each_of(self.obstacles, DynamicObstacle, "scenario: obstacle"))
+        levels = np.ravel(numbers(self.compared, "scenario: compared")).tolist()
+        compared = tuple(number(each, "scenario: compared") for each in levels)
+        object.__setattr__(self, "compared", compared)
         object.__setattr__(self, "noise", as_noise(self.noise))
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "obstacles", obstacles)
 
     def __repr__(self) -> str:
         drive = "a route to plan"
@@ -152,7 +170,7 @@ class Scenario(Value):
         _, sigma = spread_of(self.noise) or (0.0, SIGMA)
         return sigma, *self.compared
 
-    def changed(self, **changes: Any) -> "Scenario":
+    def changed(self, **changes: Any) -> Scenario:
         """The scenario with other fields; a new world or route resets those that depend on it."""
         # `run` takes an rng, too, and passes the others on.
         check_names("scenario", changes, [*(each.name for each in fields(self)), "rng"])
@@ -165,7 +183,7 @@ class Scenario(Value):
 
     def with_route(
         self, *, where: Side | None = None, say: Callable[[str], None] = lambda note: None
-    ) -> "Scenario":
+    ) -> Scenario:
         """The scenario, with a planned route past most of its walls if it has none.
 
         Indoors a robot whose speed is not given drives at 1 m/s, and one whose radius is not given
@@ -248,7 +266,7 @@ class Scenario(Value):
         return following.drive_laps(self.route, start=self.start, most=most, **settings)
 
     def _check_walls(
-        self, laps: Iterable[Trajectory], body: "Body", note: Callable[[str], None] | None
+        self, laps: Iterable[Trajectory], body: Body, note: Callable[[str], None] | None
     ) -> None:
         """Note the first collision of laps with a wall; without a function to call, raise it."""
         from lrf3d.casting.collision import check_drive, find_collision
@@ -263,14 +281,14 @@ class Scenario(Value):
     def simulation(
         self,
         *,
-        drive: "Trajectory | ArrayLike | Controller | None" = None,
+        drive: Trajectory | ArrayLike | Controller | None = None,
         rng: np.random.Generator | int | None = None,
-        mapper: "Mapper | Mapping[str, Any] | None" = None,
-        caster: "Caster | str" = "embree",
+        mapper: Mapper | Mapping[str, Any] | None = None,
+        caster: Caster | str = "embree",
         scans: int | None = None,
         on_collision: Callable[[str], None] | str | None = None,
         **changes: Any,
-    ) -> "Simulation":
+    ) -> Simulation:
         """The simulation of ``lrf3d run``; the same seed gives the same numbers.
 
         Args:
@@ -316,7 +334,7 @@ class Scenario(Value):
             lidars=scenario.lidars, depth_cameras=scenario.depth_cameras, **settings,
         )  # fmt: skip
 
-    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
+    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> tuple[Any, Mapper]:
         """The noises of the lasers, or the one given, and a LineMapper set up for them."""
         from lrf3d.simulation.loop import line_mapper
 
@@ -329,7 +347,7 @@ class Scenario(Value):
 
     def run(
         self, *, snapshots: int | None = None, progress: Progress = silent, **changes: Any
-    ) -> "Run":
+    ) -> Run:
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
 
         It takes the arguments of `simulation` and of `simulate`.

@@ -6,6 +6,7 @@ leave.
 """
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.base.errors import InputError, check_names, shown
+from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, each_of, shown
 from lrf3d.geometry.lines import is_finite, number, whole_number
 from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
@@ -29,16 +30,25 @@ from lrf3d.world.schema import Converter, at, poses, row, rows, several
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
-def laser_with_noise(
-    noise: Mapping[str, Any] | None = None, **laser: Any
-) -> tuple[LaserRangeFinder, Noise]:
-    """The laser of a table, and its noise."""
-    errors = dict(noise or {})
+def laser_of(noise: Any = None, **laser: Any) -> LaserRangeFinder:
+    """The laser of a table, without its noise."""
     for key in [key for key in laser if key.endswith("_deg")]:
         laser[key.removesuffix("_deg")] = math.radians(laser.pop(key))
     lrf = LaserRangeFinder(**laser)
+    width = 2.0 * math.degrees(lrf.spread[1])
+    # [°] Range finders have no narrower and no wider field; angles in radians would be narrower.
+    narrowest = 10.0
+    widest = 361.0
+    if width and not narrowest <= width <= widest:
+        text = f"laser: its angles, read as degrees, are a field of {width:.4g}°"
+        warnings.warn(f"{text}; expected 10° to 360°", Lrf3dWarning, 1)
+    return lrf
+
+
+def noise_of(lrf: LaserRangeFinder, **errors: Any) -> Noise:
+    """The noise of a table, and of a laser."""
     sigma = errors.pop("sigma", SIGMA)
-    return lrf, imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
+    return imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
 
 
 # The keys of the table of the robot.
@@ -53,8 +63,8 @@ ROBOT: Mapping[str, Converter] = {
 # What checks the values of each table, in the order in which tables are checked.
 TABLES: Mapping[str, Callable[..., object]] = {
     "robot": dict,
-    "laser": laser_with_noise,
-    "noise": lambda **values: laser_with_noise(values),
+    "laser": lambda noise=None, **values: noise_of(laser_of(**values), **(noise or {})),
+    "noise": lambda **values: noise_of(LaserRangeFinder(), **values),
     "odometry": WheelOdometry,
     "imu": Imu,
     "mapper": LineMapper,
@@ -156,7 +166,7 @@ def read_toml(path: Path) -> World:
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
     """The values of settings by table and key; the last one counts if a key is set twice."""
     tables: dict[str, dict[str, Any]] = {}
-    for text in texts:
+    for text in each_of(texts, str, "settings"):
         name, equals, value = text.partition("=")
         table, dot, key = name.strip().partition(".")
         if not (equals and dot):
@@ -189,8 +199,9 @@ def lasers_with_noise(
     for place, table in enumerate(file.lasers or [{}]):
         key = f"laser[{place}]" if len(file.lasers) > 1 else "laser"
         with file.at(f"{key} with settings" if settings else key):
-            own = {**noise, **table.get("noise", {})}
-            found.append(laser_with_noise(**{**table, **settings, "noise": own}))
+            lrf = laser_of(**{**table, **settings})
+        with file.at(f"{key}.noise" if "noise" in table else "noise"):
+            found.append((lrf, noise_of(lrf, **{**noise, **table.get("noise", {})})))
     with file.at("laser"):
         lasers_of([lrf for lrf, _ in found])
     return found

@@ -1,5 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects; implausible sizes."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -163,7 +165,7 @@ class World(Value, Pictured):
         """Number of objects."""
         return int(self.objects.max(initial=-1)) + 1
 
-    def scaled(self, factor: float) -> "World":
+    def scaled(self, factor: float) -> World:
         """The world with x and y scaled about (0, 0) by 0.000001 to 1000000; heights stay."""
         check_scale(factor)
         if factor == 1.0:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lrf3d.base.errors import CollisionError, InputError, WorldError
+from lrf3d.base.errors import CollisionError, InputError, Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder, imperfect
 from lrf3d.scoring import buildings_seen, visible_walls
@@ -195,3 +195,29 @@ def test_the_paper_room_shows_six_walls_of_g3_from_three_poses():
     parts, walls = visible_walls(room.run(sigma=0.0, caster="planar"))
     shares = lengths(parts) / lengths(room.world.segments[walls])
     assert (shares[room.world.objects[walls] == 2] > 0.7).sum() == 6 and shares.mean() > 0.8
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["laser.angle_max_deg=1.5708"], "angle 1.5708 is read as degrees; for radians write 90"),
+        (["laser.angle_min_deg=-2", "laser.angle_max_deg=2"], "read as degrees, are a field of 4°"),
+        (["laser.angle_min_deg=-90", "laser.angle_max_deg=300"], "are a field of 390°"),
+        (["laser.mount=[0.2, 0, 3.1416]"], "heading 3.1416 is read as degrees"),
+    ],
+)
+def test_angles_in_the_wrong_unit_are_warned_of(settings, said, tmp_path):
+    with pytest.warns(Lrf3dWarning, match=said):
+        read("", tmp_path, settings)
+
+
+def test_angles_of_real_lasers_are_not_warned_of(tmp_path):
+    for most in (180, 135, 120.5, 360):
+        read("", tmp_path, ["laser.angle_min_deg=0", f"laser.angle_max_deg={most}"])
+    LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi)
+    LaserRangeFinder(angle_min=-0.05, angle_max=0.05)
+
+
+def test_a_fan_of_degrees_is_warned_of():
+    with pytest.warns(Lrf3dWarning, match=r"field of 5157°; for degrees write math.radians\(45\)"):
+        LaserRangeFinder(angle_min=-45, angle_max=45)

@@ -18,9 +18,12 @@ WRITTEN = either(endings("world", written=True))
 
 WORLD = "WORLD: A built-in world, or a world file; ./NAME is a file named like a built-in world."
 RUN = "RUN: A run.npz, or its folder."
-OUT = """\
+FORCED = "--force: Replace the results of another run that the folder holds."
+FORCED_FILE = "--force: Replace a file of something else."
+OUT = f"""\
 -o --out FOLDER: Folder for the results; if not given out/NAME, by the name in the file or else of
- the file, with _map for the map of a run and _sweep for a sweep."""
+ the file, with _map for the map of a run and _sweep for a sweep.
+{FORCED}"""
 SEED = "--seed SEED = 0: Seed; the same seed gives the same results."
 SCALE = """\
 --scale FACTOR = 1.0: Enlarge the plan and its route, not the heights: 100 for a drawing of 1:100,
@@ -119,6 +122,7 @@ The ending of --out selects the kind.
 {RUN}
 -o --out FILE: The film: {either(endings("film"))}; with --at a .png. In the run's folder if not
  given.
+{FORCED_FILE}
 --at S: Draw one picture at this time [s] instead of a film.
 --from S: Begin the film at this time of the run [s].
 --to S: End the film at this time of the run [s].
@@ -181,6 +185,7 @@ Writes score.png and summary.json.
 --trajectory FILE: The estimate, a TUM file: lines t x y z qx qy qz qw.
 --map FILE: Its map: .geojson, .toml or the .yaml of a ROS map.
 -o --out FOLDER: Folder for the results; that of the run and _score if not given.
+{FORCED}
 
 Example: lrf3d score out/city --trajectory theirs.tum""",
     "export": f"""\
@@ -193,6 +198,7 @@ is the page of lrf3d view in one file, which plays in any browser.
 {RUN}
 --to {"|".join(row.name for row in of_kind("export"))}: The format (required).
 -o --out FILE: The file; in the run's folder if not given.
+{FORCED_FILE}
 --every N = 1: Keep every n-th scan, or moment of a page.
 
 Example: lrf3d export out/city --to mcap""",
@@ -204,6 +210,7 @@ unexplained.
 
 {WORLD}
 -o --figure FILE: Draw the beams that differ to this .png.
+{FORCED_FILE}
 
 {DRIVE}
 
@@ -233,6 +240,7 @@ holds no light and no times of beams.
 
 LOG: A log, as for map.
 -o --out FILE: The log to write: {either(by_name("log", "CARMEN").endings)} (required).
+{FORCED_FILE}
 --drop SHARE = 0: Share of the returns that are lost, at random.
 --noise M = 0: Standard deviation [m] of the noise that is added to each range.
 --every N = 1: Keep every n-th scan.
@@ -317,6 +325,7 @@ Describe a world, and draw it.
 
 [WORLD]: A world; lists the built-in ones if not given.
 -o --out FILE: Draw the world to this .png.
+{FORCED_FILE}
 {SCALE}
 {RESOLUTION}
 {LAYERS}
@@ -328,6 +337,7 @@ Read a world from one format and write it in another.
 
 FROM: A built-in world, or a file.
 TO: The file to write: {WRITTEN}.
+{FORCED_FILE}
 {SCALE}
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
 {THRESHOLD}
@@ -340,8 +350,19 @@ Generate a world that a robot can drive in.
 
 KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
 -o --out FILE: The file to write: {WRITTEN} (required).
+{FORCED_FILE}
 {SEED}
 --size M: Approximate width [m]; depends on the kind if not given.
 
 Example: lrf3d world generate maze --seed 7 --out maze.toml""",
+    "completion": """\
+Print a script by which a shell completes commands, options and choices.
+
+The shell reads it when it starts: save it as
+~/.local/share/bash-completion/completions/lrf3d, or put eval "$(lrf3d completion zsh)" into
+~/.zshrc.
+
+SHELL bash|zsh: The shell.
+
+Example: lrf3d completion bash""",
 }

@@ -73,6 +73,21 @@ def read_world(args: Namespace) -> Scenario | None:
     return scenario_of(file, getattr(args, "set", None) or ())
 
 
+def read_filmed(args: Namespace) -> Run:
+    """Read a run to draw; a view that it has not is refused before a renderer is loaded."""
+    run = load_run(args.run)
+    check_view(args.view or run.film.view, run.world.cameras)
+    return run
+
+
+def read_served(args: Namespace) -> Scenario | None:
+    """Read a world for ROS 2, whose absence is seen before the work."""
+    from lrf3d.ros.node import require_ros
+
+    require_ros()
+    return read_world(args)
+
+
 def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
     """Read a world as `read_world` does, and the plan that a drawing or a picture is, once."""
     if args.world is None or not is_plan(args.world):
@@ -255,9 +270,9 @@ def made(found: Any) -> Any:
 # with the options and the console.
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
-    "render": (lambda args: load_run(args.run), "runs:render"),
+    "render": (read_filmed, "runs:render"),
     "view": (read_world, "runs:view"),
-    "ros": (read_world, "runs:ros"),
+    "ros": (read_served, "runs:ros"),
     "score": (lambda args: load_run(args.run), "scores:score"),
     "export": (lambda args: load_run(args.run), "runs:export"),
     "crosscheck": (read_world, "world:crosscheck"),
@@ -269,6 +284,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "world show": (read_shown, "world:show"),
     "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
+    "completion": (lambda args: None, "completion:completion"),
 }
 
 

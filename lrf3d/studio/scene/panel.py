@@ -6,10 +6,10 @@ A run and a moment of it enter, lines of text leave.
 from functools import partial
 
 import numpy as np
-import shapely
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
+from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look
@@ -37,12 +37,6 @@ _REFLECTION_TIME = 4.0
 
 # Least number of dropped walls that it mentions.
 _DROPPED = 3
-
-# Largest distance of the map from a wall that it has [m].
-_FOUND = 0.1
-
-# Share of the length of a wall that the map has if the wall counts as found.
-_FOUND_SHARE = 0.5
 
 # Share of glass at the end of a story from which on its card is seen.
 _CARD_FROM = 0.9
@@ -169,22 +163,13 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 
 
 def _card(run: Run) -> Label:
-    """What was found in the end: of the walls of the world, if they are known."""
+    """What was found in the end: of the walls that were in sight, if they are known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):
         return _label([(f"{counted(len(run.map), 'wall')}, {objects}", _INK)], _SIZE)
-    # A wall is found that has a segment of the map along most of its length.
-    walls, mapped = (
-        shapely.linestrings(each.segments.reshape(-1, 2, 2)) for each in (run.world, run.map)
-    )
-    near = shapely.union_all(shapely.buffer(mapped, _FOUND, cap_style="flat"))
-    shapely.prepare(near)
-    along = shapely.length(shapely.intersection(walls, near))
-    found = int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
-    count = len(walls)
-    share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    return _label([(share, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
+    found = found_words(score_run(judged_part(run)).as_dict())
+    return _label([(found, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
