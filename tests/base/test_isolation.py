@@ -179,7 +179,7 @@ SCANS = [
 NUMBERS = st.one_of(st.integers(), st.floats(), st.booleans(), st.none(), st.text())
 VALUES = st.recursive(
     NUMBERS | st.just(SCANS[0]) | st.just(lrf3d.Pose(1.0, 2.0, 3.0)),
-    lambda each: st.lists(each) | st.lists(each).map(tuple) | st.dictionaries(st.text(), each),
+    lambda each: st.lists(each) | st.tuples(each, each) | st.dictionaries(st.text(), each),
 )
 
 
