@@ -145,6 +145,22 @@ FORMATS: list[Format] = [
         write="lrf3d.recordings.formats.bags.writer:write_folder",
     ),
     Format(
+        kind="export", name="ply", endings=(".ply",),
+        write="lrf3d.recordings.formats.cloud_files:write_ply",
+    ),
+    Format(
+        kind="export", name="pcd", endings=(".pcd",),
+        write="lrf3d.recordings.formats.cloud_files:write_pcd",
+    ),
+    Format(
+        kind="export", name="kitti", endings=("",),
+        write="lrf3d.recordings.formats.cloud_files:write_kitti",
+    ),
+    Format(
+        kind="export", name="npz", endings=(".npz",),
+        write="lrf3d.recordings.formats.cloud_files:write_arrays",
+    ),
+    Format(
         kind="export", name="glb", endings=(".glb",), write="lrf3d.studio.gltf:run_glb",
         options=("every",),
     ),

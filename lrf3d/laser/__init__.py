@@ -1,6 +1,8 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
+from lrf3d.laser.depth_camera import DepthCamera, DepthImage
 from lrf3d.laser.imperfections import AngleNoise, DropOuts, MixedPixels, imperfect
+from lrf3d.laser.lidar import Lidar, LidarScan
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,
@@ -18,9 +20,13 @@ __all__ = [
     "AngleNoise",
     "Chain",
     "ConstantNoise",
+    "DepthCamera",
+    "DepthImage",
     "DropOuts",
     "LaserRangeFinder",
     "LaserScan",
+    "Lidar",
+    "LidarScan",
     "Limits",
     "MixedPixels",
     "Noise",

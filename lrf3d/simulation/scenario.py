@@ -17,7 +17,7 @@ from lrf3d.base.interrupts import Progress, silent
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.geometry.lines import Float, Value, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
+from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.mapping import LineMapper
 from lrf3d.planning import Side
@@ -81,6 +81,8 @@ class Scenario(Value):
         further: The other lasers, each with its noise.
         odometry: The errors of the wheels, if odometry is to be measured.
         imu: The errors of the IMU, if the robot has one.
+        lidars: Its lidars, with the noise of the first laser.
+        depth_cameras: Its depth cameras.
 
     Examples:
         >>> import lrf3d
@@ -112,6 +114,8 @@ class Scenario(Value):
     further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
     odometry: WheelOdometry | None = None
     imu: Imu | None = None
+    lidars: tuple[Lidar, ...] = ()
+    depth_cameras: tuple[DepthCamera, ...] = ()
 
     def __post_init__(self) -> None:
         arrays = ("route", "poses", "outline")
@@ -308,7 +312,8 @@ class Scenario(Value):
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
             noise=noises, mapper=usual if mapper is None else mapper, film=scenario.film,
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
-            radius=scenario.radius, outline=scenario.outline, on_collision=checks, **settings,
+            radius=scenario.radius, outline=scenario.outline, on_collision=checks,
+            lidars=scenario.lidars, depth_cameras=scenario.depth_cameras, **settings,
         )  # fmt: skip
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
@@ -411,6 +416,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             mapper=tables["mapper"],
             **sensors,
             film=film,
+            lidars=file.tables.get("lidar", ()),
+            depth_cameras=file.tables.get("depth_camera", ()),
             name=own_name(file.path, file.world.name),
             **robot,
         )

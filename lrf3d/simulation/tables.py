@@ -7,13 +7,17 @@ leave.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lrf3d.base.errors import InputError, check_names, shown
-from lrf3d.geometry.lines import number
-from lrf3d.laser import LaserRangeFinder, Noise, imperfect
+from lrf3d.geometry.lines import is_finite, number, whole_number
+from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
+from lrf3d.laser.lidar import mounted
 from lrf3d.laser.noise import SIGMA
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping.mapper import LineMapper
@@ -58,6 +62,47 @@ TABLES: Mapping[str, Callable[..., object]] = {
 }
 
 
+def mount_of(found: Any, key: str) -> tuple[float, ...]:
+    """A mount x, y, z [m], and perhaps yaw, pitch, roll [°]."""
+    given = found if isinstance(found, list) else []
+    turns = [math.radians(each) if is_finite(each) else each for each in given[3:]]
+    return mounted([*given[:3], *turns], key)
+
+
+def lidar_of(preset: str = "", **values: Any) -> Lidar:
+    """The lidar of a table: a preset, or layers at elevations, with what it changes."""
+    if steep := values.pop("elevations_deg", None):
+        values["elevations"] = np.radians(steep)
+    if preset and "elevations" not in values:
+        return Lidar.preset(preset, **values)
+    if preset or "elevations" not in values:
+        raise InputError("expected a preset or elevations_deg")
+    return Lidar(**values)
+
+
+def depth_camera_of(fov_deg: float, **values: Any) -> DepthCamera:
+    """The depth camera of a table."""
+    return DepthCamera(fov=math.radians(fov_deg), **values)
+
+
+# The keys of the table of a lidar.
+LIDAR: Mapping[str, Converter] = {
+    "preset": schema.text(),
+    "elevations_deg": several(partial(number, least=-90.0, most=90.0), "elevations"),
+    "columns": partial(whole_number, least=1),
+    **dict.fromkeys(("range_min", "range_max", "scan_duration"), partial(number, least=0.0)),
+    "mount": mount_of,
+    "name": schema.text(),
+}
+
+# The keys of the table of a depth camera.
+DEPTH_CAMERA: Mapping[str, Converter] = {
+    **{key: LIDAR[key] for key in ("range_min", "range_max", "mount", "name")},
+    **dict.fromkeys(("width", "height"), LIDAR["columns"]),
+    "fov_deg": partial(number, positive=True, most=179.0),
+}
+
+
 def keys_of_table(name: str) -> Mapping[str, Converter]:
     """The keys of a table; those of the noise are those of all kinds that are entered."""
     if name == "robot":
@@ -93,7 +138,14 @@ def checked(name: str) -> Converter:
 def read_file(path: Path) -> WorldFile:
     """Read a world file with all its tables."""
     several_lasers = schema.tables(checked("laser"), alone=True)
-    return read_world_file(path, {n: checked(n) for n in TABLES} | {"laser": several_lasers})
+    clouds = {
+        "lidar": schema.tables(schema.table(LIDAR, make=lidar_of), alone=True),
+        "depth_camera": schema.tables(
+            schema.table(DEPTH_CAMERA, ["width", "height", "fov_deg"], depth_camera_of), alone=True
+        ),
+    }
+    lasers = {"laser": several_lasers}
+    return read_world_file(path, {n: checked(n) for n in TABLES} | lasers | clouds)
 
 
 def read_toml(path: Path) -> World:

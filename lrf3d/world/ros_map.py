@@ -133,7 +133,8 @@ def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
     segments = origin.apply(local).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * resolution)
-    return World(segments, objects, name=own_name(path), free=FreeCells(free, resolution, origin))
+    cells = FreeCells(free, resolution, origin, occupied)
+    return World(segments, objects, name=own_name(path), free=cells)
 
 
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:

@@ -103,7 +103,7 @@ def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
 
 def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
     log = load_log(write(tmp_path / "bag", *wheels(2), *scans(0.5)))
-    assert log.scans[0].pose == (0.5, 0, 0) and "middle of base_link" in log.source
+    assert log.scans[0].pose == pytest.approx((0.5, 0, 0)) and "middle of base_link" in log.source
 
 
 def test_frames_in_a_circle_end_the_search(tmp_path):

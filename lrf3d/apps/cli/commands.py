@@ -67,7 +67,8 @@ Film:
 --size WxH: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
 --fps RATE: Frames per second; 25, but 10 for .gif.
 --playback SPEED: Simulated seconds per second of film.
---samples 0|4 = 4: Samples per pixel for smooth edges.
+--length S: About how long a story takes [s]; 15 if not given.
+--samples 0|1|4 = 1: Samples per pixel: 1 with smoothed edges, 4, or 0 for jagged ones.
 {WORKERS}
 --renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.
 --panel short|full = short: What the panel says: three facts, or all numbers."""
@@ -160,6 +161,8 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 --namespace NS: Namespace of the topics.
 --robots N = 1: Number of robots; topics and frames of several begin with robot1, robot2, ….
 --no-clock: Leave /clock to another program.
+--no-odom-tf: Leave odom -> base_link and map -> odom to another program, such as a filter.
+--commands both|Twist|TwistStamped = both: Type of cmd_vel.
 --lines: Map while driving, and publish the line map as map_objects.
 {SEED}
 

@@ -114,6 +114,7 @@ def _look(args: Namespace) -> dict[str, Any]:
             renderer = "embree"
     return {
         **{name: vars(args)[name] for name in ("view", "playback", "panel")},
+        **({} if args.length is None else {"length": args.length}),
         "samples": int(args.samples),
         "renderer": renderer,
         "size": args.size or (_LARGE if renderer == "gl" else _SMALL),
@@ -158,7 +159,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
     """Serve a robot in ROS 2; a second clock is wrong usage, and returns 2."""
     from lrf3d.ros import SecondClockError, serve
 
-    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines")
+    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines", "commands")
     try:
         serve(
             scenario if scenario.start else routed(scenario, args, console),
@@ -166,6 +167,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
             started=console.note,
             namespace=args.namespace or "",
             clock=not args.no_clock,
+            odom_tf=not args.no_odom_tf,
             rng=args.seed,
             **{name: vars(args)[name] for name in names},
         )
@@ -177,9 +179,12 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
 
 def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
-    path = _output(args, f"run{by_name('export', args.to).endings[0] or '_bag'}")
+    folder = "_kitti" if args.to == "kitti" else "_bag"
+    # Next to run.npz the arrays of its points have another name.
+    ending = {"npz": "_points.npz"}.get(args.to, by_name("export", args.to).endings[0])
+    path = _output(args, f"run{ending or folder}")
     export_run(run, args.to, path, every=args.every)
-    files = [path] if path.is_file() else sorted(path.iterdir())
+    files = [each for each in (path, *path.rglob("*")) if each.is_file()]
     scans = len(range(0, len(run), args.every))
     size = sum(file.stat().st_size for file in files)
     shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"

@@ -19,6 +19,7 @@ from lrf3d.base.errors import InputError, expect
 from lrf3d.base.files import as_path, check_ordinary
 from lrf3d.base.interrupts import reading
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.cloud_sensors import NO_SENSORS, CloudSensors
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.recordings.formats.npz import DAMAGES, Array, read_arrays, write_npz
@@ -40,7 +41,7 @@ VERSION = 2
 _MAP = ("segments", "objects", "points", "codes")
 
 # What a file holds of the robot's motion at each scan, where it is known.
-_MOTION = ("motions", "wheels")
+_MOTION = ("motions", "wheels", "sweeps")
 
 # What a file holds of an estimated trajectory.
 _ESTIMATE = tuple(each.name for each in fields(EstimatedTrajectory))
@@ -87,6 +88,9 @@ def run_arrays(
         "obstacle_heights": [each.height for each in run.obstacles],
         **({"robots": robots} if any(robots) else {}),
     }
+    sensors = run.cloud_sensors
+    if [*sensors]:
+        settings["sensors"] = sensors.as_dict()
     arrays: dict[str, Any] = {
         "version": np.array(VERSION),
         "settings": np.array(json.dumps(settings, default=float)),
@@ -231,4 +235,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         **{name: arrays[name] for name in (*LIGHT, *_MOTION) if name in arrays},
         imu=imu,
         further=tuple(further),
+        cloud_sensors=CloudSensors.from_dict(settings["sensors"])
+        if "sensors" in settings
+        else NO_SENSORS,
     )
