@@ -42,14 +42,21 @@ def main() -> None:
     # What libraries print does not reach the answer.
     out = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_RDWR), 1)
-    reader, path, options, memory, seconds = receive(sys.stdin.buffer, LARGEST_QUESTION)
+    try:
+        reader, path, options, memory, seconds = receive(sys.stdin.buffer, LARGEST_QUESTION)
+    except EOFError:
+        _end_with_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _limit(memory, seconds)
     _confine_at(path)
     status = 1
     try:
         with os.fdopen(out, "wb") as stream:
-            send(stream, _answer(reader, path, options))
+            try:
+                send(stream, _answer(reader, path, options))
+            except TypeError as error:
+                # A reader of ours returns what `packing` does not know.
+                send(stream, [False, ["Lrf3dError", f"{path}: {error}", []], []])
         status = 0
     except MemoryError:
         status = OUT_OF_MEMORY

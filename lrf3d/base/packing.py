@@ -8,6 +8,7 @@ value, but no code.
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from importlib import import_module
@@ -113,8 +114,8 @@ class _Packer:
             return value
         if kind in (list, tuple):
             return [kind.__name__, *self._many(list(value))]
-        if kind is dict:
-            return ["dict", self._many(list(value)), self._many(list(value.values()))]
+        if kind in (dict, Counter):
+            return [kind.__name__, self._many(list(value)), self._many(list(value.values()))]
         if hasattr(value, "dtype"):
             return ["array", self._array(value)] if hasattr(value, "setflags") else value.item()
         name = self._record(kind)
@@ -177,9 +178,10 @@ def _value(tree: Any, arrays: list[Any]) -> Any:
         return _values(rest, arrays)
     if kind == "tuple":
         return tuple(_values(rest, arrays))
-    if kind == "dict":
+    if kind in ("dict", "Counter"):
         keys, values = (_values(each, arrays) for each in rest)
-        return dict(zip(keys, values, strict=True))
+        found = dict(zip(keys, values, strict=True))
+        return found if kind == "dict" else Counter(found)
     if kind != "record":
         raise ValueError(f"a value of kind {kind!r}")
     name, values = rest
