@@ -50,7 +50,7 @@ class Balance:
         return Counter({f"overlooked {self.noun}": self.missing} if self.missing else {})
 
     def words(self, most: int = 12) -> str:
-        """What was left out, in words: the most frequent reasons, and how many items have others."""
+        """What was left out, in words: the most frequent reasons, and how many have others."""
         return ", ".join(in_words(self.left_out + self.overlooked, most))
 
 

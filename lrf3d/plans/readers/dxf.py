@@ -44,6 +44,9 @@ LEFT_OUT = {
     "POINT": "point",
 }
 
+# Entities that are left out if they have a pattern and no solid fill.
+PATTERNED = dict.fromkeys(("HATCH", "MPOLYGON"), "hatching pattern")
+
 # Bit of the flags of a block that is an external reference.
 EXTERNAL = 4
 
@@ -81,7 +84,7 @@ def draw(path: Path, scale: float) -> Canvas:
 
 
 def _is_content(entity: Any) -> bool:
-    return entity.dxftype() != "VIEWPORT"
+    return bool(entity.dxftype() != "VIEWPORT")
 
 
 def _items(entities: Iterable[Any], blocks: dict[str, Any]) -> Iterator[Any]:
@@ -122,21 +125,21 @@ class _EntityFilter(Frontend):
         self.painter.dashed = bool(properties.linetype_pattern)
         if kind == "INSERT":
             self._place(entity, properties)
-        elif self.in_parts:
+            return
+        if self.in_parts:
             super().draw_entity(entity, properties)
-        elif kind in ("HATCH", "MPOLYGON") and not entity.has_solid_fill:
-            canvas.leave("hatching pattern", _source(entity))
-        elif kind in LEFT_OUT:
+            return
+        if kind in LEFT_OUT or (kind in PATTERNED and not entity.has_solid_fill):
             canvas.leave(_kind(entity), _source(entity))
-        else:
-            items = _sources(entity)
-            canvas.begin(*items)
-            before = len(canvas.marks)
-            self.in_parts = True
-            super().draw_entity(entity, properties)
-            self.in_parts = False
-            if len(canvas.marks) == before and kind not in self._dispatch:
-                canvas.fates |= dict.fromkeys(items, _kind(entity))
+            return
+        items = _sources(entity)
+        canvas.begin(*items)
+        before = len(canvas.marks)
+        self.in_parts = True
+        super().draw_entity(entity, properties)
+        self.in_parts = False
+        if len(canvas.marks) == before and kind not in self._dispatch:
+            canvas.fates |= dict.fromkeys(items, _kind(entity))
 
     def _place(self, entity: Any, properties: Any) -> None:
         """Draw the block that an entity places."""
@@ -164,7 +167,8 @@ class _EntityFilter(Frontend):
 
 def _kind(entity: Any) -> str:
     """The reason to leave out an entity: what it is called, or its kind and its layer."""
-    return LEFT_OUT.get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
+    known = LEFT_OUT | PATTERNED
+    return known.get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
 
 
 def _layer(entity: Any) -> str:

@@ -150,15 +150,16 @@ class _PagePainter:
                 count = raw.FPDFFormObj_CountObjects(each)
                 held = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
                 self.paint(held, inner, visible, depth + 1, off)
-            elif off:
+                continue
+            if off:
                 self.canvas.leave("hidden part")
             elif kind == raw.FPDF_PAGEOBJ_PATH:
                 self.canvas.begin(len(self.canvas.fates))
                 self._path(each, layer, inner, self._clip(each, matrix, clip))
             else:
-                if kind == raw.FPDF_PAGEOBJ_IMAGE:
-                    # A picture fills the unit square, so the determinant is its area.
-                    self.pictured += abs(float(np.linalg.det(inner[:2, :2])))
+                # A picture fills the unit square, so the determinant is its area.
+                pictured = kind == raw.FPDF_PAGEOBJ_IMAGE
+                self.pictured += abs(float(np.linalg.det(inner[:2, :2]))) * pictured
                 self.canvas.leave(COUNTED.get(kind, "unknown object"))
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
