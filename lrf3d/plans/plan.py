@@ -203,7 +203,7 @@ def _balance(
     for rule in RULES[:2]:
         fates |= items(strokes.found[rule.name], "")
     left_out = Counter(filter(None, fates.values()))
-    return Balance("item", canvas.held, len(fates) - left_out.total(), left_out)
+    return Balance("item", canvas.held, len(fates) - left_out.total(), dict(left_out))
 
 
 def _jambs(pieces: list["Piece"], cut: Int, open_: Any) -> tuple[Float, Any]:

@@ -6,7 +6,18 @@ from typing import Any
 
 from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, check_names, expect
 from lrf3d.base.files import as_path, check_ordinary, data_folder
-from lrf3d.base.formats import WORLDS, by_ending, endings, enter_installed, function, of_kind
+from lrf3d.base.formats import (
+    WORLDS,
+    Format,
+    by_ending,
+    by_looks,
+    endings,
+    enter_installed,
+    function,
+    head_of,
+    of_kind,
+    unpacked,
+)
 from lrf3d.base.interrupts import reading
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
@@ -31,7 +42,9 @@ def load_world(
             are paper; found from the picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
-            ``without``, those of layers to leave out, and ``page``, that of a PDF file.
+            ``without``, those of layers to leave out, and ``page``, that of a PDF file; for a mesh,
+            ``cut``, its height [m] above the floor; for GeoJSON and OpenStreetMap, the ``level`` of
+            indoor rooms.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -75,7 +88,8 @@ def read_file(path: Path, options: dict[str, Any]) -> Any:
     row = by_ending(path, *WORLDS)
     assert row is not None
     try:
-        return function(row.read)(path, **options)
+        with unpacked(path, row.largest) as plain:
+            return function(row.read)(plain, **options)
     except (Lrf3dError, MemoryError):
         raise
     except Exception as error:
@@ -162,8 +176,20 @@ def find_world(name_or_path: str | Path) -> Path:
             path, what="a world file", largest=row.largest, missing=f"no such file{suggestion}",
             error=WorldError,
         )  # fmt: skip
+        _check_looks(path, row)
         return path
     raise _not_a_world(path, name_or_path, suggestion)
+
+
+def _check_looks(path: Path, row: Format | None) -> None:
+    """Check that the first bytes of a file are not those of another format than a row."""
+    found = by_looks(head_of(path))
+    if found is None or found[0] is row or found[1] == "XML":
+        return
+    other, text = found
+    if other.kind in WORLDS:
+        text = f"{text}; name it {path.stem}{other.endings[0]}"
+    raise WorldError(f"{path}: this is {text}")
 
 
 def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
@@ -174,6 +200,8 @@ def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
         run = not path.is_dir() or (path / "run.npz").exists()
         what = "a run, for `lrf3d view` and others" if run else "a folder"
         return WorldError(f"{path}: {what}; expected a world: {names}, or a file ({known})")
+    if path.is_file():
+        _check_looks(path, None)
     if path.is_file() or path.suffix:
         logs = "; logs are read by `lrf3d slam` and `lrf3d map`" if ".log" in path.suffixes else ""
         return WorldError(f"{path}: unknown ending; worlds are read from {known}{logs}")

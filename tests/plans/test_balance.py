@@ -1,5 +1,7 @@
 """Of all that a drawing or a picture holds, what is used and what is left out add up."""
 
+from collections import Counter
+
 import ezdxf
 import pytest
 from ezdxf import xref
@@ -18,7 +20,7 @@ def added_up(plan):
     balance = plan.balance
     assert balance.missing == 0 and balance.used > 0, balance
     assert balance.used + sum(balance.left_out.values()) == balance.all
-    return balance.left_out
+    return Counter(balance.left_out)
 
 
 # Elements of SVG that paint, define, or that nobody knows.

@@ -57,7 +57,7 @@ def refuse_twice(args: Namespace) -> None:
 DRIVE = "--set --inside --outside --ignore-collisions"
 
 # Options of how a world is read.
-READING = "--scale --resolution --threshold --page --layers --without"
+READING = "--scale --resolution --threshold --page --layers --without --cut --level"
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -86,7 +86,7 @@ def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
+    names = "scale resolution threshold page layers without trees cut level".split()
     given = {name: getattr(args, name, None) for name in names}
     return {k: value for k, value in given.items() if value is not None and value is not False}
 
