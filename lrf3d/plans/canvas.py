@@ -82,6 +82,9 @@ class Canvas:
         self.marks = list[Mark]()
         # What the reader assumed, in words.
         self.said = ""
+        # The scale by which it is enlarged, and the factors by which that may be wrong.
+        self.scale = 1.0
+        self.scales = dict[float, str]()
         self._work = self._points = 0
 
     @classmethod

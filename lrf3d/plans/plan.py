@@ -32,6 +32,7 @@ from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
+from lrf3d.plans.scale import size_doubt
 from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
 from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
 
@@ -101,6 +102,8 @@ class Plan(NamedTuple):
     rooms: Sequence[tuple[float, Float]] = ()
     # Largest gap [m] between walls that count as touching.
     gap: float = TOUCHING
+    # Why it may be wrong, and what may correct it.
+    doubt: str = ""
     # What the source holds: used, and left out by reason.
     balance: Balance = Balance("item")
 
@@ -119,11 +122,11 @@ class Plan(NamedTuple):
             known = ", ".join(layer.name for layer in self.layers[:20] if layer.name)
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
-            raise WorldError(f"there is no wall in it{held}{remedy}")
+            raise WorldError(f"{path}: there is no wall in it{held}{remedy}")
         world = world_of_walls(self.segments, self.heights, path, self.gap)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
-        if words := "; ".join(filter(None, [self.said, doors, left])):
+        if words := "; ".join(filter(None, [self.doubt, self.said, doors, left])):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
@@ -172,6 +175,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
         canvas.said,
         balance=balance,
+        doubt=size_doubt(canvas, strokes),
     )
 
 

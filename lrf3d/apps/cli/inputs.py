@@ -98,7 +98,8 @@ def read_file(name: str, **options: Any) -> WorldFile:
 
 def checked_size(name: str, file: WorldFile) -> WorldFile:
     """A world file, with a warning if its size is implausible."""
-    if warning := size_problem(file.world):
+    # A plan has more that shows its size, and says so when it is read.
+    if not is_plan(name) and (warning := size_problem(file.world)):
         warn(f"{name}: {warning}")
     return file
 

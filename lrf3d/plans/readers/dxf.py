@@ -19,6 +19,7 @@ from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
 from lrf3d.plans.canvas import CURVE_ERROR, PALEST, Canvas, Mark, contrast_to_white
 from lrf3d.plans.rules.layers import rename
+from lrf3d.plans.scale import unit_scales
 
 # On import, ezdxf prints a note where it cannot save its list of fonts, which no wall needs.
 with redirect_stdout(StringIO()):
@@ -61,6 +62,8 @@ def draw(path: Path, scale: float) -> Canvas:
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
     unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
     canvas = Canvas(CURVE_ERROR / (unit * scale))
+    canvas.scale = scale
+    canvas.scales = unit_scales(unit)
     config = Configuration(
         max_flattening_distance=canvas.tolerance,
         line_policy=LinePolicy.SOLID,

@@ -30,6 +30,7 @@ from lrf3d.plans.canvas import (
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.layers import rename
+from lrf3d.plans.scale import sheet_scales
 
 try:
     import pypdf
@@ -77,6 +78,8 @@ def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None
         canvas.leave(reason)
     held = sum(each.type != raw.FPDF_PAGEOBJ_FORM for each in handle.get_objects(max_depth=DEEPEST))
     canvas.held = held + pages + notes
+    canvas.scale = scale
+    canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if not lines and len(document) > 1:
         raise WorldError(f"page {page} of {len(document)} shows no line; --page chooses another")
     if threshold is not None:

@@ -35,6 +35,7 @@ from lrf3d.world.grid_walls import (
     walls_of_grid,
 )
 from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.pieces import groups, pairs_within
 from lrf3d.world.pixels import pixels_of
 
 # Thickness [m] of the thinnest walls in a plan that has thick ones; leaves of doors and outlines of
@@ -52,6 +53,9 @@ CLOSE = 0.1
 
 # Largest size [m] of a leaf and its arc together.
 LARGEST_DOOR = 1.4
+
+# Widest window or door [m] that parts the walls of a building.
+PARTED = 2.5
 
 # Largest size [m] of a letter.
 LETTER = 0.6
@@ -323,9 +327,10 @@ def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
-    """The cells of the building and next to it, without legends and others that stand next to it.
+    """The cells of the building and next to it, without legends and others that stand apart.
 
-    It is what the largest part of the walls surrounds, unless others are as large.
+    It is what the largest part of the walls surrounds, with those that only windows and doors part
+    from it, unless others are as large.
     """
     parts, _ = parts_of(grown(solid, CLOSE * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))
@@ -337,11 +342,14 @@ def _building(solid: Bool, pixels: float) -> Bool:
     area = shapely.area(hulls)
     if not area.max(initial=0.0) > 0.0:
         return np.ones_like(solid)
-    main = hulls[int(np.argmax(area))]
+    large = np.flatnonzero(shapely.length(hulls) > 4.0 * LETTER * pixels)
+    part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
+    own = large[part == part[np.argmax(area[large])]] if len(large) else [int(np.argmax(area))]
+    main = shapely.convex_hull(shapely.union_all(hulls[own]))
     apart = shapely.disjoint(hulls, main)
     if area[apart].sum() > main.area:
         return np.ones_like(solid)
-    kept = shapely.union_all(hulls[~apart | (area > 0.3 * main.area)]).buffer(0.3 * pixels)
+    kept = shapely.union_all([main, *hulls[area > 0.3 * main.area]]).buffer(0.3 * pixels)
     image = Image.new("1", solid.shape[::-1])
     for shape in shapely.get_parts(kept):
         ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)

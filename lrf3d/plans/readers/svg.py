@@ -36,6 +36,7 @@ from lrf3d.plans.canvas import (
     curve_points,
     is_area,
 )
+from lrf3d.plans.scale import sheet_scales
 
 # A pixel [m]: the unit of lengths that name none.
 PIXEL = INCH / 96.0
@@ -115,6 +116,9 @@ def draw(path: Path, scale: float) -> Canvas:
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
+    canvas.scale = scale
+    texts = (text for each in root.iter() if _tag(each) == "text" for text in each.itertext())
+    canvas.scales = sheet_scales(" ".join(texts), scale)
     by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
     painter = _ElementPainter(canvas, _style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
