@@ -65,6 +65,12 @@ OUTLINE = 1e-4
 # What is left out for its role is called so; otherwise by its layer.
 ROLES = {"floor": "floor", "doorway": "doorway", "dashed": "dashed line"}
 
+# Distance [m] within which the edges of two rooms are one wall.
+SHARED = 1e-3
+
+# Least share of the outlines of rooms side by side that two of them have in common.
+COMMON = 0.05
+
 # Least number of plans on one sheet that are the houses of one town, and no reason to warn.
 TOWN = 10
 
@@ -154,7 +160,11 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     """Find the walls and doors of a drawing, on some layers alone or without some (by patterns)."""
     marks = canvas.seen()
     roles = _with_floors(marks, _roles(marks, layers, without))
-    pieces = _pieces(marks, roles)
+    rooms = _rooms(marks, roles)
+    roles = ["wall" if rooms and role in ("floor", *STANDS) else role for role in roles]
+    pieces = rooms or _pieces(marks, roles)
+    said = [canvas.said] if canvas.said else []
+    said += ["no walls are drawn: rooms have walls around them"] if rooms else []
     strokes = Strokes(*_segments(pieces), sheet="annotation" in roles)
     for rule in RULES:
         strokes.take(rule)
@@ -173,7 +183,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        canvas.said,
+        "; ".join(said),
         balance=balance,
         doubt=size_doubt(canvas, strokes),
     )
@@ -334,6 +344,29 @@ def _pieces(marks: list[Mark], roles: list[str]) -> list[Piece]:
         if role not in STANDS or not is_area(shape):
             pieces.append(Piece(shape, role, mark.items))
     return pieces + solids
+
+
+def _rooms(marks: list[Mark], roles: list[str]) -> list[Piece]:
+    """The walls around rooms, where rooms are drawn as floors side by side, and no walls.
+
+    A pale area that lies on a wall between two rooms is a door, which stands open.
+    """
+    floors = [mark for mark, role in zip(marks, roles, strict=True) if role == "floor"]
+    others = [mark for mark, role in zip(marks, roles, strict=True) if role in STANDS]
+    if len(floors) < 2 or any(mark.contrast > FLOOR or not is_area(mark.shape) for mark in others):
+        return []
+    shapes = np.array([mark.shape for mark in floors])
+    outline = shapely.union_all(shapely.boundary(shapes), grid_size=SHARED)
+    # Rooms side by side have walls in common.
+    if outline.length > (1.0 - COMMON) * shapely.length(shapes).sum():
+        return []
+    doors = [mark for mark in others if mark.shape.intersects(outline)]
+    open_ = shapely.union_all([mark.shape for mark in doors]).buffer(
+        2.0 * SHARED, join_style="mitre"
+    )
+    walls = outline.difference(open_)
+    items = tuple(item for mark in floors + doors for item in mark.items)
+    return [Piece(shapely.line_merge(walls), "wall", items)]
 
 
 def _solids(marks: list[Mark], roles: list[str]) -> list[Piece]:

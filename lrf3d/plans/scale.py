@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from lrf3d.geometry.lines import lengths
+from lrf3d.geometry.lines import Float, lengths
 from lrf3d.plans.canvas import Canvas
 from lrf3d.plans.rules.doors import find_doors
 from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
@@ -65,10 +65,11 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
     if not len(strokes.segments) or not canvas.scales:
         return ""
     points = strokes.segments.reshape(-1, 2)
+    long = lengths(strokes.segments)
+    usual = _quantile(long, long, 0.5)
     # A single line that reaches far away does not make a large plan.
-    size = np.ptp(np.quantile(points, [0.02, 0.98], axis=0), axis=0)
-    long = np.sort(lengths(strokes.segments))
-    usual = long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())]
+    weights = np.repeat(long, 2)
+    size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
     if size.max() >= SHEET and usual <= LONGEST:
         return ""
     fits = [
@@ -90,6 +91,13 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
     ]
     advice = "; ".join(ways) or "--scale enlarges it"
     return f"a plan of {wide:,.3g} m by {high:,.3g} m, with walls of {usual:,.2g} m? {advice}"
+
+
+def _quantile(values: Float, weights: Float, share: float) -> float:
+    """The value (n,) up to which the weights (n,) are a share of all."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, share * total[-1])]])
 
 
 def _doors(strokes: Strokes, factor: float) -> int:

@@ -3,11 +3,16 @@
 from collections import Counter
 
 import ezdxf
+import numpy as np
 import pytest
+from drawn import dxf, pdf
 from ezdxf import xref
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from lrf3d.casting import PlanarCaster
+from lrf3d.geometry.lines import lengths
+from lrf3d.laser import LaserRangeFinder
 from lrf3d.plans.reading import read_plan
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
@@ -119,3 +124,54 @@ def test_entities_of_dxf_are_used_or_left_out(tmp_path, top, inner, paper):
     assert left_out["AEC_WALL: A-WALL"] >= top.count("wall")
     assert left_out["external reference: arch/core.dwg"] >= top.count("external")
     assert left_out["undefined block: NOSUCH"] >= top.count("gone")
+
+
+def test_objects_of_pdf_are_used_or_left_out(tmp_path):
+    layers = "/OCProperties<</OCGs[6 0 R 7 0 R]/D<</OFF[7 0 R]>>>>"
+    content = "0 0 100 50 re S BT (a) Tj ET /OC /M BDC 0 0 m 9 9 l S /F Do EMC /F Do 9 9 m 9 9 l S"
+    pdf(tmp_path, content, forms="0 18 m 90 18 l S 0 0 m 0 9 l S", root=layers)
+    left_out = added_up(read_plan(tmp_path / "a.pdf", scale=100.0))
+    assert left_out["hidden part"] >= 3
+
+
+def test_a_wall_that_a_doorway_cuts_is_closed_there(tmp_path):
+    # The square caps of walls reach into the doorway.
+    wall = '<g id="walls" stroke="black" stroke-width="200"><path stroke-linecap="{}" d="M{}"/></g>'
+    leaf = '<g id="doors"><path d="M5000 3000 H6000 A1000 1000 0 0 1 5000 4000" stroke="black"'
+    seen = []
+    for cap in ("butt", "square"):
+        walls = wall.format(cap, "5000 0 V3000 M5000 4000 V6000")
+        (tmp_path / "a.svg").write_text(f'{SHEET}{walls}{leaf} fill="none"/></g></svg>')
+        world = read_plan(tmp_path / "a.svg").world(tmp_path / "a.svg")
+        beam = LaserRangeFinder(-0.01, 0.01, 3, range_max=20)
+        seen.append(PlanarCaster(world).cast(beam, (5, 2.5, np.pi / 2)).ranges[1])
+    assert seen == pytest.approx([0.5, 0.5], abs=0.02)
+
+
+def test_rooms_that_are_drawn_as_areas_have_walls_around_them(tmp_path):
+    areas = [
+        (0, 0, 4000, 4000, "#ccf"),
+        (4000, 0, 4000, 4000, "#cfc"),
+        (3950, 1500, 100, 900, "#f9a"),
+    ]
+    body = "".join(
+        '<rect x="{}" y="{}" width="{}" height="{}" fill="{}"/>'.format(*a) for a in areas
+    )
+    (tmp_path / "a.svg").write_text(f"{SHEET}{body}</svg>")
+    plan = read_plan(tmp_path / "a.svg")
+    assert (
+        lengths(plan.segments).sum() == pytest.approx(28 - 0.9, abs=0.01) and added_up(plan) == {}
+    )
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(0.01, "0.01"), (0.0254, "0.0254"), (1.0, "")])
+def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tmp_path):
+    def draw(space):
+        space.add_lwpolyline(np.array([(0, 0), (12, 0), (12, 8), (0, 8), (0, 0)]) / unit)
+        space.add_line((5 / unit, 0), (5 / unit, 3 / unit))
+        space.add_line((5 / unit, 3 / unit), (5.9 / unit, 3 / unit))
+        space.add_arc((5 / unit, 3 / unit), 0.9 / unit, 0, 90)
+
+    dxf(tmp_path, draw, 0)
+    doubt = read_plan(tmp_path / "a.dxf").doubt
+    assert (f"--scale {scale} " in doubt and "12 m by 8 m, 1 door" in doubt) if scale else not doubt
