@@ -57,6 +57,8 @@ class Mark(NamedTuple):
     opaque: bool = True
     # Whether it is a dashed line: it shows a beam overhead or a path, and nothing that stands.
     dashed: bool = False
+    # The items of the file that it is drawn for.
+    items: tuple[Any, ...] = ()
 
 
 class Canvas:
@@ -67,11 +69,20 @@ class Canvas:
         self.tolerance = tolerance
         # Width [m] above which a stroke is an area.
         self.pen = pen
-        # The number of things of each kind that are not read.
-        self.left_out = Counter[str]()
+        # What became of each item of the file that was met: the reason for which it is not read, or
+        # nothing where it is painted.
+        self.fates = dict[Any, str]()
+        # The number of items that the file holds, as counted by the library that reads it.
+        self.held = 0
+        # The number of looks of items that are not followed, such as patterns, by name.
+        self.ignored = Counter[str]()
+        self._items: tuple[Any, ...] = ()
         self.marks = list[Mark]()
         # What the reader assumed, in words.
         self.said = ""
+        # The scale by which it is enlarged, and the factors by which that may be wrong.
+        self.scale = 1.0
+        self.scales = dict[float, str]()
         self._work = self._points = 0
 
     @classmethod
@@ -82,6 +93,20 @@ class Canvas:
         pen = 1.05e-3
         # A sheet that is not enlarged is small, and so are its curves: they need finer chords.
         return cls(min(CURVE_ERROR, 2e-4 * side), max(thin_wall, pen * scale))
+
+    def begin(self, *items: Any) -> None:
+        """Paint what follows for items of the file."""
+        self._items = items
+        self.fates |= dict.fromkeys(items, "")
+
+    def leave(self, reason: str, item: Any = None) -> None:
+        """Leave out an item for a reason, unless it is painted at another place."""
+        self.fates.setdefault(object() if item is None else item, reason)
+
+    @property
+    def left_out(self) -> Counter[str]:
+        """The number of items that are not read, by reason, and of looks that are not followed."""
+        return Counter(filter(None, self.fates.values())) + self.ignored
 
     def count(self, steps: int = 1) -> None:
         """Count steps of work, also those that paint nothing, and raise if there are too many."""
@@ -145,7 +170,7 @@ class Canvas:
         inside = clip is None or clip.covers(shape)
         shape = shape if inside else shape.intersection(clip)
         if not shape.is_empty:
-            self.marks.append(mark._replace(shape=shape))
+            self.marks.append(mark._replace(shape=shape, items=self._items))
 
     def seen(self) -> list[Mark]:
         """The marks without the paper and what later areas hide."""

@@ -32,7 +32,7 @@ def read_plan(
         >>> len(lrf3d.read_plan("room.svg").segments)
         4
     """
-    plan: Plan = read_world("", path, scale, isolated, options)
+    plan: Plan = read_world("lrf3d.world.files:value_of_file", path, scale, isolated, options)
     return plan
 
 

@@ -10,10 +10,13 @@ from lrf3d.base.formats import (
     WORLDS,
     Format,
     by_ending,
+    by_looks,
     endings,
     enter_installed,
     function,
+    head_of,
     of_kind,
+    unpacked,
 )
 from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
@@ -42,7 +45,9 @@ def load_world(
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         isolated: Whether a file of a foreign format is read in a process of its own, with limits.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
-            ``without``, those of layers to leave out, and ``page``, that of a PDF file.
+            ``without``, those of layers to leave out, and ``page``, that of a PDF file; for a mesh,
+            ``cut``, its height [m] above the floor; for GeoJSON and OpenStreetMap, the ``level`` of
+            indoor rooms.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -63,7 +68,7 @@ def load_world(
 def read_world(
     reader: str, name_or_path: str | Path, scale: float, isolated: bool, options: dict[str, Any]
 ) -> Any:
-    """What a reader returns for the file of a world, or that of its format if none is given.
+    """What a reader returns for the file of a world.
 
     This is behind all doors, so that a file is read in one process only.
     """
@@ -72,19 +77,24 @@ def read_world(
     row = _row(path)
     given = {"scale": scale, **options_of(path, **options)}
     with reading(), at(str(path)):
-        return read_file(
-            reader or row.read, path, given, isolated=isolated and row.apart, error=WorldError
-        )
+        return read_file(reader, path, given, isolated=isolated and row.apart, error=WorldError)
 
 
 def world_of_file(path: Path, scale: float, **options: Any) -> World:
     """The world of a file by the reader of its format."""
     planned = is_plan(path)
-    found = function(_row(path).read)(path, **({"scale": scale} if planned else {}), **options)
+    found = value_of_file(path, **({"scale": scale} if planned else {}), **options)
     # A plan, which has its scale, becomes a world; it says what it leaves out.
     world: World = found.world(path) if planned else found
     expect(world, World, f"the reader of {path.suffix} files: what it returns")
     return world if planned else world.scaled(scale)
+
+
+def value_of_file(path: Path, **options: Any) -> Any:
+    """What the reader of its format returns for a file, which gzip may have packed."""
+    row = _row(path)
+    with unpacked(path, row.largest) as plain:
+        return function(row.read)(plain, **options)
 
 
 def options_of(path: Path, **options: Any) -> dict[str, Any]:
@@ -185,8 +195,20 @@ def find_world(name_or_path: str | Path) -> Path:
             path, what="a world file", largest=row.largest, missing=f"no such file{suggestion}",
             error=WorldError,
         )  # fmt: skip
+        _check_looks(path, row)
         return path
     raise _not_a_world(path, name_or_path, suggestion)
+
+
+def _check_looks(path: Path, row: Format | None) -> None:
+    """Check that the first bytes of a file are not those of another format than a row."""
+    found = by_looks(head_of(path))
+    if found is None or found[0] is row or found[1] == "XML":
+        return
+    other, text = found
+    if other.kind in WORLDS:
+        text = f"{text}; name it {path.stem}{other.endings[0]}"
+    raise WorldError(f"{path}: this is {text}")
 
 
 def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
@@ -197,6 +219,8 @@ def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
         run = not path.is_dir() or (path / "run.npz").exists()
         what = "a run, for `lrf3d view` and others" if run else "a folder"
         return WorldError(f"{path}: {what}; expected a world: {names}, or a file ({known})")
+    if path.is_file():
+        _check_looks(path, None)
     if path.is_file() or path.suffix:
         logs = "; logs are read by `lrf3d slam` and `lrf3d map`" if ".log" in path.suffixes else ""
         return WorldError(f"{path}: unknown ending; worlds are read from {known}{logs}")

@@ -149,7 +149,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "street.osm": (OSM.replace("building", "highway"), "no whole building"),
     "wide.osm": (OSM.replace('lon="4.0"', 'lon="-100"'), "apart"),
     "entity.svg": (_ENTITY.format("svg"), "not XML|entity"),
-    "root.svg": ("<html></html>", "<svg> was expected"),
+    "root.svg": ("<html></html>", "this is a web page"),
     "itself.svg": (SVG.replace("<defs>", '<g id="u"><use href="#u"/></g><defs>'), "within itself"),
     "outside.svg": (SVG.replace("#r", "../secret.svg#r"), "outside this file"),
     "unit.svg": (SVG.replace("100mm", "100furlong"), "width is '100furlong'"),

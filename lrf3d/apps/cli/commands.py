@@ -35,7 +35,9 @@ RESOLUTION = f"--resolution M: Side of a pixel [m], if the world is a bare pictu
 LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; else by their names.
---without LAYER,LAYER,…: Layers of a drawing to leave out."""
+--without LAYER,LAYER,…: Layers of a drawing to leave out.
+--cut M: Height of the cut of a mesh above its floor [m]; 0.5 if not given.
+--level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given."""
 TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
 --inside: Plan the route inside the walls, if the world has none; if not given, the world decides.

@@ -57,7 +57,7 @@ def refuse_twice(args: Namespace) -> None:
 DRIVE = "--set --inside --outside --ignore-collisions"
 
 # Options of how a world is read.
-READING = "--scale --resolution --threshold --page --layers --without"
+READING = "--scale --resolution --threshold --page --layers --without --cut --level"
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -101,7 +101,7 @@ def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
+    names = "scale resolution threshold page layers without trees cut level".split()
     given = {name: getattr(args, name, None) for name in names}
     return {k: value for k, value in given.items() if value is not None and value is not False}
 
@@ -113,7 +113,8 @@ def read_file(name: str, **options: Any) -> WorldFile:
 
 def checked_size(name: str, file: WorldFile) -> WorldFile:
     """A world file, with a warning if its size is implausible."""
-    if warning := size_problem(file.world):
+    # A plan has more that shows its size, and says so when it is read.
+    if not is_plan(name) and (warning := size_problem(file.world)):
         warn(f"{name}: {warning}")
     return file
 
