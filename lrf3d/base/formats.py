@@ -115,6 +115,10 @@ FORMATS: list[Format] = [
         options=("poses",),
         write="lrf3d.recordings.formats.run_file:save_run",
     ),
+    Format(
+        kind="log", name="messages", read="lrf3d.recordings.formats.bags.reader:load_bag",
+        options=("poses", "scan_topic", "part"),
+    ),
     Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
     Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),
     Format(

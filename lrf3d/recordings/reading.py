@@ -12,6 +12,7 @@ from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, fu
 from lrf3d.base.interrupts import reading
 from lrf3d.geometry.lines import number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
+from lrf3d.recordings.formats.bags.json_lines import TOPIC, is_messages
 from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
@@ -36,7 +37,7 @@ def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: odometry for bags and runs, whose ``auto`` may be the truth."""
     bags_and_runs = (*by_name("log", "bag").endings, *by_name("log", "run").endings)
     is_either = as_path(path).is_dir() or str(path).lower().endswith(bags_and_runs)
-    return "odom" if is_either else "auto"
+    return "odom" if is_either or is_messages(as_path(path)) else "auto"
 
 
 @reading()
@@ -85,7 +86,7 @@ def load_log(
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
     row = _format_of(path, in_columns=bool(format))
     given = {"poses": poses, "scan_topic": scan_topic, "part": part, "format": format}
-    if row.name != "bag" and (scan_topic or part):
+    if "scan_topic" not in row.options and (scan_topic or part):
         name = "scan topic" if scan_topic else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
     if "poses" not in row.options and poses not in ("auto", "odom"):
@@ -165,6 +166,8 @@ def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
             head = zlib.decompressobj(31).decompress(head, HEAD)
         looks = by_looks(head)
     is_text = b"\0" not in head and looks is None
+    if is_text and TOPIC(head):
+        return by_name("log", "messages")
     if is_text and re.search(WORDS, head):
         return by_name("log", "CARMEN")
     if is_text and RECORDS(head):

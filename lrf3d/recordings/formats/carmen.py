@@ -141,11 +141,11 @@ def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path:
     inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
     if not inside.any():
         raise InputError(f"{path}: no scan within the time of the poses from {name}")
+    ahead = Pose(log.odometry.laser_offset, 0.0, 0.0)
+    mounts = {mount: ahead if mount == CENTRE else mount for mount in {s.mount for s in log.scans}}
     rows = zip(log.scans, track.at(log.times).tolist(), inside, strict=True)
     scans = [
-        replace(scan, pose=Pose(*pose) if scan.mount == CENTRE else Pose(*pose) @ scan.mount)
-        for scan, pose, known in rows
-        if known
+        replace(scan, pose=Pose(*pose) @ mounts[scan.mount]) for scan, pose, known in rows if known
     ]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
@@ -410,17 +410,19 @@ class _Reading:
             lines = ", ".join(f"{count} of {name}" for name, count in sorted(unknown.items()))
             self._note(f"left out: scans of lasers with unknown mounts ({lines})")
         self.rows = [row for row in self.rows if row.laser in mounts]
-        # Scans of a laser in the middle of its robot stay as they are.
-        scans = [
-            row.scan if mounts[row.laser] == CENTRE else replace(row.scan, mount=mounts[row.laser])
-            for row in self.rows
-        ]
+        scans = [self._on(mounts[row.laser], row) for row in self.rows]
         if len(known := {scan.laser: scan.mount for scan in scans}) > 1:
             self._offset = 0.0
             places = [f"{name} at {x:.3g}, {y:.3g} m, {degrees(turn):.0f}°"
                       for name, (x, y, turn) in known.items()]  # fmt: skip
             self._note(f"{len(known)} lasers: {'; '.join(places)}")
         return scans
+
+    def _on(self, mount: Pose, row: _Row) -> LaserScan:
+        """A scan with its mount, in the middle of its robot as it is; raw ones have its pose."""
+        raw = self._kinds[row.laser][0] in RAW
+        pose = row.scan.pose @ mount if raw else row.scan.pose
+        return row.scan if mount == CENTRE else replace(row.scan, pose=pose, mount=mount)
 
     def _mounts(self) -> dict[int, Pose]:
         """The mounts of the lasers on their robot, where they are known.
@@ -431,8 +433,10 @@ class _Reading:
         first, *others = mounts
         if not others or mounts[first] is None:
             odometry = self._stamped["odom"]
-            own = mounts[first] if odometry and self._kinds[first][0] != b"FLASER" else None
-            return {first: own or Pose(0.0 if odometry else self._offset, 0.0, 0.0)}
+            kind = self._kinds[first][0]
+            own = mounts[first] if odometry and kind != b"FLASER" else None
+            ahead = self._offset if kind in RAW or not odometry else 0.0
+            return {first: own or Pose(ahead, 0.0, 0.0)}
         return {laser: mount for laser, mount in mounts.items() if mount is not None}
 
     def _mount(self, laser: int) -> Pose | None:

@@ -155,6 +155,8 @@ class Table:
     def log(self) -> LaserLog:
         """The log of this table."""
         ranges = self.values["ranges"]
+        if not ranges.size:
+            raise InputError(f"{self.intake.path}: ranges {ranges.shape}: no scan in it")
         if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
             # Each scan has angles of its own.
             self.gather(np.arange(0, ranges.size + 1, ranges.shape[1]), ranges.ravel())
@@ -288,7 +290,10 @@ class Table:
         if nanosec is not None:
             seconds = self.values.get("stamp")
             self.units["stamp"] = "ns" if seconds is None else "s"
-            self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
+            # Stamps with a fraction are whole: nanoseconds beside them say the same once more.
+            whole = seconds is not None and (seconds % 1.0).any()
+            added = nanosec if seconds is None else seconds + NANO * nanosec
+            self.values["stamp"] = seconds if whole else added
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

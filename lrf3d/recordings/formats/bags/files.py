@@ -41,9 +41,15 @@ class BagTopic(NamedTuple):
     kind: str
     packing: str
 
+    @classmethod
+    def of(cls, name: str, kind: str, packing: str) -> "BagTopic":
+        """The topic of a name, which may lack its slash, and of a type as ROS 1 or 2 names it."""
+        new = re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)
+        return cls("/" + name.removeprefix("/"), new, packing)
+
 
 # A message: its topic, when it was received [ns], and its bytes; None announces a topic.
-Packet = tuple[BagTopic, int, bytes | None]
+Packet = tuple[BagTopic, int, Any]
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -167,14 +173,15 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
         topics = {}
         columns = "id, name, type, serialization_format"
         for number, *words in database.execute(f"SELECT {columns} FROM topics"):
-            topics[number] = BagTopic(*map(str, words))
+            topics[number] = BagTopic.of(*map(str, words))
             yield topics[number], 0, None
         # Messages keep the order of their rows: sorted by a clock that was set back, they would mix
         # two drives.
         rows = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
         for number, received, data in database.execute(rows):
+            # Converters write no time, or one with a fraction.
             if isinstance(data, bytes):
-                yield topics[number], received, data
+                yield topics[number], int(received or 0), data
 
 
 # Code of MCAP records that hold the name of a type of messages.
@@ -212,7 +219,7 @@ def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, BagTopic]) 
             schemas[own] = _text(data, 2)[0]
         elif head[0] == CHANNEL:
             name, place = _text(data, 4)
-            topics[own] = BagTopic(name, _new(schemas.get(other, "")), _text(data, place)[0])
+            topics[own] = BagTopic.of(name, schemas.get(other, ""), _text(data, place)[0])
             yield topics[own], 0, None
         else:
             yield topics[own], int.from_bytes(data[6:14], "little"), data[22:]
@@ -246,7 +253,7 @@ def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
         if kind == OLD_CONNECTION:
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
-            topics[fields[b"conn"]] = BagTopic(name, _new(of_type), "ros1")
+            topics[fields[b"conn"]] = BagTopic.of(name, of_type, "ros1")
             yield topics[fields[b"conn"]], 0, None
         elif kind == OLD_MESSAGE:
             sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
@@ -267,8 +274,3 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
     while each := _block(stream):
         name, _, fields[name] = each.partition(b"=")
     return fields
-
-
-def _new(kind: str) -> str:
-    """The name in ROS 2 of a type of messages."""
-    return re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)
