@@ -10,7 +10,7 @@ from lrf3d.base.errors import InputError, shown
 from lrf3d.base.files import as_path, opened, own_name
 from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
 from lrf3d.base.interrupts import reading
-from lrf3d.geometry.lines import number
+from lrf3d.geometry.lines import as_rows, number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
 from lrf3d.recordings.formats.bags.json_lines import TOPIC, is_messages
 from lrf3d.recordings.formats.carmen import WORDS
@@ -45,6 +45,8 @@ def load_log(
     path: str | Path,
     *,
     largest_range: float | None = None,
+    smallest_range: float = 0.0,
+    mask: Sequence[tuple[float, float]] = (),
     poses: str = "auto",
     scan_topic: str | None = None,
     part: int | None = None,
@@ -58,6 +60,9 @@ def load_log(
             .bag or a folder; a .npz or .mat file of arrays; or a run.npz or its folder.
         largest_range: Readings from this one on mean no return [m]; if not given, those from the
             range that the log names for its range finder, or the largest one where it stands out.
+        smallest_range: Readings up to this one are left out [m].
+        mask: First and last bearings [rad] of beams that are left out, such as those that hit the
+            robot itself.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
             or ``odom``.
         scan_topic: Bags: the topic of the scans; if not given, the topics of all lasers of one
@@ -81,6 +86,8 @@ def load_log(
     path = as_path(path)
     if largest_range is not None:
         number(largest_range, "largest range", "metres", positive=True)
+    number(smallest_range, "smallest range", "metres")
+    masked = as_rows(mask, "mask", 2).tolist() if len(mask) else []
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
@@ -92,7 +99,8 @@ def load_log(
     if "poses" not in row.options and poses not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
     options = {name: given[name] for name in row.options}
-    log: LaserLog = function(row.read)(Intake(path, largest_range, without_repairs), **options)
+    intake = Intake(path, largest_range, without_repairs, smallest_range, masked)
+    log: LaserLog = function(row.read)(intake, **options)
     return log
 
 
