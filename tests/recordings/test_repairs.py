@@ -12,6 +12,7 @@ from lrf3d.apps.cli.commands import COMMANDS
 from lrf3d.apps.cli.inputs import read_log
 from lrf3d.apps.cli.parser import parse
 from lrf3d.base.errors import InputError, Lrf3dWarning
+from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.body import BODY
 from lrf3d.recordings.repair.repairs import (
     LOCALISING,
@@ -86,6 +87,20 @@ def test_a_robot_whose_laser_is_mirrored_is_localised(mirrored):
     assert any("clockwise" in note for note in found.log.notes)
     off = (found.poses - true)[found.known]
     assert len(off) > 50 and np.hypot(off[:, 0], off[:, 1]).max() < 0.2
+
+
+def test_a_repair_that_makes_the_whole_worse_is_taken_back(mirrored):
+    def spread(factor):
+        def apply(recording, _):
+            wider = [replace(scan, angles=factor * scan.angles) for scan in recording.scans]
+            return replace(recording, scans=wider)
+
+        return Repair(f"spread by {factor}", lambda _: True, apply)
+
+    [recording] = repair(mirrored[0], SOLVING)
+    assert recording.repaired(spread(1.3)) is recording
+    wide = spread(1.3).apply(recording, None)
+    assert wide.repaired(spread(1 / 1.3)).found.keys() - wide.found.keys()
 
 
 def with_posts(scan):

@@ -291,9 +291,8 @@ class Table:
             seconds = self.values.get("stamp")
             self.units["stamp"] = "ns" if seconds is None else "s"
             # Stamps with a fraction are whole: nanoseconds beside them say the same once more.
-            whole = seconds is not None and (seconds % 1.0).any()
-            added = nanosec if seconds is None else seconds + NANO * nanosec
-            self.values["stamp"] = seconds if whole else added
+            if seconds is None or not (seconds % 1.0).any():
+                self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

@@ -16,6 +16,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.recordings.log import LaserLog
 from lrf3d.recordings.repair import Applied, Repair
+from lrf3d.recordings.repair.judging import explained, is_clear, pairs_along
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
@@ -94,12 +95,31 @@ class Recording:
         return [sentence for sentence in said if sentence and sentence not in self.log.notes]
 
     def repaired(self, repair: Repair) -> "Recording":
-        """The recording after a repair; unchanged if that is left out or finds nothing."""
+        """The recording after a repair; unchanged if that is left out or finds nothing.
+
+        A repair with which scans explain each other clearly worse, all over the drive, is taken
+        back: what proposed it was a local sign.
+        """
         finding = None if repair.name in self.purpose.left_out else repair.find(self)
         if finding is None:
             return self
         after: Recording = repair.apply(self, finding)
+        if self._is_worse(after):
+            return self
         return replace(after, found={**after.found, repair.name: Applied(repair, finding, self)})
+
+    def _is_worse(self, after: "Recording") -> bool:
+        """Whether scans explain each other clearly worse after a repair that keeps their number."""
+        if len(after.scans) != len(self.scans) or not after.log.placed:
+            return False
+        pairs = pairs_along(self.path.at(self.places - self.lags))
+        shares = [
+            explained(
+                each.converter, each.scans.__getitem__, each.path.at(each.places - each.lags), pairs
+            )
+            for each in (self, after)
+        ]
+        return is_clear(shares[0] - shares[1])
 
     def shown_share(self, least: Float | float = 0.0) -> float:
         """Median share of the robot's turns above a least one [rad] that scans show; or inf."""

@@ -83,7 +83,7 @@ def _kind_of(message: dict[str, Any]) -> str:
 def _message(value: Any) -> Any:
     """A message with its fields as attributes, by their names in ROS 2."""
     if isinstance(value, dict):
-        fields = {RENAMED.get(name, name): _message(each) for name, each in value.items()}
+        fields = {RENAMED.get(str(name), str(name)): _message(each) for name, each in value.items()}
         return SimpleNamespace(**fields)
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return [_message(each) for each in value]
