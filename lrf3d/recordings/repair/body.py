@@ -47,20 +47,20 @@ GRAZING = 2
 MOST_SCANS = 600
 
 
-class Body(NamedTuple):
+class OwnBody(NamedTuple):
     """Rising bearings (n,) [rad], and the range (n,) [m] up to which each sees the robot itself."""
 
     angles: Float
     near: Float
 
 
-def find(log: LaserLog) -> dict[str, Body] | None:
+def find(log: LaserLog) -> dict[str, OwnBody] | None:
     """What each laser sees of its robot, by its name; None if none sees any of it."""
     found = {name: _body([s for s in log.scans if s.laser == name]) for name in log.lasers}
     return {name: body for name, body in found.items() if body is not None} or None
 
 
-def _body(scans: Sequence[LaserScan]) -> Body | None:
+def _body(scans: Sequence[LaserScan]) -> OwnBody | None:
     angles, ranges = on_one_fan(scans[:: len(scans) // MOST_SCANS + 1])
     ranges = ranges[_places(ranges)]
     if len(ranges) < LEAST_PLACES:
@@ -68,14 +68,15 @@ def _body(scans: Sequence[LaserScan]) -> Body | None:
     hits = np.isfinite(ranges)
     # Beams that seldom return get any range.
     middle = np.nanmedian(np.where(hits | ~hits.any(axis=0), ranges, np.nan), axis=0)
-    same = (hits & (np.abs(ranges - middle) < STILL)).sum(axis=0)
+    apart = np.where(hits, ranges, np.inf) - np.where(np.isfinite(middle), middle, 0.0)
+    same = (np.abs(apart) < STILL).sum(axis=0)
     still = (hits.mean(axis=0) > LEAST_HITS) & (same > LEAST_SAME * hits.sum(axis=0))
     beams = np.flatnonzero(still)
     near = np.zeros(len(angles))
     for run in np.split(beams, np.flatnonzero(np.diff(beams) > 1) + 1):
         if len(run) and middle[run].max() < FARTHEST:
             near[run] = middle[run] + STILL
-    return Body(angles, maximum_filter1d(near, 2 * GRAZING + 1)) if near.any() else None
+    return OwnBody(angles, maximum_filter1d(near, 2 * GRAZING + 1)) if near.any() else None
 
 
 def _places(ranges: Float) -> Int:
@@ -91,13 +92,13 @@ def _places(ranges: Float) -> Int:
     return np.array(kept)
 
 
-def apply(log: LaserLog, bodies: dict[str, Body]) -> LaserLog:
+def apply(log: LaserLog, bodies: dict[str, OwnBody]) -> LaserLog:
     """The log without what its lasers see of their robot, which becomes −inf: not measured."""
     scans = [_without(scan, bodies.get(scan.laser)) for scan in log.scans]
     return replace(log, scans=scans, notes=(*log.notes, sentence(bodies)))
 
 
-def _without(scan: LaserScan, body: Body | None) -> LaserScan:
+def _without(scan: LaserScan, body: OwnBody | None) -> LaserScan:
     if body is None:
         return scan
     at = np.clip(np.searchsorted(body.angles, scan.angles), 1, len(body.angles) - 1)
@@ -105,7 +106,7 @@ def _without(scan: LaserScan, body: Body | None) -> LaserScan:
     return replace(scan, ranges=np.where(scan.ranges <= body.near[at], -np.inf, scan.ranges))
 
 
-def sentence(bodies: dict[str, Body]) -> str:
+def sentence(bodies: dict[str, OwnBody]) -> str:
     """Where the robot sees itself."""
     beams = sum(int((body.near > 0.0).sum()) for body in bodies.values())
     where = [np.degrees(body.angles[body.near > 0.0]) for body in bodies.values()]

@@ -48,7 +48,7 @@ def find(recording: Recording) -> Sweep | None:
     declared = any(scan.motion is not None for scan in scans)
     if not recording.log.placed or recording.log.parts or not 0.0 < interval <= LONGEST:
         return None
-    places = recording.places - recording.lags
+    places = recording.moments
     poses = recording.path.at(places)
     pairs = _uneven_pairs(poses)
     if len(pairs) < LEAST_PAIRS:
