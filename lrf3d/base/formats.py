@@ -17,6 +17,7 @@ from typing import Any
 MCAP = b"\x89MCAP0\r\n"
 SQLITE = b"SQLite format 3\0"
 ROS_1 = b"#ROSBAG V2.0\n"
+ROS_1_OLD = b"#ROSBAG V1.2\n"
 ZSTD = b"(\xb5/\xfd"
 
 
@@ -96,7 +97,7 @@ FORMATS: list[Format] = [
     ),
     Format(
         kind="log", name="bag", endings=(".mcap", ".db3", ".bag"),
-        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ZSTD), "a ROS bag"),
+        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ROS_1_OLD, ZSTD), "a ROS bag"),
         read="lrf3d.recordings.formats.bags.reader:load_bag",
         options=("poses", "scan_topic", "part"), extra="ros",
     ),

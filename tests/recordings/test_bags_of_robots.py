@@ -344,3 +344,36 @@ def test_lines_of_json_of_several_topics_are_read_as_bags_are(wrap, tmp_path):
     log = load_log(path)
     assert log.poses[:, 0] == pytest.approx([0.5, 1.5, 2.5]) and log.bad_count == 1
     assert log.scans[2].ranges.tolist() == [1.0, np.inf, 2.0] and log.source.startswith("/odom")
+
+
+def record(fields, data):
+    """A record of a bag of ROS 1."""
+    pairs = [name.encode() + b"=" + value for name, value in fields.items()]
+    head = b"".join(len(each).to_bytes(4, "little") + each for each in pairs)
+    return b"".join(len(each).to_bytes(4, "little") + each for each in (head, data))
+
+
+def test_bags_of_version_1_2_are_read_in_spite_of_wrong_lengths_of_their_index(tmp_path):
+    path = tmp_path / "old.bag"
+    parts = [b"#ROSBAG V1.2\n", record({"op": b"\3", "index_pos": b"\x20"}, b" " * 50)]
+    for topic, time, kind, message in [*wheels(3), *scans(0.5, 1.5)]:
+        data = STORE.cdr_to_ros1(STORE.serialize_cdr(message, kind), kind)
+        stamp = Stamp.of(time)
+        times = {
+            "sec": stamp.sec.to_bytes(4, "little"),
+            "nsec": stamp.nanosec.to_bytes(4, "little"),
+        }
+        name = kind.replace("/msg/", "/").encode()
+        parts.append(record({"op": b"\2", "topic": topic.encode(), "type": name, **times}, data))
+    index = {"op": b"\4", "ver": bytes(4), "count": (2).to_bytes(4, "little")}
+    wrong = record(index, bytes(32)).replace((32).to_bytes(4, "little"), (7).to_bytes(4, "little"))
+    path.write_bytes(b"".join([*parts[:4], wrong, *parts[4:]]))
+    log = load_log(path)
+    assert log.poses[:, 0] == pytest.approx([0.5, 1.5]) and not log.notes
+
+
+def test_a_later_part_without_the_mount_of_its_laser_is_refused(tmp_path):
+    bag = write(tmp_path / "bag", *scans(0.0, 1.0), *wheels(3), storage="SQLITE3")
+    part = shutil.copy(next(bag.glob("*.db3")), tmp_path / "bag_1.db3")
+    with pytest.raises(InputError, match="tf_static"):
+        load_log(part)

@@ -77,7 +77,8 @@ SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 # What lines of such logs begin with.
 WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
-    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
+    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata "
+    rb"|[LO](?: -?[\d.]+){4,} *\r?$)"
 )
 
 # Unit of the bearings of a SICK telegram [°].
@@ -85,6 +86,12 @@ TELEGRAM_ANGLE = 1e-4
 
 # The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
+
+# Numbers of words of the lines of Carnegie Mellon's robot data: a pose, or two with 180 ranges.
+CMU_WORDS = (5, 188)
+
+# A centimetre [m], the unit of these lines.
+CENTI = 1e-2
 
 # Least number of words of a message of Player.
 PLAYER_WORDS = 15
@@ -158,11 +165,28 @@ def _translated(words: list[bytes]) -> list[bytes]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
     if words[:1] == [b"ODOM"] and len(words) == 5:
         return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
+    if words[:1] in ([b"L"], [b"O"]) and len(words) in CMU_WORDS:
+        return _of_cmu(words)
     if len(words) >= PLAYER_WORDS and words[3] in (b"laser", b"position2d"):
         return _of_player(words)
     if words[1:2] == [b"LMDscandata"] and b"DIST1" in words:
         return _of_telegram(words, words.index(b"DIST1"))
     return words
+
+
+def _of_cmu(words: list[bytes]) -> list[bytes]:
+    """A line of Carnegie Mellon's robot data: poses and ranges in centimetres, the stamp last."""
+    numbers = [float(word) for word in words[1:]]
+    x, y, theta, *rest = numbers
+    robot = [CENTI * x, CENTI * y, theta]
+    if words[0] == b"O":
+        return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
+    laser = [CENTI * rest[0], CENTI * rest[1], rest[2]]
+    ranges = [CENTI * each for each in rest[3:-1]]
+    start, step = front_fan(len(ranges))
+    fan = [0.0, start, pi, step, 0.0, 0.0, 0.0, len(ranges)]
+    found = [*fan, *ranges, 0.0, *laser, *robot, *[0.0] * 5, numbers[-1]]
+    return [b"ROBOTLASER1", *(b"%.9g" % each for each in found), b"", words[-1]]
 
 
 def _of_player(words: list[bytes]) -> list[bytes]:

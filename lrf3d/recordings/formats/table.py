@@ -105,7 +105,7 @@ def meaning(name: str) -> tuple[str, str]:
     name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
     if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
         return f"q{quaternion[1]}", ""
-    if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS:
+    if (last := re.split("[./]", name)[-1]) in MESSAGE_FIELDS:
         return MESSAGE_FIELDS[last], "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
     if FOREIGN.intersection(words):
@@ -205,6 +205,8 @@ class Table:
         for role, values in self.values.items():
             if len(values) == len(angles):
                 self.values[role] = values[begins[kept]]
+            elif len(values) == len(sizes):
+                self.values[role] = values[kept]
         self.clockwise |= whole and "quality" in self.values
         self.values["ranges"] = ranges
         self.values["angles"] = np.asarray(low + step * np.arange(beams))

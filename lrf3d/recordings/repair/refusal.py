@@ -27,8 +27,8 @@ def refuse_useless(log: LaserLog) -> None:
 
 
 def refuse_unplaced(log: LaserLog) -> None:
-    """Refuse a log whose scans have no poses, for a mapper."""
-    if not log.placed:
+    """Refuse a log whose scans have no poses, for a mapper; one scan alone needs none."""
+    if not log.placed and len(log.scans) > 1:
         bad = [f"; {counted(log.bad_count, 'bad message')}, {line}" for line in log.bad_lines[:1]]
         raise InputError(f"no poses in it ({log.source}{''.join(bad)}); lrf3d slam finds them")
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
-from lrf3d.base.formats import MCAP, ROS_1, SQLITE, ZSTD, by_name
+from lrf3d.base.formats import MCAP, ROS_1, ROS_1_OLD, SQLITE, ZSTD, by_name
 from lrf3d.base.interrupts import check
 
 # Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
@@ -86,7 +86,7 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
             return
         is_mcap = head.startswith(MCAP)
-        if not is_mcap and not head.startswith(ROS_1):
+        if not is_mcap and not head.startswith((ROS_1, ROS_1_OLD)):
             raise InputError("none of a known kind" if head else "an empty file")
         end = file.seek(0, 2)
         if is_mcap:
@@ -234,6 +234,12 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 # Code of ROS 1 records that hold a message.
 OLD_MESSAGE = 2
 
+# Code of ROS 1 records that hold an index, whose length recorders of 2010 wrote wrongly.
+OLD_INDEX = 4
+
+# Bytes of an entry of such an index, by its version.
+INDEX_ENTRY = {0: 16, 1: 12}
+
 # Code of ROS 1 records that hold packed records.
 OLD_CHUNK = 5
 
@@ -249,8 +255,17 @@ def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
             inner = io.BytesIO(unpacked(fields[b"compression"].decode(), _block(stream)))
             yield from _of_ros1(inner, topics)
             continue
+        if kind == OLD_INDEX:
+            version, count = (int.from_bytes(fields[name], "little") for name in (b"ver", b"count"))
+            stream.seek(4 + INDEX_ENTRY[version] * count, 1)
+            continue
         data = _block(stream)
-        if kind == OLD_CONNECTION:
+        if kind == OLD_MESSAGE and b"conn" not in fields:
+            # Version 1.2 names the topic in each message.
+            topic = BagTopic.of(fields[b"topic"].decode(), fields[b"type"].decode(), "ros1")
+            sec, nanosec = (int.from_bytes(fields[name], "little") for name in (b"sec", b"nsec"))
+            yield topic, sec * 1_000_000_000 + nanosec, data
+        elif kind == OLD_CONNECTION:
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
             topics[fields[b"conn"]] = BagTopic.of(name, of_type, "ros1")
