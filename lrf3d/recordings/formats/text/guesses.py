@@ -281,13 +281,13 @@ def _by_pairs(form: Form) -> Layout | None:
 def _are_pairs(row: Float) -> bool:
     """Whether every other number is a bearing, which go on evenly, through a turn at most."""
     bearings = row[::2]
+    if len(row) % 2 or len(row) < 2 * FEWEST_COUNTED or not np.isfinite(bearings).all():
+        return False
     steps = np.diff(bearings)
     wide = float(np.ptp(bearings))
-    if len(row) % 2 or len(row) < 2 * FEWEST_COUNTED or not LEAST_SWEEP < wide:
-        return False
     one_way = bool((steps > 0.0).all() or (steps < 0.0).all())
     even = np.abs(steps).max() < UNEVEN * np.median(np.abs(steps))
-    return one_way and even and wide <= LARGEST_SWEEP * TURNS[1]
+    return one_way and even and LEAST_SWEEP < wide <= LARGEST_SWEEP * TURNS[1]
 
 
 def _by_length(form: Form) -> Layout | None:
@@ -308,9 +308,11 @@ def _counts_up(form: Form, place: int) -> bool:
     """
     rows = [words for words in form.sample if len(words) == form.length]
     table = np.array([values_of(words[place : place + FIRST_COLUMNS]) for words in rows])
+    # Readings that are missing rise no more than they fall.
+    table = np.where(np.isfinite(table), table, 0.0)
     steps = np.diff(table, axis=0)
     rising = (steps >= 0.0).all(axis=0) & (steps > 0.0).any(axis=0)
-    usual = np.nanmedian(table)
+    usual = np.median(table)
     apart = np.abs(np.log(np.maximum(np.abs(table[-1]), 1e-9) / max(usual, 1e-9)))
     return len(rows) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
 

@@ -15,6 +15,7 @@ columns and settings, such as
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +78,8 @@ def text_table(intake: Intake, format: str | None) -> Table:
         raise InputError(f"{intake.path}: {one}")
     if merged:
         other = Table(Intake(intake.path), {})
-        poses.read(form, other)
+        # Lines of poses are short.
+        poses.read(replace(form, least=0), other)
         _take_poses(table, other, "its own lines")
     if partner:
         add_partner(table, partner)
