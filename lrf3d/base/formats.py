@@ -29,6 +29,7 @@ HEAD = 1 << 11
 MCAP = b"\x89MCAP0\r\n"
 SQLITE = b"SQLite format 3\0"
 ROS_1 = b"#ROSBAG V2.0\n"
+ROS_1_OLD = b"#ROSBAG V1.2\n"
 ZSTD = b"(\xb5/\xfd"
 
 
@@ -124,7 +125,7 @@ FORMATS: list[Format] = [
     ),
     Format(
         kind="log", name="bag", endings=(".mcap", ".db3", ".bag"),
-        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ZSTD), "a ROS bag"),
+        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ROS_1_OLD, ZSTD), "a ROS bag"),
         read="lrf3d.recordings.formats.bags.reader:load_bag",
         options=("poses", "scan_topic", "part"), extra="ros", apart=True,
     ),
@@ -142,6 +143,10 @@ FORMATS: list[Format] = [
         kind="log", name="run", endings=(".npz",), read="lrf3d.recordings.reading:run_log",
         options=("poses",), apart=True,
         write="lrf3d.recordings.formats.run_file:save_run",
+    ),
+    Format(
+        kind="log", name="messages", read="lrf3d.recordings.formats.bags.reader:load_bag",
+        options=("poses", "scan_topic", "part"),
     ),
     Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
     Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),

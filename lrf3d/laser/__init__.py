@@ -14,7 +14,7 @@ from lrf3d.laser.noise import (
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
 from lrf3d.laser.ros_scan import Stamp
-from lrf3d.laser.scan import LaserScan, doubtful_ranges, reflection_points
+from lrf3d.laser.scan import LaserScan, doubtful_ranges, doubtful_unit, reflection_points
 
 __all__ = [
     "AngleNoise",
@@ -36,6 +36,7 @@ __all__ = [
     "Stamp",
     "beam_directions",
     "doubtful_ranges",
+    "doubtful_unit",
     "imperfect",
     "layer_directions",
     "reflection_points",

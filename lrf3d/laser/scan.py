@@ -343,9 +343,14 @@ def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
             " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
             " largest range right?"
         )
+    return doubtful_unit(ranges)
+
+
+def doubtful_unit(ranges: Float) -> str | None:
+    """Why ranges (n,) of hits are hardly in metres, in a sentence; None if they may be."""
     # [m] The largest median range that a laser on a robot measures.
-    largest_median = 300.0
-    if (middle := float(np.median(ranges))) > largest_median:
+    largest_median = 100.0
+    if len(ranges) and (middle := float(np.median(ranges))) > largest_median:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

@@ -244,13 +244,16 @@ GZIPPED = b"\x1f\x8b"
 class Intake:
     """What was noted and refused while a log was read.
 
-    Readings from ``largest_range`` [m] on mean no return, if the user gave it. ``without`` names
-    the repairs that are left out.
+    Readings from ``largest_range`` [m] on mean no return, if the user gave it; those up to
+    ``smallest_range`` [m] and those between the first and the last bearings [rad] of ``mask`` are
+    left out. ``without`` names the repairs that are left out.
     """
 
     path: Path
     largest_range: float | None = None
     without: Sequence[str] = ()
+    smallest_range: float = 0.0
+    mask: Sequence[tuple[float, float]] = ()
     notes: list[str] = field(default_factory=list)
     bad: list[BadLine] = field(default_factory=list)
     bad_count: int = 0
@@ -293,6 +296,7 @@ class Intake:
 
     def log(self, scans: Sequence[LaserScan], **more: Any) -> LaserLog:
         """The log of these scans; what means no return becomes ±inf, for each laser by itself."""
+        scans = self._unmasked(scans)
         found = dict(enumerate(scans))
         for laser in dict.fromkeys(scan.laser for scan in scans):
             numbers = [k for k, scan in enumerate(scans) if scan.laser == laser]
@@ -306,3 +310,19 @@ class Intake:
             log_name(self.path), [*found.values()], self.bad_count, tuple(self.bad), notes=notes,
             **more,
         )  # fmt: skip
+
+    def _unmasked(self, scans: Sequence[LaserScan]) -> Sequence[LaserScan]:
+        """The scans without what the user left out; it is not measured, −inf, and counted."""
+        if not self.smallest_range and not self.mask:
+            return scans
+        turn = 2.0 * np.pi
+        kept = []
+        left = 0
+        for scan in scans:
+            out = np.isfinite(scan.ranges) & (scan.ranges <= self.smallest_range)
+            for first, last in self.mask:
+                out |= (scan.angles - first) % turn <= (last - first) % turn
+            left += int((out & scan.hits).sum())
+            kept.append(replace(scan, ranges=np.where(out, -np.inf, scan.ranges)))
+        self.notes.append(f"{counted(left, 'reading')} left out, near the laser or masked")
+        return kept

@@ -12,8 +12,9 @@ from lrf3d.base.files import as_path, opened, own_name
 from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
 from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
-from lrf3d.geometry.lines import number, whole_number
+from lrf3d.geometry.lines import as_rows, number, whole_number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
+from lrf3d.recordings.formats.bags.json_lines import TOPIC, is_messages
 from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
@@ -38,7 +39,7 @@ def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: odometry for bags and runs, whose ``auto`` may be the truth."""
     bags_and_runs = (*by_name("log", "bag").endings, *by_name("log", "run").endings)
     is_either = as_path(path).is_dir() or str(path).lower().endswith(bags_and_runs)
-    return "odom" if is_either else "auto"
+    return "odom" if is_either or is_messages(as_path(path)) else "auto"
 
 
 @reading()
@@ -46,6 +47,8 @@ def load_log(
     path: str | Path,
     *,
     largest_range: float | None = None,
+    smallest_range: float = 0.0,
+    mask: Sequence[tuple[float, float]] = (),
     poses: str = "auto",
     scan_topic: str | None = None,
     part: int | None = None,
@@ -60,6 +63,9 @@ def load_log(
             .bag or a folder; a .npz or .mat file of arrays; or a run.npz or its folder.
         largest_range: Readings from this one on mean no return [m]; if not given, those from the
             range that the log names for its range finder, or the largest one where it stands out.
+        smallest_range: Readings up to this one are left out [m].
+        mask: First and last bearings [rad] of beams that are left out, such as those that hit the
+            robot itself.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
             or ``odom``.
         scan_topic: Bags: the topic of the scans; if not given, the topics of all lasers of one
@@ -84,6 +90,8 @@ def load_log(
     path = as_path(path)
     if largest_range is not None:
         number(largest_range, "largest range", "metres", positive=True)
+    number(smallest_range, "smallest range", "metres")
+    masked = as_rows(mask, "mask", 2).tolist() if len(mask) else []
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
@@ -95,6 +103,7 @@ def load_log(
     options = {
         "poses": poses, "scan_topic": scan_topic, "part": part, "format": format,
         "largest_range": largest_range, "without_repairs": without_repairs,
+        "smallest_range": smallest_range, "mask": masked,
     }  # fmt: skip
     known = row is None or row.apart
     reader = "lrf3d.recordings.reading:log_of_file"
@@ -107,17 +116,20 @@ def log_of_file(
     *,
     largest_range: float | None,
     without_repairs: Sequence[str],
+    smallest_range: float | None,
+    mask: Any,
     **given: Any,
 ) -> LaserLog:
     """The log of a file by the reader of its format, with the options that the format has."""
     row = _format_of(path, in_columns=bool(given["format"]))
-    if row.name != "bag" and (given["scan_topic"] or given["part"]):
+    if "scan_topic" not in row.options and (given["scan_topic"] or given["part"]):
         name = "scan topic" if given["scan_topic"] else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
     if "poses" not in row.options and given["poses"] not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {given['poses']} in it; there are auto, odom")
     options = {name: given[name] for name in row.options}
-    log: LaserLog = function(row.read)(Intake(path, largest_range, without_repairs), **options)
+    intake = Intake(path, largest_range, without_repairs, smallest_range, mask)
+    log: LaserLog = function(row.read)(intake, **options)
     return log
 
 
@@ -191,6 +203,8 @@ def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
             head = zlib.decompressobj(31).decompress(head, HEAD)
         looks = by_looks(head)
     is_text = b"\0" not in head and looks is None
+    if is_text and TOPIC(head):
+        return by_name("log", "messages")
     if is_text and re.search(WORDS, head):
         return by_name("log", "CARMEN")
     if is_text and RECORDS(head):

@@ -235,3 +235,18 @@ def test_raw_odometry_is_kept_line_by_line_with_the_places_of_the_scans(tmp_path
     assert wheels.places.tolist() == [-1, 1, 2]
     assert wheels.laser_offset == -0.04
     assert load_log(write(tmp_path / "b.log", scan)).wheels is None
+    raw = "RAWLASER1 0 -1 2 1 20 0 0 3 1 2 3 0 6 host 6"
+    ahead = load_log(write(tmp_path / "c.log", *lines[:1], odom(2, 5), raw, odom(3, 7)))
+    assert ahead.poses[0].tolist() == [1.96, 0.0, 0.0] and ahead.scans[0].robot == (2.0, 0.0, 0.0)
+    placed = load_log(tmp_path / "c.log", poses="odom").poses[0]
+    assert placed == pytest.approx([2.46, 0.0, 0.0])
+
+
+def test_lines_of_robots_of_carnegie_mellon_are_in_centimetres(tmp_path):
+    ranges = " ".join(map(str, range(150, 330)))
+    lines = ["O 100 0 0.5 1.5", f"L 200 100 0 225 100 0 {ranges} 2", "O 200 100 0 2.5"]
+    log = load_log(write(tmp_path / "robotdata1.log", *lines))
+    assert log.poses.tolist() == [[2.25, 1.0, 0.0]] and log.mount == (0.25, 0.0, 0.0)
+    assert log.scans[0].ranges == pytest.approx(0.01 * np.arange(150, 330))
+    assert log.times.tolist() == [2.0]
+    assert log.odometry.poses.tolist() == [[1.0, 0.0, 0.5], [2.0, 1.0, 0.0]]

@@ -51,13 +51,15 @@ A CARMEN log or a text of a scan a line, also gzipped, a ROS bag
 ARRAYS = f"arrays ({', '.join(by_name('log', 'arrays').endings)})"
 LOG = """\
 --largest-range M: Readings [m] of this or more are no return.
+--smallest-range M: Readings [m] of this or less are left out, such as those of the robot itself.
+--mask FROM:TO,…: Bearings [degrees], counter-clockwise from ahead, that are left out.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
 --format FORMAT: Text: its columns, found if not given, such as
  stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg.
 --part N: Bags whose stamps go back: which part is read; the longest one if not given."""
 REPAIRS = """\
---without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, copies, stamps, jumps,
- standing, fan, mirror, lag, sweep."""
+--without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, body, copies, stamps,
+ jumps, standing, fan, mirror, lag, sweep."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
 World and drive:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -146,9 +147,10 @@ def read_log(args: Namespace) -> LaserLog:
     if args.command == "slam" and args.relations is not None:
         check_ordinary(args.relations)
     poses = getattr(args, "poses", None) or odometry_of(args.log)
+    mask = [(radians(first), radians(last)) for first, last in args.mask or ()]
     return load_log(
-        args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic,
-        part=args.part, format=args.format,
+        args.log, largest_range=args.largest_range, smallest_range=args.smallest_range or 0.0,
+        mask=mask, poses=poses, scan_topic=args.scan_topic, part=args.part, format=args.format,
         without_repairs=getattr(args, "without_repair", None) or (),
     )  # fmt: skip
 
@@ -156,7 +158,8 @@ def read_log(args: Namespace) -> LaserLog:
 def read_map_and_log(args: Namespace) -> Scenario | MapAndLog | None:
     """Read a world for simulated drives; or a map and a log."""
     if args.log is None:
-        logs = "--out -o --largest-range --scan-topic --format --part --without-repair"
+        limits = "--largest-range --smallest-range --mask"
+        logs = f"--out -o {limits} --scan-topic --format --part --without-repair"
         refuse(args, logs, "of a recorded drive; give a LOG")
         return read_world(args)
     drives = f"--known --strategy --seeds --sigma --position --heading --workers {DRIVE}"

@@ -326,7 +326,7 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
         ("", f"{counted(lost, 'scan')} matched nothing: placed as predicted" if lost else ""),
         ("on", on),
         ("map", solved.run.map.counts),
-        *(("check", sentence) for sentence in solved.check.sentences()),
+        *(("check", sentence) for sentence in solved.check.sentences() or [solved.check.unjudged]),
         ("relations", score),
         ("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan"),
     ]

@@ -194,11 +194,13 @@ def _number(
     return read, f"{what} from {least:g}" + (f" to {most:g}" if most < math.inf else "")
 
 
-def _two(mark: str, fits: Callable[[int, int], bool]) -> Callable[[str], tuple[int, int]]:
-    """The parser of two whole numbers with a mark between them."""
+def _two(
+    mark: str, fits: Callable[[Any, Any], bool], kind: Callable[[str], float] = int
+) -> Callable[[str], tuple[float, float]]:
+    """The parser of two numbers, whole ones if not said otherwise, with a mark between them."""
 
-    def read(word: str) -> tuple[int, int]:
-        first, second = map(int, word.lower().split(mark))
+    def read(word: str) -> tuple[float, float]:
+        first, second = map(kind, word.lower().split(mark))
         if not fits(first, second):
             raise ValueError
         return first, second
@@ -233,6 +235,10 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     "A:B": (
         _two(":", lambda *pair: min(pair) >= 0 and pair[0] != pair[1]),
         "two numbers of scans, such as 120:2400",
+    ),
+    "FROM:TO": (
+        _two(":", lambda *ends: max(map(abs, ends)) <= 360.0 and ends[0] != ends[1], float),
+        "two bearings in degrees, such as 130:140",
     ),
     "I/N": (
         _two("/", lambda job, jobs: 1 <= job <= jobs),

@@ -114,7 +114,7 @@ def records(intake: Intake) -> dict[str, Float]:
             continue
         try:
             row = _record(read(part), rows)
-        except (ValueError, RecursionError) as error:
+        except (ValueError, TypeError, RecursionError) as error:
             intake.refuse(number, one_line(str(error), 90), "record")
             continue
         rows.append(row)

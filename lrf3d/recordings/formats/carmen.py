@@ -75,7 +75,8 @@ SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 # What lines of such logs begin with.
 WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
-    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
+    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata "
+    rb"|[LO](?: -?[\d.]+){4,} *\r?$)"
 )
 
 # Unit of the bearings of a SICK telegram [°].
@@ -83,6 +84,12 @@ TELEGRAM_ANGLE = 1e-4
 
 # The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
+
+# Numbers of words of the lines of Carnegie Mellon's robot data: a pose, or two with 180 ranges.
+CMU_WORDS = (5, 188)
+
+# A centimetre [m], the unit of these lines.
+CENTI = 1e-2
 
 # Least number of words of a message of Player.
 PLAYER_WORDS = 15
@@ -137,11 +144,11 @@ def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path:
     inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
     if not inside.any():
         raise InputError(f"{path}: no scan within the time of the poses from {name}")
+    ahead = Pose(log.odometry.laser_offset, 0.0, 0.0)
+    mounts = {mount: ahead if mount == CENTRE else mount for mount in {s.mount for s in log.scans}}
     rows = zip(log.scans, track.at(log.times).tolist(), inside, strict=True)
     scans = [
-        replace(scan, pose=Pose(*pose) if scan.mount == CENTRE else Pose(*pose) @ scan.mount)
-        for scan, pose, known in rows
-        if known
+        replace(scan, pose=Pose(*pose) @ mounts[scan.mount]) for scan, pose, known in rows if known
     ]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
@@ -154,11 +161,28 @@ def _translated(words: list[bytes]) -> list[bytes]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
     if words[:1] == [b"ODOM"] and len(words) == 5:
         return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
+    if words[:1] in ([b"L"], [b"O"]) and len(words) in CMU_WORDS:
+        return _of_cmu(words)
     if len(words) >= PLAYER_WORDS and words[3] in (b"laser", b"position2d"):
         return _of_player(words)
     if words[1:2] == [b"LMDscandata"] and b"DIST1" in words:
         return _of_telegram(words, words.index(b"DIST1"))
     return words
+
+
+def _of_cmu(words: list[bytes]) -> list[bytes]:
+    """A line of Carnegie Mellon's robot data: poses and ranges in centimetres, the stamp last."""
+    numbers = [float(word) for word in words[1:]]
+    x, y, theta, *rest = numbers
+    robot = [CENTI * x, CENTI * y, theta]
+    if words[0] == b"O":
+        return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
+    laser = [CENTI * rest[0], CENTI * rest[1], rest[2]]
+    ranges = [CENTI * each for each in rest[3:-1]]
+    start, step = front_fan(len(ranges))
+    fan = [0.0, start, pi, step, 0.0, 0.0, 0.0, len(ranges)]
+    found = [*fan, *ranges, 0.0, *laser, *robot, *[0.0] * 5, numbers[-1]]
+    return [b"ROBOTLASER1", *(b"%.9g" % each for each in found), b"", words[-1]]
 
 
 def _of_player(words: list[bytes]) -> list[bytes]:
@@ -402,17 +426,19 @@ class _Reading:
             lines = ", ".join(f"{count} of {name}" for name, count in sorted(unknown.items()))
             self._note(f"left out: scans of lasers with unknown mounts ({lines})")
         self.rows = [row for row in self.rows if row.laser in mounts]
-        # Scans of a laser in the middle of its robot stay as they are.
-        scans = [
-            row.scan if mounts[row.laser] == CENTRE else replace(row.scan, mount=mounts[row.laser])
-            for row in self.rows
-        ]
+        scans = [self._on(mounts[row.laser], row) for row in self.rows]
         if len(known := {scan.laser: scan.mount for scan in scans}) > 1:
             self._offset = 0.0
             places = [f"{name} at {x:.3g}, {y:.3g} m, {degrees(turn):.0f}°"
                       for name, (x, y, turn) in known.items()]  # fmt: skip
             self._note(f"{len(known)} lasers: {'; '.join(places)}")
         return scans
+
+    def _on(self, mount: Pose, row: _Row) -> LaserScan:
+        """A scan with its mount, in the middle of its robot as it is; raw ones have its pose."""
+        raw = self._kinds[row.laser][0] in RAW
+        pose = row.scan.pose @ mount if raw else row.scan.pose
+        return row.scan if mount == CENTRE else replace(row.scan, pose=pose, mount=mount)
 
     def _mounts(self) -> dict[int, Pose]:
         """The mounts of the lasers on their robot, where they are known.
@@ -423,8 +449,10 @@ class _Reading:
         first, *others = mounts
         if not others or mounts[first] is None:
             odometry = self._stamped["odom"]
-            own = mounts[first] if odometry and self._kinds[first][0] != b"FLASER" else None
-            return {first: own or Pose(0.0 if odometry else self._offset, 0.0, 0.0)}
+            kind = self._kinds[first][0]
+            own = mounts[first] if odometry and kind != b"FLASER" else None
+            ahead = self._offset if kind in RAW or not odometry else 0.0
+            return {first: own or Pose(ahead, 0.0, 0.0)}
         return {laser: mount for laser, mount in mounts.items() if mount is not None}
 
     def _mount(self, laser: int) -> Pose | None:
