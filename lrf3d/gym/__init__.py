@@ -242,10 +242,11 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
             self._place(np.flatnonzero(again))
         # Gymnasium's vector infos mark by a second array which environments have a value.
         valid = np.ones(self.num_envs, np.bool_)
+        infos: dict[str, Any]
         infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
         if self.autoreset is AutoresetMode.SAME_STEP and self._ended.any():
+            infos = {**infos, "final_info": infos, "_final_info": self._ended}
             infos |= {"final_obs": self._observe(), "_final_obs": self._ended}
-            infos |= {"final_info": dict(infos), "_final_info": self._ended}
             self._place(np.flatnonzero(self._ended))
             self._ended = np.zeros(self.num_envs, np.bool_)
         return self._observe(), np.where(again, 0.0, rewards), ended, cut, infos

@@ -21,7 +21,7 @@ except ModuleNotFoundError:
     raise missing_extra("parallel environments need PettingZoo", "pettingzoo") from None
 
 
-class DriveParallelEnv(ParallelEnv):
+class DriveParallelEnv(ParallelEnv):  # type: ignore[misc]
     """Robots of a `DriveVectorEnv` as agents, with its observations, actions and rewards.
 
     Args:

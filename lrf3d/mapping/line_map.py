@@ -147,6 +147,10 @@ def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
     return LineMap(segments, np.unique(labels, return_inverse=True)[1], points)
 
 
+# The frame of a map for programs that would take its numbers for degrees: metres on a plane.
+METRES = {"type": "name", "properties": {"name": 'LOCAL_CS["map",UNIT["metre",1]]'}}
+
+
 def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:
     """Write a map as GeoJSON: a FeatureCollection of one LineString a segment.
 
@@ -190,9 +194,8 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         features.append({"type": "Feature", "properties": named, "geometry": geometry})
     lines = ",\n".join(map(json.dumps, features))
     known = "" if free is None else f' "free": {json.dumps(free.as_dict())},'
-    write_text(
-        path, f'{{"type": "FeatureCollection", "units": "m",{known} "features": [\n{lines}\n]}}\n'
-    )
+    head = f'"type": "FeatureCollection", "units": "m", "crs": {json.dumps(METRES)},{known}'
+    write_text(path, f'{{{head} "features": [\n{lines}\n]}}\n')
 
 
 def load_map(path: str | Path) -> LineMap:

@@ -216,6 +216,10 @@ def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
     if shape.name == "BASE":
         empty = {"string": "", "bool": False}.get(form[0], 0)
         return empty if given is None else given
+    return _array(store, form, given)
+
+
+def _array(store: Any, form: Any, given: Any) -> Any:
     (element, inner), count = form
     if element.name == "NAME":
         return [made(store, inner, each) for each in given or ()]

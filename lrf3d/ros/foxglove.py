@@ -5,6 +5,7 @@ an opcode. All is done in the thread of the stream, between two ticks.
 """
 
 import asyncio
+import contextlib
 import json
 import logging
 import struct
@@ -61,8 +62,8 @@ class Client:
     def __init__(self, page: Any) -> None:
         self.page = page
         self.subscriptions: dict[int, int] = {}
-        # The number of its channel, and the type of its messages.
-        self.commands: tuple[int, str] | None = None
+        # The head of the messages of its channel, and their type.
+        self.commands: tuple[bytes, str] | None = None
         # The newest command, which is obeyed at the next tick.
         self.command: bytes | None = None
         self._second = monotonic()
@@ -156,7 +157,7 @@ class Channels:
 
     def _obey(self, client: Client, data: bytes) -> None:
         stream = self._stream
-        _, kind = client.commands or (0, "")
+        _, kind = client.commands or (b"", "")
         try:
             message: Any = stream.types.deserialize_cdr(data, f"geometry_msgs/msg/{kind}")
         except Exception as error:
@@ -210,40 +211,51 @@ class Channels:
     def _take(self, client: Client, message: str | bytes) -> None:
         """Take a message of a client; a malformed one changes nothing."""
         if isinstance(message, bytes):
-            if client.commands and message[:5] == struct.pack("<BI", DATA, client.commands[0]):
+            if client.commands and message[:5] == client.commands[0]:
                 client.command = message[5:]
             return
-        try:
-            asked = json.loads(message)
-            if asked["op"] == "subscribe":
-                for each in asked["subscriptions"]:
-                    self._subscribe(client, int(each["id"]), int(each["channelId"]))
-            elif asked["op"] == "unsubscribe":
-                gone = {int(each) for each in asked["subscriptionIds"]}
-                kept = {k: n for k, n in client.subscriptions.items() if n not in gone}
-                client.subscriptions = kept
-            elif asked["op"] == "advertise":
-                for each in asked["channels"]:
-                    if each["topic"].strip("/") == "cmd_vel":
-                        stamped = each["schemaName"].endswith("Stamped")
-                        client.commands = int(each["id"]), "TwistStamped" if stamped else "Twist"
-        except (
-            ArithmeticError,
+        works = {
+            "subscribe": self._subscribe,
+            "unsubscribe": self._unsubscribe,
+            "advertise": self._advertised,
+        }
+        with contextlib.suppress(
             AttributeError,
             LookupError,
+            OverflowError,
             RecursionError,
+            struct.error,
             TypeError,
             ValueError,
         ):
-            return
+            asked = json.loads(message)
+            works[asked["op"]](client, asked)
 
-    def _subscribe(self, client: Client, subscription: int, number: int) -> None:
+    def _subscribe(self, client: Client, asked: Any) -> None:
         """Send from now on what is published, and now what late subscribers get."""
-        if number in self._numbers.values() and number not in client.subscriptions:
+        for each in asked["subscriptions"]:
+            number = int(each["channelId"])
+            subscription = int(each["id"])
+            if number not in self._numbers.values() or number in client.subscriptions:
+                continue
+            header = struct.pack("<BI", DATA, subscription)
             client.subscriptions[number] = subscription
             if number in self._latched:
                 time, data = self._latched[number]
-                client.send(struct.pack("<BIQ", DATA, subscription, time) + data)
+                client.send(header + struct.pack("<Q", time) + data)
+
+    def _unsubscribe(self, client: Client, asked: Any) -> None:
+        gone = {int(each) for each in asked["subscriptionIds"]}
+        kept = {k: n for k, n in client.subscriptions.items() if n not in gone}
+        client.subscriptions = kept
+
+    def _advertised(self, client: Client, asked: Any) -> None:
+        """Remember the channel in which a client commands the robot."""
+        for each in asked["channels"]:
+            if each["topic"].strip("/") == "cmd_vel":
+                stamped = each["schemaName"].endswith("Stamped")
+                number = struct.pack("<BI", DATA, int(each["id"]))
+                client.commands = number, "TwistStamped" if stamped else "Twist"
 
 
 def serve_foxglove(

@@ -15,7 +15,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, check_names, expect, missing_extra
 from lrf3d.base.interrupts import asked
-from lrf3d.geometry.lines import is_finite, number, whole_number
+from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.geometry.pose import Pose, as_pose, between
 from lrf3d.laser import Stamp
 from lrf3d.mapping.tracking import ObjectTracker
@@ -204,7 +204,7 @@ class DrivenRobot:
             yield self._imu, imu
         speed = [robot.speed, robot.turning]
         belief = robot.belief
-        sure = (None, None)
+        sure: tuple[Float | None, Float | None] = (None, None)
         if belief is not None:
             twist = np.array([robot.speed, 0.0, robot.turning])
             sure = belief.covariance, belief.twist_covariance(twist, self.tick)

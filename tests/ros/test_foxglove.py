@@ -81,7 +81,7 @@ def test_a_client_gets_the_topics_and_drives_the_robot(server):
     assert len({*positions}) >= 3
     assert wanted_topics <= {*seen}
     assert seen["/scan"] == "sensor_msgs/msg/LaserScan"
-    assert said[0][0] == "warning" and "cannot be read" in said[0][1]
+    assert any("cannot be read" in line for _, line in said)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_pages_of_other_sites_may_not_connect(server, origin, allowed):
     else:
         with pytest.raises(InvalidStatus, match="403"):
             connect(address, **wanted).close()
-        assert origin in said[0][1]
+        assert any(origin in line for _, line in said)
 
 
 def test_a_flooding_client_is_cut_off_and_others_are_served(server):
@@ -114,7 +114,7 @@ def test_a_flooding_client_is_cut_off_and_others_are_served(server):
             '{"op": 3}',
             "[",
             "{}",
-            '{"op": "subscribe", "subscriptions": [{"id": -1}]}',
+            '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}',
             b"",
             b"\1",
         )
