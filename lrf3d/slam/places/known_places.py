@@ -55,7 +55,7 @@ APART = 1.0
 TURNED = 0.3
 
 
-class Place(NamedTuple):
+class Fit(NamedTuple):
     """A pose (3,) on a map, and its score: the mean log likelihood of the hits there."""
 
     pose: Float
@@ -154,7 +154,7 @@ class KnownPlaces:
         rows, columns = np.nonzero(free[::stride, ::stride])
         return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
 
-    def search(self, hits: Records) -> list[Place]:
+    def search(self, hits: Records) -> list[Fit]:
         """The places on the whole map where hits fit best, the best first.
 
         The robot is where the map is free, and the hits are in its frame.
@@ -163,11 +163,25 @@ class KnownPlaces:
         near = distinct(self.climbed(self._peaks(few), few))[:MOST_PLACES]
         return distinct(self.climbed(np.array([each.pose for each in near]), hits)) if near else []
 
-    def climbed(self, guesses: Float, hits: Records) -> list[Place]:
+    def climbed(self, guesses: Float, hits: Records) -> list[Fit]:
         """The places (k,) to which the score of hits leads from guesses (k, 3)."""
         local = between(self.origin, guesses)
         poses, scores = climbed(local, hits, self._scores, self.side)
-        return [*map(Place, compose(self.origin, poses), scores.tolist())]
+        return [*map(Fit, compose(self.origin, poses), scores.tolist())]
+
+    def explained(self, pose: Float, hits: Records) -> float:
+        """The share of hits at a pose (3,) that lie at walls, of those in cells that are known."""
+        at = between(self.origin, pose)
+        walls, known = (mean_score(at, hits, cells, self.side) for cells in self._shares)
+        return walls / known if known > 0.0 else 0.0
+
+    @cached_property
+    def _shares(self) -> tuple[Likelihood, Likelihood]:
+        """Cells at walls, and those that are known, as 1 among 0."""
+        near = 0.2  # Distance [m] up to which a hit is at a wall.
+        known = self.free | self.occupied
+        walls = known & (self._distance < near)
+        return np.pad(walls, 1).astype(np.float32), np.pad(known, 1).astype(np.float32)
 
     def fits(self, pose: Float, hits: Records) -> bool:
         """Whether hits fit at a pose (3,) better than at any of some poses all over the map."""
@@ -214,9 +228,9 @@ class KnownPlaces:
         return compose(self.origin, np.array(peaks).reshape(-1, 3))
 
 
-def distinct(places: list[Place]) -> list[Place]:
+def distinct(places: list[Fit]) -> list[Fit]:
     """The places that are not the same as a better one, the best first."""
-    found: list[Place] = []
+    found: list[Fit] = []
     for place in sorted(places, key=lambda each: -each.score):
         if not any(is_same(place.pose, each.pose) for each in found):
             found.append(place)
