@@ -29,6 +29,7 @@ from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.simulation.tables import (
     TABLES,
+    as_drive,
     lasers_with_noise,
     motion_sensors,
     read_file,
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from lrf3d.simulation.mappers import Mapper
     from lrf3d.simulation.run import Run
     from lrf3d.simulation.sensor import Caster
-    from lrf3d.simulation.steering import Controller
+    from lrf3d.simulation.steering import Controller, Robot
 
 # Time between two scans [s] at single poses: a film shows each for some seconds.
 POSE_INTERVAL = 4.0
@@ -83,6 +84,7 @@ class Scenario(Value):
         further: The other lasers, each with its noise.
         odometry: The errors of the wheels, if odometry is to be measured.
         imu: The errors of the IMU, if the robot has one.
+        robot: How it moves by the commands of a controller, or live; a Unicycle if not given.
 
     Examples:
         >>> import lrf3d
@@ -114,6 +116,7 @@ class Scenario(Value):
     further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
     odometry: WheelOdometry | None = None
     imu: Imu | None = None
+    robot: Robot | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -321,6 +324,7 @@ class Scenario(Value):
             scans = whole_number(scans, "scans", most=MOST_SCANS)
             settings = {"start": scenario.beginning, "scan_interval": scenario.scan_interval}
             checks = "raise" if on_collision is None else checks
+            settings["robot"] = scenario.robot
         noises, usual = scenario.measuring(*measured)
         return Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
@@ -430,5 +434,6 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             **sensors,
             film=film,
             name=own_name(file.path, file.world.name),
+            robot=as_drive(**tables["drive"]) if tables["drive"] else None,
             **robot,
         )
