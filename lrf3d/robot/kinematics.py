@@ -173,6 +173,23 @@ class OmniDrive:
         return moved((ahead, left, turn), pose, duration)
 
 
+def able(robot: object, twist: Twist) -> Twist:
+    """What a robot does of a twist that it is asked for: only some drive sideways or turn so fast.
+
+    Examples:
+        >>> from lrf3d.robot.kinematics import AckermannDrive, able
+        >>> able(AckermannDrive(wheelbase=1.0), (0.0, 1.0, 2.0))
+        (0.0, 0.0, 0.0)
+    """
+    ahead, _, turn = twist
+    if isinstance(robot, OmniDrive):
+        return twist
+    if isinstance(robot, AckermannDrive):
+        most = abs(ahead) * math.tan(robot.most) / robot.wheelbase
+        turn = min(max(turn, -most), most)
+    return ahead, 0.0, turn
+
+
 def finite(name: str, *command: float) -> None:
     """Check that a command that comes from outside is finite numbers."""
     if not is_finite(*command):

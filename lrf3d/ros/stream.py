@@ -22,6 +22,7 @@ from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
 from lrf3d.messages.robot_model import urdf, wheels_of
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
+from lrf3d.robot import OmniDrive
 from lrf3d.robot.odometry import WheelOdometry, twist_of
 from lrf3d.simulation.live import LiveRobot, live_fleet
 from lrf3d.simulation.loop import line_mapper
@@ -52,7 +53,7 @@ PACE_CHECKED_EVERY = 2.0
 FULL_SPEED = 0.97
 
 # The command of a robot at rest.
-REST = (0.0, 0.0)
+REST = (0.0, 0.0, 0.0)
 
 # Reports a message at a level: ``info``, ``warning`` or ``error``.
 Say = Callable[[str, str], None]
@@ -266,10 +267,11 @@ class DrivenRobot:
         if not is_finite(speed, turning, sideways):
             self._stop(f"command ({speed:g}, {turning:g}): not finite; the robot stops")
             return
-        if sideways:
+        if sideways and not isinstance(self.robot.moves, OmniDrive):
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
-        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
-        self.held = speed, turning
+        asked = (speed, turning, sideways)
+        speed, turning, sideways = (max(-FASTEST, min(FASTEST, float(each))) for each in asked)
+        self.held = speed, turning, sideways
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
     def _stop(self, why: str) -> None:

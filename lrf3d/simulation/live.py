@@ -15,6 +15,7 @@ from lrf3d.geometry.lines import Float, generator
 from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.robot import Trajectory
+from lrf3d.robot.kinematics import able
 from lrf3d.robot.odometry import InertialUnit, OdometryBelief, WheelOdometry
 from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
@@ -40,6 +41,8 @@ class LiveRobot(Driven):
     ) -> None:
         self._crowd = Crowd(scenario.obstacles) if crowd is None else crowd
         self.wheels = wheels
+        # How it moves.
+        self.moves = scenario.robot
         self._imu = scenario.imu
         self._rng = generator(rng)
         self._streams = motion_streams(self._rng, wheels, scenario.imu)
@@ -103,10 +106,10 @@ class LiveRobot(Driven):
     def _restart_imu(self) -> None:
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._streams[1])
 
-    def drive(self, seconds: float, speed: float, turning: float) -> None:
+    def drive(self, seconds: float, speed: float, turning: float, sideways: float = 0.0) -> None:
         """Drive an exact arc for a time, and rest where the body touches something."""
         last = self.pose
-        self.hold((speed, 0.0, turning), seconds)
+        self.hold(able(self.moves, (speed, sideways, turning)), seconds)
         if self.wheels is None or self.belief is None:
             moved = self._carried_by
             self.odometry = self.pose if moved is None else moved @ self.pose
@@ -124,10 +127,11 @@ class LiveRobot(Driven):
             for sensor in self._sensors
         )
 
-    def show(self, speed: float, turning: float) -> None:
+    def show(self, speed: float, turning: float, sideways: float = 0.0) -> None:
         """Show the other robots of a fleet where this one is, and how it drives from now on."""
         if self._crowd.own >= 0:
-            held = move_of(self.time, self.pose, (speed, 0.0, turning))
+            twist = able(self.moves, (speed, sideways, turning))
+            held = move_of(self.time, self.pose, twist)
             self._crowd.hold(held, self._crowd.own)
 
     def imu(self) -> Float:

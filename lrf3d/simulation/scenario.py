@@ -29,6 +29,7 @@ from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.simulation.tables import (
     TABLES,
+    as_drive,
     lasers_with_noise,
     motion_sensors,
     read_file,
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from lrf3d.simulation.mappers import Mapper
     from lrf3d.simulation.run import Run
     from lrf3d.simulation.sensor import Caster
-    from lrf3d.simulation.steering import Controller
+    from lrf3d.simulation.steering import Controller, Robot
 
 # Time between two scans [s] at single poses: a film shows each for some seconds.
 POSE_INTERVAL = 4.0
@@ -85,6 +86,7 @@ class Scenario(Value):
         imu: The errors of the IMU, if the robot has one.
         lidars: Its lidars, with the noise of the first laser.
         depth_cameras: Its depth cameras.
+        robot: How it moves by the commands of a controller, or live; a Unicycle if not given.
 
     Examples:
         >>> import lrf3d
@@ -118,6 +120,7 @@ class Scenario(Value):
     imu: Imu | None = None
     lidars: tuple[Lidar, ...] = ()
     depth_cameras: tuple[DepthCamera, ...] = ()
+    robot: Robot | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -325,6 +328,7 @@ class Scenario(Value):
             scans = whole_number(scans, "scans", most=MOST_SCANS)
             settings = {"start": scenario.beginning, "scan_interval": scenario.scan_interval}
             checks = "raise" if on_collision is None else checks
+            settings["robot"] = scenario.robot
         noises, usual = scenario.measuring(*measured)
         return Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
@@ -437,5 +441,6 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             lidars=file.tables.get("lidar", ()),
             depth_cameras=file.tables.get("depth_camera", ()),
             name=own_name(file.path, file.world.name),
+            robot=as_drive(**tables["drive"]) if tables["drive"] else None,
             **robot,
         )

@@ -10,18 +10,19 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, each_of, shown
-from lrf3d.geometry.lines import is_finite, number, whole_number
+from lrf3d.geometry.lines import Radians, is_finite, number, whole_number
 from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
 from lrf3d.laser.lidar import mounted
 from lrf3d.laser.noise import SIGMA
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping.mapper import LineMapper
+from lrf3d.robot import AckermannDrive, DifferentialDrive, OmniDrive, Unicycle
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.world import schema
 from lrf3d.world.cameras import FilmPlan
@@ -51,6 +52,30 @@ def noise_of(lrf: LaserRangeFinder, **errors: Any) -> Noise:
     return imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
 
 
+# The drives that a robot may have.
+DRIVES = ("unicycle", "differential", "ackermann", "omni")
+
+
+def drive_of(
+    kind: Annotated[str, DRIVES] = "unicycle",
+    track: float = 0.5,
+    wheel_radius: float = 1.0,
+    wheelbase: float = 1.0,
+    steering: Radians = math.pi / 4,
+) -> Any:
+    """How the robot of a table moves."""
+    if kind == "differential":
+        return DifferentialDrive(track, wheel_radius)
+    if kind == "ackermann":
+        return AckermannDrive(wheelbase, steering)
+    return OmniDrive() if kind == "omni" else Unicycle()
+
+
+def as_drive(steering_deg: float = 45.0, **values: Any) -> Any:
+    """How the robot of a table moves, whose angle is in degrees."""
+    return drive_of(steering=math.radians(steering_deg), **values)
+
+
 # The keys of the table of the robot.
 ROBOT: Mapping[str, Converter] = {
     "start": poses(row("x", "y", "degrees")),
@@ -63,6 +88,7 @@ ROBOT: Mapping[str, Converter] = {
 # What checks the values of each table, in the order in which tables are checked.
 TABLES: Mapping[str, Callable[..., object]] = {
     "robot": dict,
+    "drive": as_drive,
     "laser": lambda noise=None, **values: noise_of(laser_of(**values), **(noise or {})),
     "noise": lambda **values: noise_of(LaserRangeFinder(), **values),
     "odometry": WheelOdometry,
@@ -123,7 +149,7 @@ def keys_of_table(name: str) -> Mapping[str, Converter]:
         keys: dict[str, Converter] = dict.fromkeys((key for kind in NOISES for key in kind), number)
         # Of several standard deviations the maps are compared.
         return {**keys, "sigma": several(number, "sigmas", alone=True)}
-    keys = schema.keys_of(TABLES[name])
+    keys = schema.keys_of(drive_of if name == "drive" else TABLES[name])
     if name == "mapper":
         # It is that of the noise.
         del keys["sigma"]

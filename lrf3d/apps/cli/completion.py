@@ -27,11 +27,11 @@ complete -o default -F _lrf3d lrf3d
 
 def completion(_: None, args: Namespace, console: Console) -> None:
     """Print a script that lets a shell complete commands, options and choices."""
-    options = {name: [each for _, row in lists(name) for each in row] for name in COMMANDS}
+    options = {name: [each for _title, row in lists(name) for each in row] for name in COMMANDS}
     groups = dict[str, list[str]]()
     for name in COMMANDS:
-        first, _, second = name.partition(" ")
-        groups.setdefault(first, []).extend([second] if second else [])
+        first, *second = name.split(" ")
+        groups.setdefault(first, []).extend(second)
     # Commands of a group stand before the group, whose name they begin with.
     words = {
         name: [flag for each in found for flag in each.names if flag[:2] == "--"]
