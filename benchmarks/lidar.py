@@ -52,7 +52,9 @@ SENSORS: dict[str, tuple[Lidar | DepthCamera, tuple[str, ...]]] = {
 
 def scene_of(world: World, floor: float) -> tuple[Callable[[Float, Float], Float], Any]:
     """What casts prepared rays among the walls and the floor around them [m], by bare Embree."""
-    (x0, y0), (x1, y1) = world.bounds + [[-floor], [floor]]
+    low, high = world.bounds
+    x0, y0 = low - floor
+    x1, y1 = high + floor
     corners = [[[x0, y0, 0], [x1, y0, 0], [x1, y1, 0]], [[x0, y0, 0], [x1, y1, 0], [x0, y1, 0]]]
     halves = upright(world)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
     triangles = np.concatenate([halves, np.array(corners, float)]) - [*world.origin, 0.0]
@@ -73,9 +75,7 @@ def bench(
             given = load_world(world)
             bare = World(given.segments, given.objects, given.heights, world)
             compare(report, name, sensor, bare, PLACES[world], seconds)
-    report.notes.append(
-        "wrong: of all beams, those off by over 1 cm, or with a return where there is none"
-    )
+    report.notes.append("wrong: of all beams, off by over 1 cm, or a return where there is none")
     return report
 
 
