@@ -16,8 +16,10 @@ from lrf3d.base.interrupts import asked
 from lrf3d.geometry.lines import is_finite, number, whole_number
 from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import Stamp
+from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
+from lrf3d.messages.clouds import cloud_messages, cloud_topics, mount_transforms
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
 from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.simulation.live import LiveRobot, live_fleet
@@ -143,6 +145,11 @@ class DrivenRobot:
         self._lines = Topic(f"{prefix}map_objects", MARKERS, depth=1, latched=True)
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
+        self.sensors = CloudSensors.of(scenario.lidars, scenario.depth_cameras, scenario.noise)
+        self._clouds = {
+            name: Topic(prefix + name, kind) for name, kind in cloud_topics(self.sensors).items()
+        }
+        self.topics += self._clouds.values()
         # Frames, pose and height [m] of the lasers.
         self.mounts = [
             (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
@@ -173,6 +180,8 @@ class DrivenRobot:
         scans = robot.scans()
         for topic, scan in zip(self._scans, scans, strict=True):
             yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
+        for name, fields in cloud_messages(*robot.clouds(), stamp, prefix):
+            yield self._clouds[name], fields
         if self._mapper is None:
             return
         self._mapper.update(scans)
@@ -299,7 +308,10 @@ class Stream:
     def first(self) -> Messages:
         """What is published once: where lasers are mounted, and the map where it is given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
-        yield FIXED, {"transforms": [ros.transform(self.stamp, *mount) for mount in mounts]}
+        fixed = [ros.transform(self.stamp, *mount) for mount in mounts]
+        for robot in self.robots:
+            fixed += mount_transforms(robot.sensors, self.stamp, robot.prefix)
+        yield FIXED, {"transforms": fixed}
         if GRID in self.topics:
             world = self.scenario.world
             yield GRID, ros.occupancy_grid(world, FINEST_CELL, self.stamp, Path(world.name))

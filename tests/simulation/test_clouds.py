@@ -8,6 +8,7 @@ import pytest
 
 import lrf3d
 from lrf3d.laser import Chain, ConstantNoise, DropOuts
+from lrf3d.messages import clouds
 
 SCENE = """
 [[object]]
@@ -127,3 +128,29 @@ def test_wrong_tables_are_one_line(tmp_path: Path, old: str, new: str, message: 
     path.write_text(SCENE.replace(old, new, 1))
     with pytest.raises(lrf3d.InputError, match=message):
         lrf3d.load_scenario(path)
+
+
+def test_clouds_go_into_bags_and_live_topics(scene: Any, tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    from lrf3d.ros.stream import Settings, Stream
+
+    run = scene.run(rng=0, scans=2)
+    lrf3d.export_run(run, "rosbag2", tmp_path / "bag")
+    found: dict[str, Any] = {}
+    with AnyReader([tmp_path / "bag"]) as reader:
+        for connection, _, data in reader.messages():
+            found.setdefault(connection.topic, reader.deserialize(data, connection.msgtype))
+    cloud = found["/lidar/points"]
+    rows = np.frombuffer(cloud.data.tobytes(), clouds.POINT)
+    scan = run.lidar(0)
+    assert cloud.width == len(rows) == scan.hits.sum()
+    np.testing.assert_array_equal(rows["ring"], scan.rings)
+    depth = found["/camera/depth/image_raw"].data.view("<f4").reshape(12, 16)
+    np.testing.assert_allclose(depth, run.depth(0).depth, rtol=1e-6)
+    stream = Stream(scene, Settings(), say=lambda level, text: None)
+    sent = {topic.name: fields for topic, fields in [*stream.first(), *stream.tick()]}
+    assert {topic.name for topic in stream.topics} >= set(sent)
+    assert sent["lidar/points"]["width"] == stream.robots[0].robot.clouds()[0].__next__().hits.sum()
+    frames = {each["child_frame_id"] for each in sent["tf_static"]["transforms"]}
+    assert frames == {"laser", "lidar", "camera", "camera_optical"}
