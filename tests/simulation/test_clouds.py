@@ -54,7 +54,8 @@ def test_a_run_casts_again_what_its_steps_measured(scene: Any, tmp_path: Path) -
         assert again.lidar(index).ranges.tobytes() == scan.ranges.tobytes()
         assert again.depth(index).depth.tobytes() == image.depth.tobytes()
     true = again.lidar(4, noisy=False)
-    assert 0.0 < np.abs(true.ranges - measured[4][0].ranges)[measured[4][0].hits].max() < 0.1
+    kept = measured[4][0].hits
+    assert 0.0 < np.abs(true.ranges[kept] - measured[4][0].ranges[kept]).max() < 0.1
     assert again.part(np.array([4])).lidar(0).ranges.tobytes() == measured[4][0].ranges.tobytes()
 
 
@@ -64,8 +65,8 @@ def test_scans_of_lasers_do_not_depend_on_lidars(scene: Any) -> None:
 
 
 def test_a_rolling_lidar_sees_walls_from_where_each_column_was(scene: Any) -> None:
-    scan = scene.run(rng=1, sigma=0.0).lidar(3)
-    assert scan.motion is not None
+    scan = scene.run(rng=1, sigma=0.0).lidar(1)
+    assert scan.motion is not None and scan.motion[0] > 0.05 and not scan.motion[1:].any()
     lrf = scan.lidar.planar
     moved = scan.motion[0] * np.linspace(0.0, 1.0, lrf.beams)
     ahead = np.abs(lrf.angles) < 0.3
