@@ -5,7 +5,8 @@ its rays prepared beforehand, in turns. All beams of both are compared with thos
 by one in float64 at the triangles of the walls; the tests compare with rational numbers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from time import process_time
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from benchmarks.report import Report
-from benchmarks.timing import take_turns
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry.lines import Float
 from lrf3d.laser import DepthCamera, Lidar
@@ -52,7 +52,9 @@ SENSORS: dict[str, tuple[Lidar | DepthCamera, tuple[str, ...]]] = {
 
 def scene_of(world: World, floor: float) -> tuple[Callable[[Float, Float], Float], Any]:
     """What casts prepared rays among the walls and the floor around them [m], by bare Embree."""
-    (x0, y0), (x1, y1) = world.bounds + [[-floor], [floor]]
+    low, high = world.bounds
+    x0, y0 = low - floor
+    x1, y1 = high + floor
     corners = [[[x0, y0, 0], [x1, y0, 0], [x1, y1, 0]], [[x0, y0, 0], [x1, y1, 0], [x0, y1, 0]]]
     halves = upright(world)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
     triangles = np.concatenate([halves, np.array(corners, float)]) - [*world.origin, 0.0]
@@ -73,9 +75,7 @@ def bench(
             given = load_world(world)
             bare = World(given.segments, given.objects, given.heights, world)
             compare(report, name, sensor, bare, PLACES[world], seconds)
-    report.notes.append(
-        "wrong: of all beams, those off by over 1 cm, or with a return where there is none"
-    )
+    report.notes.append("wrong: of all beams, off by over 1 cm, or a return where there is none")
     return report
 
 
@@ -91,10 +91,7 @@ def compare(
     ways = beams.astype(np.float32)
     place = np.array([*pose[:2], sensor.mount[2]])
     origins = np.tile((place - [*world.origin, 0.0]).astype(np.float32), (len(ways), 1))
-    timed = take_turns(
-        {"ours": lambda _: cast(sensor, pose), "embree": lambda _: run(origins, ways)},  # type: ignore[arg-type]
-        seconds=seconds,
-    )
+    ours_s, embree_s = in_turns([lambda: cast(sensor, pose), lambda: run(origins, ways)], seconds)  # type: ignore[arg-type]
     found: Any = cast(sensor, pose)  # type: ignore[arg-type]
     ours = (found.ranges if isinstance(sensor, Lidar) else found.depth).ravel()
     theirs = np.asarray(run(origins, ways), dtype=np.float64)
@@ -110,14 +107,26 @@ def compare(
         sensor=name,
         world=world.name,
         walls=len(world.segments),
-        ours_s=timed["ours"].low,
-        embree_s=timed["embree"].low,
-        ratio=timed["embree"].low / timed["ours"].low,
+        ours_s=ours_s,
+        embree_s=embree_s,
+        ratio=embree_s / ours_s,
         wrong=int(wrong(ours, true).sum()),
         worst_m=float(np.abs(ours[both] - true[both]).max()),
         embree_wrong=int(wrong(theirs, true).sum()),
     )
     del kept
+
+
+def in_turns(calls: Sequence[Callable[[], object]], seconds: float) -> list[float]:
+    """Medians of the CPU time of calls that take turns [s]: others do not count."""
+    spent: list[list[float]] = [[] for _ in calls]
+    end = process_time() + seconds
+    while len(spent[0]) < 5 or process_time() < end:
+        for call, own in zip(calls, spent, strict=True):
+            begin = process_time()
+            call()
+            own.append(process_time() - begin)
+    return [float(np.median(own)) for own in spent]
 
 
 def wrong(ranges: Float, others: Float) -> Any:

@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -227,13 +228,16 @@ class PlanarCaster:
         chosen = (walls >= 0) & turning[self.world.objects[walls]]
         origin = (pose.x, pose.y, lidar.mount[2])
         beams = lidar.directions(pose)[chosen]
-        lit = self.lighting.light_layers(lidar.planar, self.tree(-np.inf), origin, beams[None])
-        found = lit.ranges[0]
+        # One layer of just these beams.
+        lrf = replace(lidar.planar, beams=max(len(beams), 1))
+        directions = beams[None] if len(beams) else np.empty((0, 1, 3))
+        lit = self.lighting.light_layers(lrf, self.tree(-np.inf), origin, directions)
+        found = lit.ranges.ravel()
         # Upright mirrors leave the way down to the floor as long as it is.
         floor = np.where(beams[:, 2] < 0.0, -origin[2] / np.minimum(beams[:, 2], -TINY), np.inf)
         lower = (floor < found) & (floor <= lidar.range_max)
         ranges[chosen] = np.where(lower, floor, found)
-        walls[chosen] = np.where(lower | ~np.isfinite(found), -1, lit.walls[0])
+        walls[chosen] = np.where(lower | ~np.isfinite(found), -1, lit.walls.ravel())
         if lidar.is_level:
             level = self.cast(lidar.planar, pose)
             ranges[lidar.slopes == 0.0] = level.ranges

@@ -5,6 +5,7 @@ with the same decisions for its float64 direction. Behind mirrors and glass, and
 are cast in float64. The floor is z = 0.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from sys import getrefcount
@@ -223,12 +224,16 @@ def cast_depth(
     """Depths and walls (height, width) of a depth camera at a pose (3,)."""
     z = camera.mount[2]
     standing = walls.standing(pose, z)
-    beams = camera.directions(pose)
     if camera.is_level:
+        # Those of any row: a picture of directions would take longer than its depths.
+        theta = float(pose[2])
+        ahead, left = turn(np.ones(camera.width), camera.lefts, math.cos(theta), math.sin(theta))
+        beams = np.column_stack([ahead, left])
         layers = Layered.of(camera.slopes[None, ::-1], np.ones(camera.height), camera)
-        rays = rays_along(pose, beams[0], moment.time)
+        rays = rays_along(pose, beams, moment.time)
         depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
         return depth.T[::-1], hits.T[::-1]
+    beams = camera.directions(pose)
     flat = beams.reshape(-1, 3)
     layers = Layered.of(flat[:, 2:], np.ones(1), camera)
     rays = rays_along(pose, flat, moment.time)
@@ -246,7 +251,7 @@ def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
 
 
 def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:
-    """Rays (n,) in the plane from a pose, or the columns x, y of some, along beams (n, 3)."""
+    """Rays (n,) in the plane from a pose, or the columns x, y of some, along beams (n, 2 or 3)."""
     rays = np.zeros(len(beams), RAY)
     rays["x"] = pose[0]
     rays["y"] = pose[1]

@@ -95,12 +95,14 @@ class DepthCamera(Value):
     @cached_property
     def lefts(self) -> Float:
         """How far (width,) the columns lie to the left at depth 1."""
-        return sealed((0.5 * (self.width - 1) - np.arange(self.width)) / self.focal_length)
+        columns = np.arange(self.width, dtype=np.float64)
+        return sealed((0.5 * (self.width - 1) - columns) / self.focal_length)
 
     @cached_property
     def slopes(self) -> Float:
         """How far (height,) the rows lie up at depth 1, from the top row on down."""
-        return sealed((0.5 * (self.height - 1) - np.arange(self.height)) / self.focal_length)
+        rows = np.arange(self.height, dtype=np.float64)
+        return sealed((0.5 * (self.height - 1) - rows) / self.focal_length)
 
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Vectors (height, width, 3) in the world to depth 1, for the camera at a pose."""

@@ -231,7 +231,7 @@ class LidarScan(Value):
     @property
     def times(self) -> Float:
         """The time (m,) of each of the points, since the first column [s]."""
-        return self.lidar.planar.time_increment * np.nonzero(self.hits)[1]
+        return self.lidar.planar.time_increment * np.nonzero(self.hits)[1].astype(np.float64)
 
     def points(self, *, local: bool = False) -> Float:
         """Reflection points (m, 3) [m], layer by layer, in the world, or in the lidar's own frame.

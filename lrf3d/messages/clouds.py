@@ -1,6 +1,6 @@
 """Clouds and depth pictures as ROS 2 messages, and as records of points."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import cos, sin
 from typing import Any
 
@@ -10,7 +10,6 @@ from lrf3d.geometry.lines import Records
 from lrf3d.laser import DepthCamera, DepthImage, LidarScan, Stamp
 from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.messages.ros import BASE, Fields, header_fields, place
-from lrf3d.simulation.run import Run
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 IMAGE = "sensor_msgs/msg/Image"
@@ -95,18 +94,27 @@ def camera_info(camera: DepthCamera, stamp: Stamp, frame: str) -> Fields:
     }
 
 
-def cloud_messages(run: Run, index: int, stamp: Stamp) -> Iterator[tuple[str, Stamp, Fields]]:
-    """The messages of the lidars and depth cameras of a run at a scan, with their topics."""
-    sensors = run.cloud_sensors
-    for number, lidar in enumerate(sensors.lidars):
-        scan = run.lidar(index, number=number)
-        yield f"/{lidar.name}/points", stamp, point_cloud(scan, stamp, lidar.name)
-    for number, camera in enumerate(sensors.depth_cameras):
-        frame = optical(camera.name)
-        image = depth_image(run.depth(index, number=number), stamp, frame)
-        yield f"/{camera.name}/depth/image_raw", stamp, image
-        info = camera_info(camera, stamp, frame)
-        yield f"/{camera.name}/depth/camera_info", stamp, info
+def cloud_topics(sensors: CloudSensors) -> dict[str, str]:
+    """The topics of sensors, without a namespace, and their types."""
+    found = {f"{lidar.name}/points": CLOUD for lidar in sensors.lidars}
+    for camera in sensors.depth_cameras:
+        found[f"{camera.name}/depth/image_raw"] = IMAGE
+        found[f"{camera.name}/depth/camera_info"] = CAMERA
+    return found
+
+
+def cloud_messages(
+    scans: Iterable[LidarScan], images: Iterable[DepthImage], stamp: Stamp, prefix: str = ""
+) -> Iterator[tuple[str, Fields]]:
+    """The messages of scans and pictures with their topics, in frames with a prefix."""
+    for scan in scans:
+        name = scan.lidar.name
+        yield f"{name}/points", point_cloud(scan, stamp, prefix + name)
+    for image in images:
+        camera = image.camera
+        frame = optical(prefix + camera.name)
+        yield f"{camera.name}/depth/image_raw", depth_image(image, stamp, frame)
+        yield f"{camera.name}/depth/camera_info", camera_info(camera, stamp, frame)
 
 
 def mount_transforms(sensors: CloudSensors, stamp: Stamp, prefix: str = "") -> list[Fields]:

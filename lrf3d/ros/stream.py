@@ -18,9 +18,11 @@ from lrf3d.base.interrupts import asked
 from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.geometry.pose import Pose, as_pose, between
 from lrf3d.laser import Stamp
+from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
 from lrf3d.messages.robot_model import urdf, wheels_of
+from lrf3d.messages.clouds import cloud_messages, cloud_topics, mount_transforms
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
 from lrf3d.robot import OmniDrive
 from lrf3d.robot.odometry import WheelOdometry, twist_of
@@ -165,6 +167,11 @@ class DrivenRobot:
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
         self.topics += [self._model, self._begins, self._joints]
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
+        self.sensors = CloudSensors.of(scenario.lidars, scenario.depth_cameras, scenario.noise)
+        self._clouds = {
+            name: Topic(prefix + name, kind) for name, kind in cloud_topics(self.sensors).items()
+        }
+        self.topics += self._clouds.values()
         # Variances of the gyro and of the accelerometers.
         self._variances = (0.0, 0.0) if scenario.imu is None else scenario.imu.variances
         # The wheels, and how far they have turned [rad].
@@ -228,6 +235,8 @@ class DrivenRobot:
         scans = robot.scans()
         for topic, scan in zip(self._scans, scans, strict=True):
             yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
+        for name, fields in cloud_messages(*robot.clouds(), stamp, prefix):
+            yield self._clouds[name], fields
         if self._mapper is None:
             return
         self._mapper.update(scans)
@@ -382,7 +391,10 @@ class Stream:
     def first(self) -> Messages:
         """What is published once: robots, where lasers are mounted, and the map if it is given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
-        yield FIXED, {"transforms": [ros.transform(self.stamp, *mount) for mount in mounts]}
+        fixed = [ros.transform(self.stamp, *mount) for mount in mounts]
+        for robot in self.robots:
+            fixed += mount_transforms(robot.sensors, self.stamp, robot.prefix)
+        yield FIXED, {"transforms": fixed}
         for robot in self.robots:
             yield from robot.first(self.stamp)
         if GRID in self.topics:

@@ -4,6 +4,7 @@ A scenario and commands enter; true poses, odometry and scans leave. The page an
 ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,12 @@ from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.geometry.lines import Float, generator
 from lrf3d.geometry.pose import Pose, between, compose
-from lrf3d.laser import LaserScan
+from lrf3d.laser import DepthImage, LaserScan, LidarScan
+from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.robot import Trajectory
 from lrf3d.robot.kinematics import able
 from lrf3d.robot.odometry import InertialUnit, OdometryBelief, WheelOdometry
+from lrf3d.simulation.clouds import Clouds
 from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
 from lrf3d.simulation.loop import motion_streams
@@ -67,7 +70,21 @@ class LiveRobot(Driven):
             )
             for lrf, noise in lasers
         ]
+        still = [replace(lidar, scan_duration=0.0) for lidar in scenario.lidars]
+        sensors = CloudSensors.of(still, scenario.depth_cameras, scenario.noise)
+        if [*sensors]:
+            sensors = replace(sensors, seed=int(self._rng.spawn(1)[0].integers(1 << 62)))
+        self._clouds = Clouds(scenario.world, sensors, self._crowd)
         self._restart_imu()
+
+    def clouds(self) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """Measure with each lidar and each depth camera from where the robot is now."""
+        sensors = self._clouds.sensors
+        place = np.array(self.pose), self.time
+        return (
+            (self._clouds.lidar(k, *place, None) for k in range(len(sensors.lidars))),
+            (self._clouds.depth(k, *place) for k in range(len(sensors.depth_cameras))),
+        )
 
     @property
     def speed(self) -> float:

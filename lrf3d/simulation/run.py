@@ -306,6 +306,15 @@ class Run(Value, Pictured):
         """The scans of the first lidar, one by one."""
         return (self.lidar(index) for index in range(len(self)))
 
+    def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """The scans of all lidars and the pictures of all depth cameras with an index from 0."""
+        lidars = range(len(self.cloud_sensors.lidars))
+        cameras = range(len(self.cloud_sensors.depth_cameras))
+        return (
+            (self.lidar(index, number=number) for number in lidars),
+            (self.depth(index, number=number) for number in cameras),
+        )
+
     def _moment(self, index: int) -> tuple[Float, float]:
         """The pose of the robot at a scan, as casters get it, and the time [s]."""
         return self.trajectory.poses[index], float(self.trajectory.times[index])

@@ -115,7 +115,7 @@ def place_of(new: Entry, i: int, eye: Eye, skies: Skylines) -> int:
         return HIDDEN
     entries = skies.entries
     columns = len(skies.counts)
-    count = skies.counts[i]
+    count: int = skies.counts[i]
     mixed = skies.mixed[i] != 0
     for k in range(count):
         entry = entries[k * columns + i]
@@ -133,7 +133,7 @@ def place_exactly(new: Entry, i: int, beam: Beam, eye: Eye, skies: Skylines) -> 
     """Where an entry stands in a skyline, or HIDDEN."""
     entries = skies.entries
     columns = len(skies.counts)
-    count = skies.counts[i]
+    count: int = skies.counts[i]
     for k in range(count):
         entry = entries[k * columns + i]
         if _comes_first(new, entry, beam):
@@ -161,7 +161,7 @@ def put(new: Entry, i: int, place: int, eye: Eye, highest: float, skies: Skyline
     """Enter an entry in its place, and take out what it hides; whether there was room."""
     entries = skies.entries
     columns = len(skies.counts)
-    count = skies.counts[i]
+    count: int = skies.counts[i]
     kept = place
     for k in range(place, count):
         if not _hides(new, entries[k * columns + i], eye, skies.mixed[i] != 0):
@@ -200,7 +200,7 @@ def _comes_first(new: Entry, entry: Any, beam: Beam) -> bool:
     # What comes through the inside of an object has met its top before.
     if (new.exits == EXITS) != (entry.exits == EXITS):
         return new.exits == EXITS
-    return new.row < entry.row
+    return bool(new.row < entry.row)
 
 
 @inner

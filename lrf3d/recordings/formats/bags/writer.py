@@ -120,11 +120,7 @@ def _fill(run: Run, folder: Path) -> None:
         kinds[scan_topic(run, lrf)] = SCAN
         if _is_simulated(run):
             kinds[f"/ground_truth{scan_topic(run, lrf)}"] = beam_truth
-    for lidar in run.cloud_sensors.lidars:
-        kinds[f"/{lidar.name}/points"] = clouds.CLOUD
-    for camera in run.cloud_sensors.depth_cameras:
-        kinds[f"/{camera.name}/depth/image_raw"] = clouds.IMAGE
-        kinds[f"/{camera.name}/depth/camera_info"] = clouds.CAMERA
+    kinds |= {f"/{topic}": kind for topic, kind in clouds.cloud_topics(run.cloud_sensors).items()}
     with bag:
         topics = {
             topic: bag.add_connection(
@@ -203,7 +199,8 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
             yield topic, stamp, scan.as_ros(lrf.name, scan_time=step)
             if simulated:
                 yield f"/ground_truth{topic}", stamp, beam_truth(run, number, laser)
-        yield from clouds.cloud_messages(run, number, stamp)
+        for topic, fields in clouds.cloud_messages(*run.clouds(number), stamp):
+            yield f"/{topic}", stamp, fields
         if mapped and number in snapshots:
             shown = run.maps[snapshots[number]].segments, run.lasting_objects[snapshots[number]]
             yield LINES, stamp, {"markers": [line_marker(*shown, stamp)]}
