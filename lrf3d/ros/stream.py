@@ -21,8 +21,8 @@ from lrf3d.laser import Stamp
 from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
-from lrf3d.messages.robot_model import urdf, wheels_of
 from lrf3d.messages.clouds import cloud_messages, cloud_topics, mount_transforms
+from lrf3d.messages.robot_model import urdf, wheels_of
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
 from lrf3d.robot import OmniDrive
 from lrf3d.robot.odometry import WheelOdometry, twist_of
