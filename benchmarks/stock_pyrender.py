@@ -12,7 +12,7 @@ from lrf3d.geometry.lines import Float
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.buffers import GL, make_current, pyrender
 from lrf3d.studio.scene.bodies import robot_body, world_from_robot
-from lrf3d.studio.scene.cameras import make_camera
+from lrf3d.studio.scene.cameras import chase
 from lrf3d.studio.scene.look import SUN
 from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.structures import Structures
@@ -38,7 +38,7 @@ class StockFilm:
     def __init__(self, run: Run, *, size: tuple[int, int], playback: float) -> None:
         self.timeline = Timeline(run, playback=playback)
         structures = Structures.from_run(run)
-        self._camera = make_camera("chase", self.timeline, structures)
+        self._camera = chase(self.timeline, structures)
         self._size = size
         self._scene = pyrender.Scene(bg_color=(0.6, 0.75, 0.95), ambient_light=(0.45, 0.45, 0.5))
         for mesh in _buildings(structures):

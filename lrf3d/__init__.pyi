@@ -16,8 +16,12 @@ from lrf3d.casting import crosscheck as crosscheck
 from lrf3d.casting.collision import check_drive as check_drive
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle as DynamicObstacle
 from lrf3d.geometry.pose import Pose as Pose
+from lrf3d.laser import DepthCamera as DepthCamera
+from lrf3d.laser import DepthImage as DepthImage
 from lrf3d.laser import LaserRangeFinder as LaserRangeFinder
 from lrf3d.laser import LaserScan as LaserScan
+from lrf3d.laser import Lidar as Lidar
+from lrf3d.laser import LidarScan as LidarScan
 from lrf3d.laser import ProportionalNoise as ProportionalNoise
 from lrf3d.mapping import LineMap as LineMap
 from lrf3d.mapping import LineMapper as LineMapper

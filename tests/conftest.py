@@ -1,12 +1,13 @@
 """What all tests share: what a test needs, and signals as in a program started by hand."""
 
 import functools
+import os
 import signal
 
 import hypothesis
 import pytest
 
-from lrf3d.base import interrupts
+from lrf3d.base import interrupts, isolation
 
 # No test depends on the speed of the machine.
 hypothesis.settings.register_profile("lrf3d", deadline=None)
@@ -20,6 +21,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # programs that tests start.
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, lambda number, where: None)
+
+# Files are read in this process, which spares the start of another and sees what tests replace;
+# what tests the other process sets this to 1.
+os.environ[isolation.FACTOR] = "0"
 
 USUAL = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
 """The handlers of signals before any test."""

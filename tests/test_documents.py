@@ -109,9 +109,29 @@ def test_the_readme_does_what_it_says(workshop):
     assert len(lrf3d.load_map("map.geojson")) > 200
 
 
-def test_every_picture_of_the_readme_is_there():
-    pictures = re.findall(r"\(((?:assets|docs/pictures)/[^)]*)\)", README.read_text())
-    assert pictures and all((ROOT / picture).is_file() for picture in pictures)
+def test_every_picture_shows_in_a_clone():
+    pages = [README, *(ROOT / "docs").rglob("*.md")]
+    linked = [
+        page.parent / picture
+        for page in pages
+        for picture in re.findall(r"!\[[^]]*\]\(([^)]*)\)", page.read_text(encoding="utf-8"))
+    ]
+    assert len(linked) > 30 and [link for link in linked if not link.is_file()] == []
+
+
+def test_the_sample_output_of_the_tour_is_what_the_command_prints(workshop):
+    page = (ROOT / "docs/tour.md").read_text(encoding="utf-8")
+    sample = re.search(r"```text\n(.*?)```", page, re.S)[1].splitlines()
+    done = subprocess.run(
+        [sys.executable, "-m", "lrf3d", "run", "city", "--no-video", "--out", "sample"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    printed = done.stdout.splitlines()
+    # All figures but those of time, and what a run without a film lacks.
+    same = [line for line in printed if line.split()[0] in ("drive", "seen", "map")]
+    assert same == sample[:3] and [line.split()[0] for line in printed] == [
+        line.split()[0] for line in sample
+    ]
 
 
 def test_every_key_of_a_world_file_is_documented():

@@ -1,13 +1,16 @@
 """What is given to a function of the package in a wrong kind is refused by name, in one line."""
 
 import pickle
+import warnings
+from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d import ros, scoring
+from lrf3d import plot, ros, scoring
 
 
 class Odd:
@@ -92,6 +95,29 @@ DOORS = {
     "film's progress": lambda run, wrong: lrf3d.render_video(run, "a.gif", progress=wrong),
     "map_log's progress": lambda run, wrong: lrf3d.map_log("a.log", progress=wrong),
     "sweep's progress": lambda run, wrong: lrf3d.sweep("paper_room", progress=wrong),
+    "masked": lambda run, wrong: lrf3d.World(np.ma.masked_array(ROOM.segments, ROOM.segments == 5)),
+    "save_map free": lambda run, wrong: lrf3d.save_map(run.map, "a.geojson", free=wrong),
+    "load_log format": lambda run, wrong: lrf3d.load_log(DRIVE, format=wrong),
+    "load_log part": lambda run, wrong: lrf3d.load_log(DRIVE, part=wrong),
+    "Scenario lrf": lambda run, wrong: lrf3d.Scenario(ROOM, lrf=wrong),
+    "Scenario world": lambda run, wrong: lrf3d.load_scenario("paper_room").changed(world=wrong),
+    "Scenario obstacles": lambda run, wrong: lrf3d.Scenario(ROOM, obstacles=wrong),
+    "settings": lambda run, wrong: lrf3d.load_scenario("paper_room", wrong),
+    "Run.scan": lambda run, wrong: run.scan(wrong),
+    "Run.part": lambda run, wrong: run.part(wrong),
+    "Run.map_after": lambda run, wrong: run.map_after(wrong),
+    "executor": lambda run, wrong: lrf3d.sweep("paper_room", seeds=1, executor=wrong),
+    "trace": lambda run, wrong: lrf3d.PlanarCaster(ROOM).trace(run.lrf, wrong),
+    "directions": lambda run, wrong: run.lrf.directions(wrong),
+    "Simulation film": lambda run, wrong: lrf3d.Simulation(ROOM, [(1, 1, 0)], film=wrong),
+    "odometry": lambda run, wrong: lrf3d.Simulation(ROOM, [(1, 1, 0)], odometry=wrong),
+    "plot.world poses": lambda run, wrong: plot.world(ROOM, poses=wrong),
+    "plot.scan lrf": lambda run, wrong: plot.scan(run.scan(0), lrf=wrong),
+    "plot ax": lambda run, wrong: plot.map(run.map, wrong),
+    "Pose @": lambda run, wrong: lrf3d.Pose(0, 0, 0) @ wrong,
+    "Pose.apply": lambda run, wrong: lrf3d.Pose(0, 0, 0).apply(wrong),
+    "visible_walls": lambda run, wrong: scoring.visible_walls(run, wrong),
+    "labels": lambda run, wrong: scoring.adjusted_rand_index(wrong, [1, 2]),
     "crosscheck's progress": lambda run, wrong: lrf3d.crosscheck(
         ROOM, run.lrf, [(1, 1, 0)], progress=wrong
     ),
@@ -106,6 +132,15 @@ FITS = {
     **dict.fromkeys(("fleet's starts", "fleet's mapper"), (type(None),)),
     **dict.fromkeys(("recorded obstacles", "fleet's obstacles", "score_log"), (list,)),
     "obstacles": (list, type(None)),
+    **dict.fromkeys(("Scenario obstacles", "settings", "Run.part"), (list,)),
+    **dict.fromkeys(("save_map free", "load_log format", "odometry"), (type(None),)),
+    **dict.fromkeys(("plot.scan lrf", "plot ax"), (type(None),)),
+    "plot.world poses": (np.ndarray, type(None)),
+    "load_log part": (type(None),),
+    "Run.map_after": (int,),
+    "executor": (type(None),),
+    "Pose.apply": (np.ndarray,),
+    "visible_walls": (int,),
     "resolution": (int,),
     **dict.fromkeys(("WheelOdometry", "DifferentialDrive", "AckermannDrive"), (int, bool)),
     "OmniDrive": (int, bool),
@@ -121,6 +156,41 @@ def test_a_thing_of_the_wrong_kind_is_one_line(door, run, tmp_path, monkeypatch)
             with pytest.raises(lrf3d.Lrf3dError) as caught:
                 DOORS[door](run, wrong)
             assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+PUBLIC = {
+    f"{room.__name__}.{name}": getattr(room, name)
+    for room in (lrf3d, plot, scoring)
+    for name in room.__all__
+}
+
+STRANGE = [
+    *WRONG, -3, 10**400, 1e300, "word", np.zeros((0, 3)), np.full((2, 3), np.nan),
+    np.ma.masked_array(np.ones((2, 3)), [[0, 1, 0]] * 2),
+]  # fmt: skip
+
+
+def required(thing):
+    """The arguments by position that something public needs, one at least, and those by name."""
+    parameters = signature(thing).parameters.values()
+    placed = [each for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD,)]
+    needs = [each for each in placed if each.default is each.empty]
+    named = [each.name for each in parameters if each.kind is each.KEYWORD_ONLY and
+             each.default is each.empty]  # fmt: skip
+    return max(len(needs), min(1, len(placed))), named
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_whatever_a_public_name_gets_its_error_is_one_of_ours(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    thing = PUBLIC[name]
+    if not callable(thing) or (isinstance(thing, type) and issubclass(thing, Exception)):
+        return
+    count, named = required(thing)
+    for strange in STRANGE:
+        with warnings.catch_warnings(), suppress(lrf3d.Lrf3dError):
+            warnings.simplefilter("ignore")
+            thing(*[strange] * count, **dict.fromkeys(named, strange))
 
 
 @pytest.mark.parametrize("kind", [lrf3d.PlanarCaster, lrf3d.EmbreeCaster])

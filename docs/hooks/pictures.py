@@ -4,6 +4,7 @@ They stand outside of docs/, and in the repository only once.
 """
 
 from pathlib import Path
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -20,3 +21,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     changes = (root / "CHANGELOG.md").read_text(encoding="utf-8")
     files.append(File.generated(config, "changes.md", content=changes))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Let links to assets/, which show pictures in a clone, lead to pictures/ of the site."""
+    return markdown.replace("../assets/", "pictures/")

@@ -16,7 +16,8 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
 
     Args:
         run: The run.
-        to: Name of the format: ``carmen``, ``mcap``, ``rosbag2``, ``glb`` or ``html``.
+        to: Name of the format: ``carmen``, ``mcap``, ``rosbag2``, ``glb`` or ``html``;
+            of the first lidar's points ``ply``, ``pcd``, ``kitti`` or ``npz``.
         path: The file, or the folder.
         every: Keep every n-th scan, or moment of a page.
 

@@ -11,6 +11,7 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
+import operator
 import sys
 from pathlib import Path
 
@@ -107,11 +108,29 @@ class OutputError(Lrf3dError, OSError):
 
 
 class Lrf3dWarning(UserWarning):
-    """Something is done in another way than usual; the results are those that were asked for."""
+    """Something is done in another way than usual; the results are those that were asked for.
+
+    The logger ``lrf3d`` gets the text, too, which is printed where the program has set up logging.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(message)
+        import logging
+
+        logger = logging.getLogger("lrf3d")
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+        logger.log(self.level, "%s", message)
+
+    # That of the logger: logging.WARNING.
+    level = 30
 
 
 class Lrf3dNote(Lrf3dWarning):
     """What was assumed, or left out, in reading a file."""
+
+    # That of the logger: logging.INFO.
+    level = 20
 
 
 class DrawingError(Lrf3dError):
@@ -158,7 +177,20 @@ def missing_extra(task: str, extra: str) -> MissingLibraryError:
 def expect(value: object, kind: "Any", name: str) -> None:
     """Check the kind of an argument that comes from outside."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} {shown(value)}: expected a {kind.__name__}")
+        names = " or ".join(each.__name__ for each in getattr(kind, "__args__", (kind,)))
+        expected = names.replace("NoneType", "None")
+        raise InputError(f"{name} {shown(value)}: expected a {expected}")
+
+
+def index_of(value: object, count: int, name: str) -> int:
+    """A number from outside of one of some things, counted from 0, or from −1 backwards."""
+    try:
+        place = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        place = count
+    if isinstance(value, bool) or not -count <= place < count:
+        raise InputError(f"{name} {shown(value)}: expected a whole number from 0 to {count - 1}")
+    return place
 
 
 def each_of(values: "Any", kind: type, name: str) -> "Iterator[Any]":

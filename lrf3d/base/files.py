@@ -91,6 +91,18 @@ def read_text(path: str | Path, *, what: str = "a text file", largest: int = LAR
         raise InputError(f"{path}:{line}: not a text file in UTF-8") from None
 
 
+def toml_as_json(path: Path) -> str:
+    """The values of a TOML file as JSON; a date is a list, which no key takes."""
+    import json
+    import tomllib
+
+    text = read_text(path)
+    try:
+        return json.dumps(tomllib.loads(text), default=lambda date: [str(date)])
+    except ValueError as error:
+        raise InputError(f"{path}: not TOML: {error}") from None
+
+
 def own_name(path: str | Path, given: object = None, *, stem: str | None = None) -> str:
     """The name of the contents of a file, for pictures and for the folder of the results.
 

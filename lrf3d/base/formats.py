@@ -6,17 +6,30 @@ wrong kind, and the lists on help pages, come from these rows. To add a format, 
 and enter its row; of rows with the same ending the last one counts.
 """
 
-from collections.abc import Callable, Mapping
+import gzip
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+
+from lrf3d.base.errors import WorldError
+
+# First bytes of packed files.
+GZIP = b"\x1f\x8b"
+
+# Number of bytes at the beginning of a file that say what it is.
+HEAD = 1 << 11
 
 # First bytes of the files of bags: MCAP, SQLite, those of ROS 1, and files packed by Zstandard.
 MCAP = b"\x89MCAP0\r\n"
 SQLITE = b"SQLite format 3\0"
 ROS_1 = b"#ROSBAG V2.0\n"
+ROS_1_OLD = b"#ROSBAG V1.2\n"
 ZSTD = b"(\xb5/\xfd"
 
 
@@ -30,12 +43,14 @@ class Format:
             of these is.
         name: What an option or a program calls it, where its ending does not say that.
         endings: Endings of its files, in lower case; it is written under the first one.
-        looks: First bytes of its files, and what a message says of a file that begins so.
+        looks: First bytes of its files after blanks, or a tag of XML among the first ones, and what
+            a message says of such a file.
         read: What reads a path: a function, or its module and name as ``module:function``.
         write: What writes a value to a path, likewise.
         largest: Largest file that is read [bytes].
         options: Options of the function that reads it, or else of the one that writes it.
         extra: The extra of lrf3d that it needs.
+        apart: Whether a file is read in a process of its own, which knows the rows below alone.
     """
 
     kind: str
@@ -47,11 +62,15 @@ class Format:
     largest: int = 1 << 28
     options: tuple[str, ...] = ()
     extra: str = ""
+    apart: bool = False
 
 
 _PLAN = "lrf3d.plans.reading:plan_of_file"
 _FILM = "lrf3d.studio.render.video:render_video"
 _CLOUD = "a point cloud without scans"
+_CITY = "CityGML: make a mesh of it, as by citygml4j and `cjio FILE export obj city.obj`"
+_PAGE = "a web page: download the file itself"
+_PBF = "OpenStreetMap in PBF: make XML of it, as by `osmium cat FILE -o town.osm`"
 
 # All formats; the order is that of lists in messages.
 FORMATS: list[Format] = [
@@ -60,45 +79,55 @@ FORMATS: list[Format] = [
         write="lrf3d.world.toml_file:write_toml",
     ),
     Format(
-        kind="world", endings=(".geojson", ".json"), read="lrf3d.world.towns.geojson:read_geojson",
-        write="lrf3d.world.towns.geojson:write_geojson",
+        kind="world", endings=(".geojson", ".json", ".geojsonl", ".geojsonseq"),
+        read="lrf3d.world.towns.geojson:read_geojson", options=("level",),
+        write="lrf3d.world.towns.geojson:write_geojson", apart=True,
     ),
     Format(
-        kind="world", endings=(".osm",), read="lrf3d.world.towns.osm:read_osm", options=("trees",),
+        kind="world", endings=(".osm",), read="lrf3d.world.towns.osm:read_osm",
+        looks={b"<osm": "an OpenStreetMap extract"},
+        options=("trees", "level"), apart=True,
     ),
     Format(
         kind="world", endings=(".yaml", ".yml"), read="lrf3d.world.ros_map:read_ros_map",
-        write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16,
+        write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16, apart=True,
     ),
     Format(
         kind="picture", endings=(".png", ".pgm", ".jpg", ".jpeg", ".bmp"), read=_PLAN,
-        looks={b"\x89PNG": "a picture"}, options=("resolution", "threshold"),
+        looks={b"\x89PNG": "a picture"}, options=("resolution", "threshold"), apart=True,
     ),
     Format(
-        kind="drawing", endings=(".dxf", ".svg"), read=_PLAN, largest=1 << 26,
-        looks={b"<": "XML"}, options=("layers", "without"),
+        kind="drawing", endings=(".dxf",), read=_PLAN, largest=1 << 26,
+        looks=dict.fromkeys(
+            (b"AutoCAD Binary DXF", b"0\nSECTION", b"0\r\nSECTION"), "a DXF drawing"
+        ),
+        options=("layers", "without"), apart=True,
+    ),
+    Format(
+        kind="drawing", endings=(".svg",), read=_PLAN, largest=1 << 26,
+        looks={b"<svg": "an SVG drawing"}, options=("layers", "without"), apart=True,
     ),
     Format(
         kind="drawing", endings=(".pdf",), read=_PLAN, largest=1 << 26,
         looks={b"%PDF": "a document"}, options=("threshold", "page", "layers", "without"),
-        extra="pdf",
+        extra="pdf", apart=True,
     ),
     Format(
         kind="world", endings=(".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), largest=1 << 27,
         read="lrf3d.world.mesh:read_mesh", write="lrf3d.world.mesh:write_glb",
-        looks={b"ply": _CLOUD},
+        looks={b"ply": _CLOUD}, options=("cut",), apart=True,
     ),
     # The last two endings of CARMEN logs are what the University of Freiburg calls them.
     Format(
         kind="log", name="CARMEN", endings=(".log", ".log.gz", ".clf", ".clf.gz"),
         read="lrf3d.recordings.formats.carmen:load_carmen", options=("poses",),
-        write="lrf3d.recordings.formats.carmen_writer:write_log",
+        write="lrf3d.recordings.formats.carmen_writer:write_log", apart=True,
     ),
     Format(
         kind="log", name="bag", endings=(".mcap", ".db3", ".bag"),
-        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ZSTD), "a ROS bag"),
+        looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ROS_1_OLD, ZSTD), "a ROS bag"),
         read="lrf3d.recordings.formats.bags.reader:load_bag",
-        options=("poses", "scan_topic", "part"), extra="ros",
+        options=("poses", "scan_topic", "part"), extra="ros", apart=True,
     ),
     Format(
         kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
@@ -108,12 +137,16 @@ FORMATS: list[Format] = [
             b"\x93NUMPY": "an array: name it .npy",
             b"MATLAB 5": "a .mat file: name it .mat",
         },
-        options=("format",),
+        options=("format",), apart=True,
     ),
     Format(
         kind="log", name="run", endings=(".npz",), read="lrf3d.recordings.reading:run_log",
-        options=("poses",),
+        options=("poses",), apart=True,
         write="lrf3d.recordings.formats.run_file:save_run",
+    ),
+    Format(
+        kind="log", name="messages", read="lrf3d.recordings.formats.bags.reader:load_bag",
+        options=("poses", "scan_topic", "part"),
     ),
     Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
     Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),
@@ -142,6 +175,22 @@ FORMATS: list[Format] = [
         write="lrf3d.recordings.formats.bags.writer:write_folder",
     ),
     Format(
+        kind="export", name="ply", endings=(".ply",),
+        write="lrf3d.recordings.formats.cloud_files:write_ply",
+    ),
+    Format(
+        kind="export", name="pcd", endings=(".pcd",),
+        write="lrf3d.recordings.formats.cloud_files:write_pcd",
+    ),
+    Format(
+        kind="export", name="kitti", endings=("",),
+        write="lrf3d.recordings.formats.cloud_files:write_kitti",
+    ),
+    Format(
+        kind="export", name="npz", endings=(".npz",),
+        write="lrf3d.recordings.formats.cloud_files:write_arrays",
+    ),
+    Format(
         kind="export", name="glb", endings=(".glb",), write="lrf3d.studio.gltf:run_glb",
         options=("every",),
     ),
@@ -149,11 +198,26 @@ FORMATS: list[Format] = [
         kind="export", name="html", endings=(".html",), options=("every",),
         write="lrf3d.studio.page.page_file:page_file",
     ),
-    Format(kind="decisions", name="plan", endings=(".edit.toml",), read=_PLAN),
+    Format(
+        kind="decisions", name="plan", endings=(".edit.toml",),
+        read="lrf3d.plans.reading:read_plan",
+    ),
     Format(
         kind="other",
         looks={
             b"\xff\xfe": "text in UTF-16: save it as UTF-8", b"LASF": _CLOUD, b"# .PCD": _CLOUD,
+            b"<": "XML",
+            b"AC10": "a DWG drawing: save it as DXF, as by LibreDWG's `dwg2dxf`",
+            b"ISO-10303-21": "an IFC model: make a mesh of it, as by `IfcConvert FILE model.glb`",
+            b"<COLLADA": "a COLLADA model: save it as .glb, as by Blender",
+            b"<kml": "KML: make GeoJSON of it, as by `ogr2ogr town.geojson FILE`",
+            b"<core:CityModel": _CITY, b"<CityModel": _CITY,
+            b"<sdf": "SDF, which is not read: export the meshes of its models as .glb",
+            b"<html": _PAGE, b"<!DOCTYPE html": _PAGE,
+            b"version https://git-lfs": "a pointer of Git LFS: fetch the file by `git lfs pull`",
+            b"\0\0\0\r\n\tOSMHeader": _PBF, b"\0\0\0\x0e\n\tOSMHeader": _PBF,
+            b"BZh": "packed by bzip2: unpack it first",
+            b"\xfd7zXZ": "packed by xz: unpack it first",
         },
     ),
 ]  # fmt: skip
@@ -182,14 +246,57 @@ def by_name(kind: str, name: str) -> Format:
 
 def by_ending(path: Path, *kinds: str) -> Format | None:
     """The format of some kinds that the ending of a file names; the one entered last."""
-    found = [each for each in of_kind(*kinds) if path.name.lower().endswith(each.endings)]
-    return found[-1] if found else None
+    name = path.name.lower()
+    # Other formats than those of logs may be packed, too.
+    for known in (name, _plain_name(name)):
+        if found := [each for each in of_kind(*kinds) if known.endswith(each.endings)]:
+            return found[-1]
+    return None
+
+
+def _plain_name(name: str) -> str:
+    """The name of a packed file once it is unpacked."""
+    return name[:-1] if name.endswith(".svgz") else name.removesuffix(".gz")
+
+
+@contextmanager
+def unpacked(path: Path, largest: int) -> Iterator[Path]:
+    """The path of a file, or of an unpacked copy of one that gzip packed, under its plain name."""
+    with open(path, "rb") as file:
+        packed = file.read(2) == GZIP
+    if not packed:
+        yield path
+        return
+    with TemporaryDirectory() as folder, gzip.open(path) as unpacking:
+        copy = Path(folder) / _plain_name(path.name.lower())
+        copy.write_bytes(unpacking.read(largest + 1))
+        if copy.stat().st_size > largest:
+            raise WorldError(f"unpacks to more than {largest / 1e6:.3g} MB; cut it down")
+        yield copy
+
+
+def head_of(path: Path) -> bytes:
+    """The first bytes of a file, unpacked if gzip packed it."""
+    with open(path, "rb") as file:
+        head = file.read(HEAD)
+    if head.startswith(GZIP):
+        with suppress(zlib.error):
+            return zlib.decompressobj(31).decompress(head, HEAD)
+    return head
 
 
 def by_looks(head: bytes) -> tuple[Format, str] | None:
     """The format of a file that begins with these bytes, and what to say of it."""
-    looks = ((row, magic, text) for row in FORMATS for magic, text in row.looks.items())
-    return next(((row, text) for row, magic, text in looks if head.startswith(magic)), None)
+    plain = head.lstrip(b"\xef\xbb\xbf \t\r\n")
+    looks = [
+        (len(magic), row, text)
+        for row in FORMATS
+        for magic, text in row.looks.items()
+        if plain.startswith(magic) or (magic[:1] == b"<" and plain[:1] == b"<" and magic in plain)
+    ]
+    # The longest one says most; a tag of XML says more than that it is XML.
+    _, row, text = max(looks, key=lambda each: each[0], default=(0, None, ""))
+    return None if row is None else (row, text)
 
 
 def function(target: str | Callable[..., Any]) -> Callable[..., Any]:

@@ -2,20 +2,29 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from dataclasses import replace
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrf3d.base.cores import share
-from lrf3d.base.errors import InputError, expect
+from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows
-from lrf3d.geometry.pose import as_pose, as_poses
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.casting.skyline import STILL, Conditions, Rows, StandingWalls, cast_depth, cast_lidar
+from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows, sealed
+from lrf3d.geometry.pose import Pose, as_pose, as_poses
+from lrf3d.laser import (
+    DepthCamera,
+    DepthImage,
+    LaserRangeFinder,
+    LaserScan,
+    Lidar,
+    LidarScan,
+)
 from lrf3d.world import World
 
 if TYPE_CHECKING:
@@ -132,6 +141,11 @@ class PlanarCaster:
     def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
         """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
         expect(lrf, LaserRangeFinder, "range finder")
+        if not isinstance(rays, np.ndarray) or rays.dtype != RAY or rays.ndim != 1:
+            names = ", ".join(RAY.names or ())
+            raise InputError(
+                f"rays {shown(rays)}: expected records (n,) of {names}; for poses cast"
+            )
         ranges = np.empty(len(rays))
         walls = np.empty(len(rays), np.int64)
         tree = self.tree(lrf.height)[:]
@@ -169,6 +183,69 @@ class PlanarCaster:
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]."""
         return self._tree(self._level(height))
+
+    def cast_lidar(
+        self, lidar: Lidar, pose: Sequence[float] | Float, moment: Conditions = STILL
+    ) -> LidarScan:
+        """The true scan of a lidar from its pose: walls up to their heights, tops, and the floor.
+
+        Objects of one height that are closed, and that nothing else reaches into, have tops. The
+        decisions of a level lidar are exact, as those of `cast`, which is its layer of elevation 0;
+        ranges are rounded by about 1e-16 of their size. Behind mirrors and glass only walls count.
+        """
+        expect(lidar, Lidar, "lidar")
+        pose = as_pose(pose)
+        ranges, walls = self._layered(lidar, pose, moment)
+        motion = None if moment.motion is None else sealed(np.array(moment.motion))
+        return LidarScan(pose, lidar, sealed(ranges), sealed(walls), moment.time, motion)
+
+    def cast_depth(
+        self, camera: DepthCamera, pose: Sequence[float] | Float, moment: Conditions = STILL
+    ) -> DepthImage:
+        """The true picture of a depth camera from its pose, of what `cast_lidar` meets."""
+        expect(camera, DepthCamera, "depth camera")
+        pose = as_pose(pose)
+        depth, walls = self._layered(camera, pose, moment)
+        return DepthImage(pose, camera, sealed(depth), sealed(walls), moment.time)
+
+    def _layered(
+        self, sensor: Lidar | DepthCamera, pose: Pose, moment: Conditions
+    ) -> tuple[Float, Rows]:
+        place = np.array(pose)
+        if isinstance(sensor, DepthCamera):
+            return cast_depth(self._standing, sensor, place, moment)
+        ranges, walls = cast_lidar(self._standing, sensor, place, moment)
+        if self.lighting is not None:
+            self._mirror(sensor, pose, ranges, walls)
+        return ranges, walls
+
+    def _mirror(self, lidar: Lidar, pose: Pose, ranges: Float, walls: Rows) -> None:
+        """Let the beams of a still lidar that meet mirrors and glass go on, in place."""
+        assert self.lighting is not None
+        turning = np.array(
+            [bool(one and (one.mirrors or one.passes)) for one in self.world.materials]
+        )
+        chosen = (walls >= 0) & turning[self.world.objects[walls]]
+        origin = (pose.x, pose.y, lidar.mount[2])
+        beams = lidar.directions(pose)[chosen]
+        # One layer of just these beams.
+        lrf = replace(lidar.planar, beams=max(len(beams), 1))
+        directions = beams[None] if len(beams) else np.empty((0, 1, 3))
+        lit = self.lighting.light_layers(lrf, self.tree(-np.inf), origin, directions)
+        found = lit.ranges.ravel()
+        # Upright mirrors leave the way down to the floor as long as it is.
+        floor = np.where(beams[:, 2] < 0.0, -origin[2] / np.minimum(beams[:, 2], -TINY), np.inf)
+        lower = (floor < found) & (floor <= lidar.range_max)
+        ranges[chosen] = np.where(lower, floor, found)
+        walls[chosen] = np.where(lower | ~np.isfinite(found), -1, lit.walls.ravel())
+        if lidar.is_level:
+            level = self.cast(lidar.planar, pose)
+            ranges[lidar.slopes == 0.0] = level.ranges
+            walls[lidar.slopes == 0.0] = level.walls
+
+    @cached_property
+    def _standing(self) -> StandingWalls:
+        return StandingWalls(self.world)
 
     def _level(self, height: float) -> float:
         """A key that is equal for all heights [m] at which the same walls are met."""

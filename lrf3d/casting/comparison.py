@@ -6,6 +6,8 @@ arbitrary. Each cause of a difference is such a decision within δ of the beam; 
 one is unexplained.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

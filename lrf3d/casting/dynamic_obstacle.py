@@ -1,5 +1,7 @@
 """DynamicObstacle: another robot, a person or a car that moves among the walls."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -63,7 +65,7 @@ class DynamicObstacle(Value):
             raise InputError("dynamic obstacle on a patrol without an end; call its until(time)")
         return self.path
 
-    def until(self, time: float) -> "DynamicObstacle":
+    def until(self, time: float) -> DynamicObstacle:
         """The obstacle on a Trajectory up to a time [s]."""
         return replace(self, path=self.path.until(time)) if isinstance(self.path, Patrol) else self
 

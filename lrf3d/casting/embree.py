@@ -17,10 +17,11 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster, cast_one_by_one
 from lrf3d.casting.kernels.echoes import Lit
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
+from lrf3d.casting.skyline import Conditions, Rows
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.geometry.lines import Bool, Float, Int, Records, is_finite, numbers
-from lrf3d.geometry.pose import as_pose
-from lrf3d.laser import LaserRangeFinder, layer_directions
+from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, layer_directions
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.world import World
 from lrf3d.world.mesh import level_cut
@@ -151,6 +152,26 @@ class EmbreeCaster(PlanarCaster):
         # Each layer is a row of the inclined ones, in their order, or the level scan after these.
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
+
+    def _layered(
+        self, sensor: Lidar | DepthCamera, pose: Pose, moment: Conditions
+    ) -> tuple[Float, Rows]:
+        if self._triangles is None:
+            return super()._layered(sensor, pose, moment)
+        if self._solid is None:
+            self._solid = MeshScene.of(self.world, self._triangles)
+        beams = sensor.directions(pose)
+        sizes = np.linalg.norm(beams, axis=2)
+        flat = (beams / sizes[..., None]).reshape(-1, 3)
+        origin = np.array([pose.x, pose.y, sensor.mount[2]])
+        far = sensor.range_max * float(sizes.max())
+        found, faces = (each.reshape(sizes.shape) for each in self._solid.cast(origin, flat, far))
+        down = beams[..., 2] < 0.0
+        floor = np.where(down, -origin[2] / np.where(down, beams[..., 2], -1.0), np.inf)
+        ranges = np.minimum(found / sizes, floor)
+        ranges = within_limits(ranges, sensor.range_min, sensor.range_max)
+        met = np.isfinite(ranges) & (found / sizes <= floor)
+        return ranges, np.where(met, faces, -1).astype(np.int32)
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         tree = self.tree(height)

@@ -57,7 +57,8 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     They are copied, unless they are such an array already, contiguous and not writeable. Messages
     call them by the name.
     """
-    held = isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous
+    held = isinstance(values, np.ndarray) and not isinstance(values, np.ma.MaskedArray)
+    held = held and values.dtype == dtype and values.flags.c_contiguous
     whole = values
     while isinstance(whole, np.ndarray) and not whole.flags.writeable:
         # All arrays that it is a view of must be read-only, too.
@@ -73,6 +74,9 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
 def numbers(values: Any, name: str) -> Any:
     """Values from outside as an array of numbers: floats, integers or booleans."""
     try:
+        # Masked values are missing: NaN, which is refused where nothing may be missing.
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.where(np.ma.getmaskarray(values), np.nan, np.ma.getdata(values))
         array = np.asarray(values)
         if array.dtype.kind == "O":
             # Integers of more than 64 bits and fractions are accepted, too.

@@ -3,14 +3,18 @@
 A single one is a `Pose`, or a plain ``(x, y, theta)``; many are rows x, y [m], theta [rad].
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.base.errors import InputError, shown
+from lrf3d.base.errors import InputError, Lrf3dWarning, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE as LARGEST
-from lrf3d.geometry.lines import TINY, Float, Int, as_rows, wrap_angle
+from lrf3d.geometry.lines import TINY, Float, Int, as_rows, numbers, wrap_angle
+
+# Headings [rad] of this or more, in whole halves of it, are degrees as a rule.
+_LEAST_DEGREES = 30.0
 
 
 class Pose(NamedTuple):
@@ -36,6 +40,7 @@ class Pose(NamedTuple):
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
+        other = as_pose(other)
         x, y = self.apply(np.array([[other.x, other.y]]))[0]
         return Pose(float(x), float(y), float(wrap_angle(self.theta + other.theta)))
 
@@ -45,6 +50,9 @@ class Pose(NamedTuple):
 
     def apply(self, points: Float) -> Float:
         """Transform points (n, 2) from the frame of this pose to the frame that it is given in."""
+        points = numbers(points, "points")
+        if points.ndim < 1 or points.shape[-1] != 2:
+            raise InputError(f"points of shape {points.shape}: expected (n, 2)")
         cos = np.cos(self.theta)
         sin = np.sin(self.theta)
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))
@@ -62,6 +70,8 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
         raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
     if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(theta) <= LARGEST):
         raise InputError(f"pose {(x, y, theta)}: expected finite numbers of at most {LARGEST:g}")
+    if abs(theta) >= _LEAST_DEGREES and theta % (0.5 * _LEAST_DEGREES) == 0.0:
+        _warn_of_degrees(theta)
     return Pose(
         x if abs(x) >= TINY else 0.0,
         y if abs(y) >= TINY else 0.0,
@@ -69,9 +79,18 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
     )
 
 
+def _warn_of_degrees(theta: float) -> None:
+    text = f"pose: theta {theta:g} is read as radians; for degrees write math.radians({theta:g})"
+    warnings.warn(text, Lrf3dWarning, stacklevel=3)
+
+
 def as_poses(poses: object) -> Float:
     """Check and convert poses (k, 3) that come from outside."""
     array = as_rows(poses, "poses", 3, row="pose")
+    theta = array[:, 2]
+    even = theta % (0.5 * _LEAST_DEGREES) == 0.0
+    if (doubtful := theta[even & (np.abs(theta) >= _LEAST_DEGREES)]).size:
+        _warn_of_degrees(doubtful[0])
     tiny = (np.abs(array) < TINY) & (array != 0.0)
     return np.where(tiny, 0.0, array) if tiny.any() else array
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,7 +10,7 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from lrf3d.base.errors import InputError, check_names, expect, shown
+from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, expect, shown
 from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     TINY,
@@ -91,6 +92,13 @@ class LaserRangeFinder(Value):
 
         check("angle_max", least=-LARGEST_ANGLE, most=LARGEST_ANGLE)
         check("angle_min", "rad up to angle_max", least=-LARGEST_ANGLE, most=self.angle_max)
+        # [rad] A scan of a full turn that was unrolled may be wider, but never by half a turn.
+        widest = 3.0 * math.pi
+        if max(-self.angle_min, self.angle_max, width := self.angle_max - self.angle_min) > widest:
+            text = f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad are a"
+            advice = f"for degrees write math.radians({self.angle_max:g})"
+            wide = f"field of {math.degrees(width):.0f}°"
+            warnings.warn(f"{text} {wide}; {advice}", Lrf3dWarning, stacklevel=3)
         check("range_max", positive=True, most=LARGEST_COORDINATE)
         check("range_min", "metres below range_max", most=math.nextafter(self.range_max, 0.0))
         check("height", least=-LARGEST_COORDINATE)
@@ -143,7 +151,7 @@ class LaserRangeFinder(Value):
 
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Unit vectors (beams, 2) of the beams in the world, for the laser at a pose."""
-        return turned(self.fan, float(pose[2]))
+        return turned(self.fan, as_pose(pose).theta)
 
 
 def lasers_of(

@@ -29,10 +29,10 @@ class Stamp:
 
     @classmethod
     def of(cls, time: float) -> "Stamp":
-        """The stamp nearest to a time [s]."""
+        """The stamp nearest to a time [s], but for 0, which in ROS says that there is none."""
         sec = math.floor(time)
-        nanosec = round((time - sec) * NANO)
-        return cls(sec + 1, 0) if nanosec == NANO else cls(sec, nanosec)
+        whole = sec * NANO + round((time - sec) * NANO)
+        return cls(*divmod(whole or 1, NANO))
 
     @property
     def nanoseconds(self) -> int:

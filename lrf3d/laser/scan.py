@@ -1,5 +1,7 @@
 """LaserScan: the ranges of one scan, with its pose."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -161,7 +163,7 @@ class LaserScan(Value, Pictured):
     @classmethod
     def unchecked(
         cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int, *light: Float | None
-    ) -> "LaserScan":
+    ) -> LaserScan:
         """The scan of new arrays of a caster: they are made read-only, not checked or copied.
 
         The light is that of its attributes: intensities, echoes and echo_intensities, if known.
@@ -185,7 +187,7 @@ class LaserScan(Value, Pictured):
                     scan.__dict__[name] = sealed(values)
         return scan
 
-    def at_time(self, time: float, motion: Float | None = None) -> "LaserScan":
+    def at_time(self, time: float, motion: Float | None = None) -> LaserScan:
         """The same scan at another time of its first beam [s], with the motion of its robot.
 
         Nothing is checked or copied.
@@ -207,7 +209,7 @@ class LaserScan(Value, Pictured):
         return robot_pose(self.pose, self.mount)
 
     @classmethod
-    def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
+    def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> LaserScan:
         """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`."""
         return cls(as_pose(pose), **read_ros_scan(message))
 
@@ -259,7 +261,7 @@ class ScanBatch:
         object.__setattr__(self, "ranges", _within(self.ranges, self.range_max))
 
     @classmethod
-    def of(cls, scans: Sequence[LaserScan]) -> "ScanBatch":
+    def of(cls, scans: Sequence[LaserScan]) -> ScanBatch:
         """Scans, at least one, as one value; their poses and times are left out."""
         first = scans[0]
         names = ("ranges", "walls", *LIGHT)
@@ -341,9 +343,14 @@ def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
             " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
             " largest range right?"
         )
+    return doubtful_unit(ranges)
+
+
+def doubtful_unit(ranges: Float) -> str | None:
+    """Why ranges (n,) of hits are hardly in metres, in a sentence; None if they may be."""
     # [m] The largest median range that a laser on a robot measures.
-    largest_median = 300.0
-    if (middle := float(np.median(ranges))) > largest_median:
+    largest_median = 100.0
+    if len(ranges) and (middle := float(np.median(ranges))) > largest_median:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

@@ -1,5 +1,7 @@
 """LineMap: the map that a mapper builds, and the file that it is kept in."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -98,12 +100,12 @@ class LineMap(Value, Pictured):
         return codes
 
     @classmethod
-    def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> "LineMap":
+    def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> LineMap:
         """The map of segments with `codes`."""
         return cls(segments, objects, points, np.array(KINDS, KIND)[codes])
 
     @classmethod
-    def empty(cls) -> "LineMap":
+    def empty(cls) -> LineMap:
         """The map before the first scan."""
         return cls(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0, np.int64))
 
@@ -145,6 +147,10 @@ def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
     return LineMap(segments, np.unique(labels, return_inverse=True)[1], points)
 
 
+# The frame of a map for programs that would take its numbers for degrees: metres on a plane.
+METRES = {"type": "name", "properties": {"name": 'LOCAL_CS["map",UNIT["metre",1]]'}}
+
+
 def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:
     """Write a map as GeoJSON: a FeatureCollection of one LineString a segment.
 
@@ -168,6 +174,7 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         0
     """
     expect(line_map, LineMap, "map")
+    expect(free, FreeCells | None, "free")
     # Endings of worlds that are written in other formats than a map.
     other_formats = (".toml", ".yaml", ".yml", ".glb")
     if as_path(path).suffix.lower() in other_formats:
@@ -187,9 +194,8 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         features.append({"type": "Feature", "properties": named, "geometry": geometry})
     lines = ",\n".join(map(json.dumps, features))
     known = "" if free is None else f' "free": {json.dumps(free.as_dict())},'
-    write_text(
-        path, f'{{"type": "FeatureCollection", "units": "m",{known} "features": [\n{lines}\n]}}\n'
-    )
+    head = f'"type": "FeatureCollection", "units": "m", "crs": {json.dumps(METRES)},{known}'
+    write_text(path, f'{{{head} "features": [\n{lines}\n]}}\n')
 
 
 def load_map(path: str | Path) -> LineMap:

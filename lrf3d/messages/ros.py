@@ -4,7 +4,7 @@ Poses, walls and times enter; dicts leave, with the fields of the message types.
 left out is zero or empty.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import cos, sin
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,9 @@ WORLD = "odom"
 # The frame of the robot.
 BASE = "base_link"
 
+# The frame of the robot on the ground, which many programs look for; it is the same here.
+FOOTPRINT = "base_footprint"
+
 # Type of the messages of scans.
 SCAN = "sensor_msgs/msg/LaserScan"
 
@@ -41,6 +44,12 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 # The topic of constant transforms; a robot's namespace may come before it.
 STATIC_FRAMES = "/tf_static"
 
+# Least variance of what is exact, [m²] or [rad²] for a pose: filters divide by it.
+EXACT = 1e-6
+
+# Variance of what a robot on the ground does not measure: height, roll and pitch.
+UNKNOWN = 1e6
+
 # Width of the lines of the map [m]: to be seen from above a room.
 LINE_WIDTH = 0.1
 
@@ -49,6 +58,9 @@ LINE_LIST = 5
 
 # A message as a dict.
 Fields = dict[str, Any]
+
+# Rows of x, y and the turn about z among those of a pose in space.
+_PLANAR = [0, 1, 5]
 
 
 def time_fields(stamp: Stamp) -> Fields:
@@ -77,27 +89,64 @@ def transform(stamp: Stamp, parent: str, child: str, pose: Pose, height: float =
     return {"header": header_fields(stamp, parent), "child_frame_id": child, "transform": moved}
 
 
-def odometry(stamp: Stamp, pose: Pose, speed: list[float], *, prefix: str = "") -> Fields:
-    """The robot in the world, and its speed ahead [m/s] and about itself [rad/s]."""
+def spread(planar: Float | None = None) -> Float:
+    """The covariance (36,) of a pose or a twist, of that (3, 3) in the plane; None is exact."""
+    full = np.diag([EXACT, EXACT, UNKNOWN, UNKNOWN, UNKNOWN, EXACT])
+    if planar is not None:
+        full[np.ix_(_PLANAR, _PLANAR)] += planar
+    return full.ravel()
+
+
+def pose_fields(pose: Pose, covariance: Float | None = None) -> Fields:
+    """A geometry_msgs/PoseWithCovariance; the covariance (3, 3) is in the plane."""
     where = {"position": place(pose.x, pose.y), "orientation": turn(pose.theta)}
+    return {"pose": where, "covariance": spread(covariance)}
+
+
+def odometry(
+    stamp: Stamp,
+    pose: Pose,
+    speed: list[float],
+    *,
+    frame: str = WORLD,
+    prefix: str = "",
+    covariances: Sequence[Float | None] = (None, None),
+) -> Fields:
+    """The robot in a frame, and its speed ahead [m/s] and about itself [rad/s].
+
+    The covariances (3, 3) in the plane are those of the pose and of the twist.
+    """
     twist = {"linear": place(speed[0], 0.0), "angular": place(0.0, 0.0, speed[1])}
+    of_pose, of_twist = covariances
     return {
-        "header": header_fields(stamp, prefix + WORLD),
+        "header": header_fields(stamp, frame),
         "child_frame_id": prefix + BASE,
-        "pose": {"pose": where},
-        "twist": {"twist": twist},
+        "pose": pose_fields(pose, of_pose),
+        "twist": {"twist": twist, "covariance": spread(of_twist)},
     }
 
 
 def imu_fields(
-    stamp: Stamp, turn_rate: float, ahead: float, left: float, *, prefix: str = ""
+    stamp: Stamp,
+    measured: Sequence[float],
+    variances: Sequence[float],
+    *,
+    prefix: str = "",
 ) -> Fields:
-    """A sensor_msgs/Imu: turn rate [rad/s], accelerations [m/s²]; the orientation is unknown."""
+    """A sensor_msgs/Imu; the orientation is unknown.
+
+    Measured are the turn rate [rad/s] and the accelerations ahead and to the left [m/s²]; the
+    variances are those of the gyro and of the accelerometers, alike about all axes.
+    """
+    turn_rate, ahead, left = measured
+    of_gyro, of_accelerometers = (np.eye(3).ravel() * max(each, EXACT) for each in variances)
     return {
         "header": header_fields(stamp, prefix + BASE),
         "orientation_covariance": [-1.0] + 8 * [0.0],
         "angular_velocity": place(0.0, 0.0, turn_rate),
+        "angular_velocity_covariance": of_gyro,
         "linear_acceleration": place(ahead, left, GRAVITY),
+        "linear_acceleration_covariance": of_accelerometers,
     }
 
 
@@ -167,7 +216,13 @@ def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
     if shape.name == "BASE":
         empty = {"string": "", "bool": False}.get(form[0], 0)
         return empty if given is None else given
+    return _array(store, form, given)
+
+
+def _array(store: Any, form: Any, given: Any) -> Any:
     (element, inner), count = form
     if element.name == "NAME":
         return [made(store, inner, each) for each in given or ()]
+    if inner[0] == "string":
+        return [*(given or ())]
     return np.asarray(np.zeros(count) if given is None else given, dtype=inner[0])

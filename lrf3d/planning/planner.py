@@ -4,6 +4,8 @@ Lookouts in the free space are joined to a tour by paths with clearance to the w
 straightened, and the drive along them is checked for collisions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.base.text import counted
 from lrf3d.casting.collision import CollisionChecker
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, is_finite, numbers
 from lrf3d.geometry.pose import Pose, as_pose
@@ -119,7 +122,7 @@ def find_route(
     checker = CollisionChecker(world)
     first = goals[0] if goals is not None and start is None else start
     position, pose = _checked_start(checker, first, radius or RADIUS)
-    notes: list[str] = []
+    notes: list[str] = [] if position is None else _closed_in(world, position)
     if world.free is not None and not world.free.cells.any():
         world = replace(world, free=None)
         notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
@@ -241,6 +244,23 @@ def _checked_start(
         near = f"nearer to a wall than the robot's radius of {radius:g} m"
         raise InputError(f"start ({x:g}, {y:g}): {near}; move it")
     return position, pose
+
+
+def _closed_in(world: World, start: Float) -> list[str]:
+    """A note if a start lies within a closed shape that no wall divides, with walls around it."""
+    import shapely
+
+    walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))
+    place = shapely.Point(start)
+    shapes = shapely.get_parts(shapely.polygonize([shapely.union_all(walls)]))
+    for shape in shapes[shapely.contains(shapes, place)]:
+        others = int(np.count_nonzero(~shapely.intersects(walls, shape)))
+        if not len(shape.interiors) and others:
+            x1, y1, x2, y2 = shape.bounds
+            size = f"{x2 - x1:.1f} m by {y2 - y1:.1f} m"
+            where = f"the start ({start[0]:g}, {start[1]:g}) is inside a closed shape of {size}"
+            return [f"{where}, such as a box, with {counted(others, 'wall')} outside; move it"]
+    return []
 
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:

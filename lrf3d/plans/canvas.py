@@ -11,9 +11,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.errors import WorldError
-from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.pieces import check_crossings
 
 # Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005
@@ -61,15 +59,19 @@ class Mark(NamedTuple):
     dashed: bool = False
     # Its colour as ``#rrggbb``; empty where it is not known.
     colour: str = ""
+    # The items of the file that it is drawn for.
+    items: tuple[Any, ...] = ()
 
 
-class PerUnit(float):
+class PerUnit(NamedTuple):
     """A scale that is given in metres per unit of the drawing."""
 
+    metres: float
 
-def scale_of(scale: float, unit: float) -> float:
+
+def scale_of(scale: float | PerUnit, unit: float) -> float:
     """The factor of a scale, where a unit of the drawing is read as so many metres."""
-    return scale / unit if isinstance(scale, PerUnit) else scale
+    return scale.metres / unit if isinstance(scale, PerUnit) else scale
 
 
 class Canvas:
@@ -80,13 +82,22 @@ class Canvas:
         self.tolerance = tolerance
         # Width [m] above which a stroke is an area.
         self.pen = pen
-        # The number of things of each kind that are not read.
-        self.left_out = Counter[str]()
+        # What became of each item of the file that was met: the reason for which it is not read, or
+        # nothing where it is painted.
+        self.fates = dict[Any, str]()
+        # The number of items that the file holds, as counted by the library that reads it.
+        self.held = 0
+        # The number of looks of items that are not followed, such as patterns, by name.
+        self.ignored = Counter[str]()
+        self._items: tuple[Any, ...] = ()
         self.marks = list[Mark]()
         # What the reader assumed, in words.
         self.said = ""
         # Unit of the drawing [m], after scaling.
         self.unit = 1.0
+        # The scale by which it is enlarged, and the factors by which that may be wrong.
+        self.scale = 1.0
+        self.scales = dict[float, str]()
         self._work = self._points = 0
 
     @classmethod
@@ -98,9 +109,22 @@ class Canvas:
         # A sheet that is not enlarged is small, and so are its curves: they need finer chords.
         return cls(min(CURVE_ERROR, 2e-4 * side), max(thin_wall, pen * scale))
 
+    def begin(self, *items: Any) -> None:
+        """Paint what follows for items of the file."""
+        self._items = items
+        self.fates |= dict.fromkeys(items, "")
+
+    def leave(self, reason: str, item: Any = None) -> None:
+        """Leave out an item for a reason, unless it is painted at another place."""
+        self.fates.setdefault(object() if item is None else item, reason)
+
+    @property
+    def left_out(self) -> Counter[str]:
+        """The number of items that are not read, by reason, and of looks that are not followed."""
+        return Counter(filter(None, self.fates.values())) + self.ignored
+
     def count(self, steps: int = 1) -> None:
         """Count steps of work, also those that paint nothing, and raise if there are too many."""
-        check()
         self._work += steps
         if self._work > MOST_MARKS or self._points > MOST_POINTS:
             raise WorldError(
@@ -161,7 +185,7 @@ class Canvas:
         inside = clip is None or clip.covers(shape)
         shape = shape if inside else shape.intersection(clip)
         if not shape.is_empty:
-            self.marks.append(mark._replace(shape=shape))
+            self.marks.append(mark._replace(shape=shape, items=self._items))
 
     def seen(self) -> list[Mark]:
         """The marks without the paper and what later areas hide."""
@@ -175,17 +199,12 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
         return shapely.Polygon()
     plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
     turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
-    # A curved outline may cross itself; bound the crossings first, as they are slow to resolve.
-    check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
     parts = parts[kept]
     turns = turns[kept]
     tree = shapely.STRtree(parts)
-    # Bound the pairs of meeting boxes loosely: each is cheap, and curved rings have many.
-    _check_overlaps(len(tree.query(parts)[0]) // 20)
     inner, outer = tree.query(parts, predicate="covered_by")
-    _check_overlaps(len(inner) - len(parts))
     # For each part: the number of rings around it, itself included, and its winding number or its
     # parity, of which 0 is a hole.
     depth = np.bincount(inner, minlength=len(parts))
@@ -249,10 +268,8 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
     covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
     cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
     under, cover = np.stack([under, cover])[:, under < hiding[cover]]
-    _check_overlaps(len(under))
     order = np.argsort(under, kind="stable")
     for over in np.split(order, np.flatnonzero(np.diff(under[order])) + 1):
-        check()
         for number in under[over[:1]]:
             # An area is cut at the edges of those above it, a line a little inside of them.
             solid = is_area(shapes[number])
@@ -263,12 +280,6 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
                 parts = shapely.get_parts(left[number])
                 left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
     return left
-
-
-def _check_overlaps(count: int) -> None:
-    """Bound the pairs of areas and lines that overlap, since each pair takes time."""
-    if count > MOST_MARKS:
-        raise WorldError(f"has more than {MOST_MARKS:,} areas and lines that lie on each other")
 
 
 def is_area(shape: Any) -> bool:

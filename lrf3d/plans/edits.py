@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.base.errors import WorldError, check_names, expect, shown
-from lrf3d.base.files import read_text, write_text
+from lrf3d.base.files import write_text
 from lrf3d.plans.decisions import DECISIONS, Class, Decision, Move, Reading, Remove, Scale
 from lrf3d.plans.plan import Plan
 from lrf3d.world.schema import at
@@ -150,8 +150,8 @@ def read_edits(path: str | Path) -> PlanEdits:
     Raises:
         WorldError: It is no such file, or of a newer version.
     """
-    with at(Path(path).name):
-        return PlanEdits.from_dict(toml_values(read_text(path)))
+    with at(str(path)):
+        return PlanEdits.from_dict(toml_values(Path(path)))
 
 
 def digest_of(path: Path) -> str:

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry.lines import Float, Int
+from lrf3d.plans.canvas import Mark
+from lrf3d.plans.rules.strokes import Strokes
 from lrf3d.world import World
 from lrf3d.world.materials import named
 from lrf3d.world.model import DEFAULT_HEIGHT
@@ -93,6 +95,27 @@ class Parts(NamedTuple):
     def taken(self, rows: Any) -> "Parts":
         """The strokes of some rows."""
         return Parts(*(column[rows] for column in self))
+
+
+def parts_of(strokes: Strokes, marks: list[Mark], walls: Float, own: Int, role: Any) -> Parts:
+    """The walls, each of the mark (n,) and with the role (n,), and what each rule took out."""
+    layers = np.array([mark.layer for mark in marks] or [""], dtype=object)
+    colours = np.array([mark.colour for mark in marks] or [""], dtype=object)
+
+    def part(segments: Float, kind: str, mark: Int, **columns: Any) -> Parts:
+        return Parts.of(segments, kind, layers=layers[mark], colours=colours[mark], **columns)
+
+    furniture = role == "furniture"
+    kinds = np.where(furniture, "furniture", "wall").astype(object)
+    heights = np.where(furniture, FURNITURE_HEIGHT, DEFAULT_HEIGHT)
+    found = [part(walls, "wall", own, kinds=kinds, heights=heights)]
+    for name, each in strokes.found.items():
+        door = each & ((strokes.role == "door") | np.isin(name, ["door stroke", "leaf stroke"]))
+        found += [
+            part(strokes.segments[chosen], kind, strokes.mark[chosen], rules=name)
+            for kind, chosen in (("door", door), ("nothing", each & ~door))
+        ]
+    return found[0].joined(*found[1:])
 
 
 def world_of_parts(parts: Parts, world: World, base: World | None) -> World:

@@ -23,16 +23,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from lrf3d.base.balance import Balance, in_words
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
-from lrf3d.plans.canvas import Canvas, Mark, is_area
-from lrf3d.plans.parts import FURNITURE_HEIGHT, Parts, world_of_parts
+from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
+from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
-from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
+from lrf3d.plans.scale import size_doubt
+from lrf3d.world.model import SHEET, World
 from lrf3d.world.pieces import TOUCHING, connected, without_repeats, world_of_walls
 from lrf3d.world.toml_file import WorldFile
 
@@ -59,8 +61,27 @@ CUTTING = 1.5
 # Distance [m] from the outline of an area within which a line still lies on the area.
 OUTLINE = 1e-4
 
+# What is left out for its role is called so; otherwise by its layer.
+ROLES = {"floor": "floor", "doorway": "doorway", "dashed": "dashed line"}
+
+# Distance [m] within which the edges of two rooms are one wall.
+SHARED = 1e-3
+
+# Least share of the outlines of rooms side by side that two of them have in common.
+COMMON = 0.05
+
 # Least number of plans on one sheet that are the houses of one town, and no reason to warn.
 TOWN = 10
+
+
+class Piece(NamedTuple):
+    """What is drawn of some items: a line, or areas that are joined, with their role."""
+
+    shape: Any
+    role: str
+    items: tuple[Any, ...]
+    # The mark that it is of: of several, the first.
+    mark: Mark
 
 
 class Layer(NamedTuple):
@@ -88,6 +109,10 @@ class Plan(NamedTuple):
     rooms: Sequence[tuple[float, Float]] = ()
     # Largest gap [m] between walls that count as touching.
     gap: float = TOUCHING
+    # Why it may be wrong, and what may correct it.
+    doubt: str = ""
+    # What the source holds: used, and left out by reason.
+    balance: Balance = Balance("item")
     # All strokes, with what they were taken for.
     parts: Parts | None = None
     # Unit of the drawing [m].
@@ -124,11 +149,11 @@ class Plan(NamedTuple):
             known = ", ".join(layer.name for layer in self.layers[:20] if layer.name)
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
-            raise WorldError(f"there is no wall in it{held}{remedy}")
+            raise WorldError(f"{path}: there is no wall in it{held}{remedy}")
         world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
-        if words := "; ".join(filter(None, [self.said, doors, left])):
+        if words := "; ".join(filter(None, [self.doubt, self.said, doors, left])):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
@@ -177,53 +202,82 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     """Find the walls and doors of a drawing, on some layers alone or without some (by patterns)."""
     marks = canvas.seen()
     roles = _with_floors(marks, _roles(marks, layers, without))
-    pieces = _pieces(marks, roles)
+    rooms = _rooms(marks, roles)
+    roles = ["wall" if rooms and role in ("floor", *STANDS) else role for role in roles]
+    pieces = rooms or _pieces(marks, roles)
+    said = [canvas.said] if canvas.said else []
+    said += ["no walls are drawn: rooms have walls around them"] if rooms else []
     strokes = Strokes(*_segments(pieces), sheet="annotation" in roles)
     for rule in RULES:
         strokes.take(rule)
-    walls, own, cut = cleared(strokes.segments[strokes.left], strokes.doors)
-    role = strokes.role[strokes.left][own]
+    left = np.flatnonzero(strokes.left)
+    walls, own, cut, open_ = cleared(strokes.segments[left], strokes.doors)
+    jambs, jambed = _jambs(pieces, strokes.mark[left[cut]], open_)
+    jamb_roles = np.array([pieces[number].role for number in jambed], dtype=object)
+    role = np.concatenate([strokes.role[left[own]], jamb_roles])
+    stands = np.concatenate([strokes.mark[left[own]], jambed])
+    parts = parts_of(
+        strokes, [piece.mark for piece in pieces], np.concatenate([walls, jambs]), stands, role
+    )
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
-    left = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
+    counts = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
+    counts["doorway line"] = len(cut)
+    balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     return Plan(
-        walls,
-        np.where(role == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
+        parts.segments[parts.stands],
+        parts.heights[parts.stands],
         strokes.doors,
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
-        _in_words(canvas.left_out + Counter({**left, "doorway line": cut}), layered),
-        canvas.said,
-        parts=_parts(strokes, [mark for *_, mark in pieces], walls, own),
+        _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
+        "; ".join(said),
+        balance=balance,
+        doubt=size_doubt(canvas, strokes),
+        parts=parts,
         unit=canvas.unit,
     )
 
 
-def _parts(strokes: Strokes, marks: list[Mark], walls: Float, own: Int) -> Parts:
-    """The walls, cut at doorways, and the strokes that each rule took out.
+def _balance(
+    canvas: Canvas,
+    marks: list[Mark],
+    roles: list[str],
+    pieces: list["Piece"],
+    strokes: Strokes,
+    kept: Int,
+) -> Balance:
+    """What became of each item of a drawing, of whose strokes some are kept, by number.
 
-    The index (n,) of each wall is that of its stroke among those left; strokes have the numbers of
-    their marks.
+    The last of its fates counts: what is seen of it, what rules take of that, what stands.
     """
-    layers = np.array([mark.layer for mark in marks] or [""], dtype=object)
-    colours = np.array([mark.colour for mark in marks] or [""], dtype=object)
 
-    def part(segments: Float, kind: str, rows: Int, rule: str = "") -> Parts:
-        mark = strokes.mark[rows]
-        return Parts.of(segments, kind, rules=rule, layers=layers[mark], colours=colours[mark])
+    def items(chosen: Any, fate: str) -> dict[Any, str]:
+        drawn = np.unique(strokes.mark[chosen])
+        return {item: fate for number in drawn for item in pieces[number].items}
 
-    rows = np.flatnonzero(strokes.left)[own]
-    furniture = strokes.role[rows] == "furniture"
-    found = [
-        part(walls[chosen], kind, rows[chosen])
-        for kind, chosen in (("wall", ~furniture), ("furniture", furniture))
-    ]
-    for name, each in strokes.found.items():
-        door = each & ((strokes.role == "door") | np.isin(name, ["door stroke", "leaf stroke"]))
-        found += [
-            part(strokes.segments[chosen], kind, np.flatnonzero(chosen), name)
-            for kind, chosen in (("door", door), ("nothing", each & ~door))
-        ]
-    return found[0].joined(*found[1:])
+    fates = {item: fate or "hidden part" for item, fate in canvas.fates.items()}
+    for mark, role in zip(marks, roles, strict=True):
+        fate = ROLES.get(role, f"layer: {mark.layer}")
+        fates |= dict.fromkeys(mark.items, "repeated line" if role in STANDS else fate)
+    for rule in RULES:
+        if rule.counted:
+            fates |= items(strokes.found[rule.name], rule.name)
+    fates |= items(strokes.left, "doorway line") | items(kept, "")
+    for rule in RULES[:2]:
+        fates |= items(strokes.found[rule.name], "")
+    left_out = Counter(filter(None, fates.values()))
+    return Balance("item", canvas.held, len(fates) - left_out.total(), dict(left_out))
+
+
+def _jambs(pieces: list["Piece"], cut: Int, open_: Any) -> tuple[Float, Int]:
+    """The segments (n, 4) that close areas of pieces where doorways cut them; their pieces (n,)."""
+    areas = np.array([n for n in np.unique(cut) if is_area(pieces[n].shape)], dtype=np.int64)
+    sides = [open_.boundary.intersection(pieces[number].shape) for number in areas]
+    lines, area = shapely.get_parts(sides, return_index=True)
+    long = shapely.length(lines) > 2.0 * HIDDEN
+    points, line = shapely.get_coordinates(lines[long], return_index=True)
+    on = np.flatnonzero(line[1:] == line[:-1])
+    return np.hstack([points[on], points[on + 1]]), areas[area[long][line[on]]]
 
 
 def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
@@ -238,7 +292,7 @@ def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
     # On a layer that stands, marks may be left out by the names of their groups or blocks.
     shown = Counter(role for name, role in layered if name not in hidden)
     left += Counter({f"{what} mark": shown[what] for what in named})
-    words = [counted(number, noun) for noun, number in sorted(left.items())]
+    words = [*in_words(left)]
     words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
     return ", ".join(words)
 
@@ -324,64 +378,91 @@ def _divides(shape: Any, marks: list[Mark], near: Int) -> bool:
     return bool(ends.length <= 0.5 * shape.length and len(sides) > 1)
 
 
-# A geometry with its role and the mark that it is of: of several, the first.
-_Piece = tuple[Any, str, Mark]
-
-
-def _pieces(marks: list[Mark], roles: list[str]) -> list[_Piece]:
-    """Outlines of areas that stand, lines outside of them, and all others."""
+def _pieces(marks: list[Mark], roles: list[str]) -> list[Piece]:
+    """The lines outside of areas that stand, these areas, and all others."""
     solids = _solids(marks, roles)
-    large = [shape for shape, *_ in solids if shape.length > CUTTING]
+    large = [piece.shape for piece in solids if piece.shape.length > CUTTING]
     solid = shapely.union_all(large).buffer(OUTLINE)
     shapely.prepare(solid)
-    pieces = list[_Piece]()
+    pieces = list[Piece]()
     for mark, role in zip(marks, roles, strict=True):
-        if role not in STANDS:
-            pieces.append((mark.shape, role, mark))
-        elif not is_area(mark.shape):
-            cut = solid.intersects(mark.shape)
-            pieces.append((mark.shape.difference(solid) if cut else mark.shape, role, mark))
-    return pieces + [(shape.boundary, role, mark) for shape, role, mark in solids]
+        shape = mark.shape
+        if role in STANDS and not is_area(shape) and solid.intersects(shape):
+            shape = shape.difference(solid)
+        if role not in STANDS or not is_area(shape):
+            pieces.append(Piece(shape, role, mark.items, mark))
+    return pieces + solids
 
 
-def _solids(marks: list[Mark], roles: list[str]) -> list[_Piece]:
+def _rooms(marks: list[Mark], roles: list[str]) -> list[Piece]:
+    """The walls around rooms, where rooms are drawn as floors side by side, and no walls.
+
+    A pale area that lies on a wall between two rooms is a door, which stands open.
+    """
+    floors = [mark for mark, role in zip(marks, roles, strict=True) if role == "floor"]
+    others = [mark for mark, role in zip(marks, roles, strict=True) if role in STANDS]
+    if len(floors) < 2 or any(mark.contrast > FLOOR or not is_area(mark.shape) for mark in others):
+        return []
+    shapes = np.array([mark.shape for mark in floors])
+    outline = shapely.union_all(shapely.boundary(shapes), grid_size=SHARED)
+    # Rooms side by side have walls in common.
+    if outline.length > (1.0 - COMMON) * shapely.length(shapes).sum():
+        return []
+    doors = [mark for mark in others if mark.shape.intersects(outline)]
+    open_ = shapely.union_all([mark.shape for mark in doors]).buffer(
+        2.0 * SHARED, join_style="mitre"
+    )
+    walls = outline.difference(open_)
+    items = tuple(item for mark in floors + doors for item in mark.items)
+    return [Piece(shapely.line_merge(walls), "wall", items, floors[0])]
+
+
+def _solids(marks: list[Mark], roles: list[str]) -> list[Piece]:
     """The areas that stand, joined where they touch, each with its role."""
-    areas = [(m.shape, role, m) for m, role in zip(marks, roles, strict=True) if is_area(m.shape)]
-    doorways = shapely.union_all([shape for shape, role, _ in areas if role == "doorway"])
+    areas = [
+        Piece(mark.shape, role, mark.items, mark)
+        for mark, role in zip(marks, roles, strict=True)
+        if is_area(mark.shape)
+    ]
+    doorways = shapely.union_all([each.shape for each in areas if each.role == "doorway"])
     open_ = doorways.buffer(1.5 * SLIVER, join_style="mitre")
-    walls = [area for area in areas if area[1] in ("wall", "window", "other")]
-    furniture = [area for area in areas if area[1] == "furniture"]
+    walls = [each for each in areas if each.role in ("wall", "window", "other")]
+    furniture = [each for each in areas if each.role == "furniture"]
     return _joined(walls, "wall", open_) + _joined(furniture, "furniture", open_)
 
 
-def _joined(areas: list[_Piece], name: str, open_: Any) -> list[_Piece]:
+def _joined(areas: list[Piece], name: str, open_: Any) -> list[Piece]:
     """Areas joined where they touch, without the open doorways, each part with its role.
 
     The role is the given name if the layer of one of its areas gives a role, and else ``other``.
     """
     if not areas:
         return []
-    shapes = np.array([shape for shape, *_ in areas])
+    shapes = np.array([each.shape for each in areas])
     whole = shapely.union_all(shapes).difference(open_)
     parts = [each for each in shapely.get_parts(whole) if is_area(each)]
-    met, area = shapely.STRtree(shapes).query(parts, predicate="intersects")
-    other = np.array([role == "other" for _, role, _ in areas])
-    named = set(met[~other[area]].tolist())
-    first = np.full(len(parts), len(areas) - 1)
-    np.minimum.at(first, met, area)
+    joined: list[list[Piece]] = [[] for _ in parts]
+    met = shapely.STRtree(shapes).query(parts, predicate="intersects")
+    for part, area in sorted(met.T.tolist()):
+        joined[part].append(areas[area])
     return [
-        (part, name if number in named else "other", areas[first[number]][2])
-        for number, part in enumerate(parts)
+        Piece(
+            part,
+            name if any(each.role != "other" for each in held) else "other",
+            tuple(item for each in held for item in each.items),
+            (held or areas)[0].mark,
+        )
+        for part, held in zip(parts, joined, strict=True)
     ]
 
 
-def _segments(pieces: list[_Piece]) -> tuple[Float, Int, Int, Any]:
+def _segments(pieces: list[Piece]) -> tuple[Float, Int, Int, Any]:
     """The segments (n, 4) of geometries, each once, with its line, its piece and its role (n,)."""
-    shapes = [shape.boundary if is_area(shape) else shape for shape, *_ in pieces]
+    shapes = [each.shape.boundary if is_area(each.shape) else each.shape for each in pieces]
     lines, piece = shapely.get_parts(shapes, return_index=True)
     points, line = shapely.get_coordinates(lines, return_index=True)
     joined = np.flatnonzero((line[1:] == line[:-1]) & (points[1:] != points[:-1]).any(axis=1))
-    role = np.array([role for _, role, _ in pieces] or [""], dtype=object)
+    role = np.array([each.role for each in pieces] or [""], dtype=object)
     segments = np.hstack([points[joined], points[joined + 1]])
     line = line[joined]
     role = role[piece[line]]

@@ -1,6 +1,6 @@
 """LaserLog: the scans of a recorded drive, from any format; and Intake, which its readers fill.
 
-An `Intake` collects notes and bad lines while a file is read, limits its size, and makes the log.
+An `Intake` collects notes and bad lines while a file is read, and makes the log.
 """
 
 import gzip
@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.base.errors import InputError
 from lrf3d.base.files import opened, own_name
-from lrf3d.base.interrupts import check
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, Value, sealed
 from lrf3d.geometry.pose import Pose
@@ -235,27 +233,6 @@ def _resampled(own: Float, ranges: Float, angles: Float, reach: float) -> Float:
 # CARMEN's time report about 81.9 m or 50 m for no return, and none of them measures as far.
 LARGEST_RANGE = 50.0
 
-# Largest number of readings in memory: 400 MB. Messages, poses and values of lines count as
-# several readings each, by the next three constants.
-MOST_READINGS = 50_000_000
-
-# Memory that the object of a message takes in addition to its ranges [readings].
-A_MESSAGE = 64
-
-# Memory of a packed pose [readings].
-A_POSE = 8
-
-# Memory of a value of a line [readings]: two million lines of a text with a reading a line take a
-# gigabyte.
-A_VALUE = 4
-
-# Largest number of lines of a text log; a day's log has a tenth.
-MOST_LINES = 10_000_000
-
-# Largest size of a text log once it is unpacked [bytes]: gzipped files may unpack to a thousand
-# times their own size.
-LARGEST_LOG = 1 << 31
-
 # Time that is assumed between scans without stamps [s].
 UNTIMED = 0.1
 
@@ -265,19 +242,21 @@ GZIPPED = b"\x1f\x8b"
 
 @dataclass
 class Intake:
-    """What was noted and refused while a log was read, and how many readings are in memory.
+    """What was noted and refused while a log was read.
 
-    Readings from ``largest_range`` [m] on mean no return, if the user gave it. ``without`` names
-    the repairs that are left out.
+    Readings from ``largest_range`` [m] on mean no return, if the user gave it; those up to
+    ``smallest_range`` [m] and those between the first and the last bearings [rad] of ``mask`` are
+    left out. ``without`` names the repairs that are left out.
     """
 
     path: Path
     largest_range: float | None = None
     without: Sequence[str] = ()
+    smallest_range: float = 0.0
+    mask: Sequence[tuple[float, float]] = ()
     notes: list[str] = field(default_factory=list)
     bad: list[BadLine] = field(default_factory=list)
     bad_count: int = 0
-    readings: int = 0
 
     @property
     def limit(self) -> float:
@@ -298,16 +277,9 @@ class Intake:
         if len(self.bad) < named:
             self.bad.append(BadLine(number, str(why), kind))
 
-    def take(self, readings: int, number: int, kind: str = "line") -> None:
-        """Count readings that are kept in memory; raises InputError if there are too many."""
-        self.readings += readings
-        if self.readings > MOST_READINGS:
-            where = f"{self.path}: {kind} {number}"
-            raise InputError(f"{where}: more than {MOST_READINGS:,} readings; cut it into parts")
-
     def lines(self) -> Iterator[tuple[int, bytes]]:
         """Numbers and bytes of the lines of the file, gzipped or not; damage is a bad line."""
-        number = size = 0
+        number = 0
         # Longest line [bytes], enough for 100,000 beams; the rest of a longer one counts as further
         # lines.
         longest_line = 1 << 20
@@ -317,12 +289,6 @@ class Intake:
             stream: Any = gzip.open(file) if packed else file
             try:
                 for number, line in enumerate(iter(lambda: stream.readline(longest_line), b""), 1):
-                    check()
-                    size += len(line)
-                    if number > MOST_LINES or size > LARGEST_LOG:
-                        most = f"{MOST_LINES:,} lines or {LARGEST_LOG / 1e9:.1f} GB"
-                        where = f"{self.path}: line {number}"
-                        raise InputError(f"{where}: more than {most}; cut it into parts")
                     yield number, line
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 why = f"the packed data are damaged from here on ({error})"
@@ -330,6 +296,7 @@ class Intake:
 
     def log(self, scans: Sequence[LaserScan], **more: Any) -> LaserLog:
         """The log of these scans; what means no return becomes ±inf, for each laser by itself."""
+        scans = self._unmasked(scans)
         found = dict(enumerate(scans))
         for laser in dict.fromkeys(scan.laser for scan in scans):
             numbers = [k for k, scan in enumerate(scans) if scan.laser == laser]
@@ -343,3 +310,19 @@ class Intake:
             log_name(self.path), [*found.values()], self.bad_count, tuple(self.bad), notes=notes,
             **more,
         )  # fmt: skip
+
+    def _unmasked(self, scans: Sequence[LaserScan]) -> Sequence[LaserScan]:
+        """The scans without what the user left out; it is not measured, −inf, and counted."""
+        if not self.smallest_range and not self.mask:
+            return scans
+        turn = 2.0 * np.pi
+        kept = []
+        left = 0
+        for scan in scans:
+            out = np.isfinite(scan.ranges) & (scan.ranges <= self.smallest_range)
+            for first, last in self.mask:
+                out |= (scan.angles - first) % turn <= (last - first) % turn
+            left += int((out & scan.hits).sum())
+            kept.append(replace(scan, ranges=np.where(out, -np.inf, scan.ranges)))
+        self.notes.append(f"{counted(left, 'reading')} left out, near the laser or masked")
+        return kept

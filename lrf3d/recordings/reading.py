@@ -5,13 +5,16 @@ import zlib
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
-from lrf3d.base.errors import InputError, shown
+from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.files import as_path, opened, own_name
 from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
 from lrf3d.base.interrupts import reading
-from lrf3d.geometry.lines import number
+from lrf3d.base.isolation import read_file
+from lrf3d.geometry.lines import as_rows, number, whole_number
 from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
+from lrf3d.recordings.formats.bags.json_lines import TOPIC, is_messages
 from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
@@ -36,7 +39,7 @@ def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: odometry for bags and runs, whose ``auto`` may be the truth."""
     bags_and_runs = (*by_name("log", "bag").endings, *by_name("log", "run").endings)
     is_either = as_path(path).is_dir() or str(path).lower().endswith(bags_and_runs)
-    return "odom" if is_either else "auto"
+    return "odom" if is_either or is_messages(as_path(path)) else "auto"
 
 
 @reading()
@@ -44,11 +47,14 @@ def load_log(
     path: str | Path,
     *,
     largest_range: float | None = None,
+    smallest_range: float = 0.0,
+    mask: Sequence[tuple[float, float]] = (),
     poses: str = "auto",
     scan_topic: str | None = None,
     part: int | None = None,
     format: str | None = None,
     without_repairs: Sequence[str] = (),
+    isolated: bool = True,
 ) -> LaserLog:
     """Read the scans of a log; the ending of its name gives the format.
 
@@ -57,6 +63,9 @@ def load_log(
             .bag or a folder; a .npz or .mat file of arrays; or a run.npz or its folder.
         largest_range: Readings from this one on mean no return [m]; if not given, those from the
             range that the log names for its range finder, or the largest one where it stands out.
+        smallest_range: Readings up to this one are left out [m].
+        mask: First and last bearings [rad] of beams that are left out, such as those that hit the
+            robot itself.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
             or ``odom``.
         scan_topic: Bags: the topic of the scans; if not given, the topics of all lasers of one
@@ -65,6 +74,7 @@ def load_log(
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
         without_repairs: Names of repairs that are left out. Reading makes only ``no_return``;
             without it the largest and smallest readings are kept as they are.
+        isolated: Whether it is read in a process of its own, with limits.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -80,18 +90,46 @@ def load_log(
     path = as_path(path)
     if largest_range is not None:
         number(largest_range, "largest range", "metres", positive=True)
+    number(smallest_range, "smallest range", "metres")
+    masked = as_rows(mask, "mask", 2).tolist() if len(mask) else []
     sources = ("auto", "truth", "tf", "odom")  # Where the poses of a log may come from.
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
-    row = _format_of(path, in_columns=bool(format))
-    given = {"poses": poses, "scan_topic": scan_topic, "part": part, "format": format}
-    if row.name != "bag" and (scan_topic or part):
-        name = "scan topic" if scan_topic else "part"
+    for name, text in (("format", format), ("scan topic", scan_topic)):
+        expect(text, str | None, name)
+    if part is not None:
+        part = whole_number(part, "part")
+    row = by_ending(path, "log")
+    options = {
+        "poses": poses, "scan_topic": scan_topic, "part": part, "format": format,
+        "largest_range": largest_range, "without_repairs": without_repairs,
+        "smallest_range": smallest_range, "mask": masked,
+    }  # fmt: skip
+    known = row is None or row.apart
+    reader = "lrf3d.recordings.reading:log_of_file"
+    log: LaserLog = read_file(reader, path, options, isolated=isolated and known)
+    return log
+
+
+def log_of_file(
+    path: Path,
+    *,
+    largest_range: float | None,
+    without_repairs: Sequence[str],
+    smallest_range: float | None,
+    mask: Any,
+    **given: Any,
+) -> LaserLog:
+    """The log of a file by the reader of its format, with the options that the format has."""
+    row = _format_of(path, in_columns=bool(given["format"]))
+    if "scan_topic" not in row.options and (given["scan_topic"] or given["part"]):
+        name = "scan topic" if given["scan_topic"] else "part"
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
-    if "poses" not in row.options and poses not in ("auto", "odom"):
-        raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
+    if "poses" not in row.options and given["poses"] not in ("auto", "odom"):
+        raise InputError(f"{path}: no poses from {given['poses']} in it; there are auto, odom")
     options = {name: given[name] for name in row.options}
-    log: LaserLog = function(row.read)(Intake(path, largest_range, without_repairs), **options)
+    intake = Intake(path, largest_range, without_repairs, smallest_range, mask)
+    log: LaserLog = function(row.read)(intake, **options)
     return log
 
 
@@ -165,6 +203,8 @@ def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
             head = zlib.decompressobj(31).decompress(head, HEAD)
         looks = by_looks(head)
     is_text = b"\0" not in head and looks is None
+    if is_text and TOPIC(head):
+        return by_name("log", "messages")
     if is_text and re.search(WORDS, head):
         return by_name("log", "CARMEN")
     if is_text and RECORDS(head):

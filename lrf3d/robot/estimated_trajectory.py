@@ -1,5 +1,7 @@
 """EstimatedTrajectory: the estimated poses of a drive, with covariances and loop closures."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,9 +58,8 @@ class EstimatedTrajectory(Value):
     def __post_init__(self) -> None:
         self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
-        count = len(self.poses)
-        known = len(self.known_scans)
-        as_poses(self.poses)
+        count = len(as_poses(self.poses))
+        known = self.known_scans.size
         if len(as_poses(self.odometry)) not in (0, count):
             raise InputError(
                 f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"
@@ -109,7 +110,7 @@ class EstimatedTrajectory(Value):
         """Lines (c, 4) x1 y1 x2 y2 [m] between the estimated positions of pairs of scans (c, 2)."""
         return self.poses[pairs, :2].reshape(-1, 4)
 
-    def part(self, scans: Int) -> "EstimatedTrajectory":
+    def part(self, scans: Int) -> EstimatedTrajectory:
         """The estimate at some of the scans, in ascending order."""
         new_index = np.full(len(self), -1)
         new_index[scans] = np.arange(len(scans))

@@ -1,5 +1,7 @@
 """Routes: followed once by pure pursuit with a unicycle, in laps, or on a patrol."""
 
+from __future__ import annotations
+
 import math
 from bisect import bisect
 from collections.abc import Sequence

@@ -4,6 +4,8 @@ A command enters; a twist leaves, speeds ahead and to the left [m/s] and the tur
 is held as long as the command stays. `drive` takes inputs over time and returns a trajectory.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -169,6 +171,23 @@ class OmniDrive:
     ) -> Pose:
         """Where the robot is after it held a twist for a time [s]."""
         return moved((ahead, left, turn), pose, duration)
+
+
+def able(robot: object, twist: Twist) -> Twist:
+    """What a robot does of a twist that it is asked for: only some drive sideways or turn so fast.
+
+    Examples:
+        >>> from lrf3d.robot.kinematics import AckermannDrive, able
+        >>> able(AckermannDrive(wheelbase=1.0), (0.0, 1.0, 2.0))
+        (0.0, 0.0, 0.0)
+    """
+    ahead, _, turn = twist
+    if isinstance(robot, OmniDrive):
+        return twist
+    if isinstance(robot, AckermannDrive):
+        most = abs(ahead) * math.tan(robot.most) / robot.wheelbase
+        turn = min(max(turn, -most), most)
+    return ahead, 0.0, turn
 
 
 def finite(name: str, *command: float) -> None:

@@ -73,6 +73,59 @@ class WheelOdometry:
         measured = turn * (1.0 + self.track) + self.turn_per_metre * ahead + spread * turned
         return increment_of(np.array([ahead * longer, left * longer, measured]))
 
+    def noise(self, ahead: float, left: float, turn: float) -> Float:
+        """Covariance (3, 3) of the random errors of an arc: ahead, to the left [m], turn [rad]."""
+        distance = float(np.hypot(ahead, left))
+        noise = np.zeros((3, 3))
+        if distance > 0.0:
+            # What slips is the distance, along the path.
+            path = np.array([ahead, left]) / distance
+            noise[:2, :2] = self.slip**2 * distance * np.outer(path, path)
+        noise[2, 2] = self.swerve**2 * distance + self.skid**2 * abs(turn)
+        return noise
+
+
+class OdometryBelief:
+    """How surely a pose by odometry is known: its covariance grows along the drive.
+
+    Random errors add their variances; the shares that are measured too much are the same all the
+    way, so that their errors add up themselves. Both are of first order.
+    """
+
+    def __init__(self, wheels: WheelOdometry) -> None:
+        self._wheels = wheels
+        # [m, rad] for each of the shares, as deviations.
+        self._shares = np.array([wheels.scale, wheels.track, wheels.turn_per_metre])
+        self._random = np.zeros((3, 3))
+        # Derivative of the pose by each share.
+        self._drift = np.zeros((3, 3))
+
+    @property
+    def covariance(self) -> Float:
+        """Covariance (3, 3) of the pose: x, y [m], theta [rad], along the axes of its frame."""
+        drift = self._drift * self._shares
+        return np.asarray(self._random + drift @ drift.T)
+
+    def drive(self, pose: Float, increment: Float) -> None:
+        """Drive from a pose (3,) by a measured increment (3,)."""
+        cos = np.cos(pose[2])
+        sin = np.sin(pose[2])
+        turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        x, y, _ = turned @ increment
+        by_pose = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
+        ahead, left, turn = twist_of(increment).tolist()
+        by_shares = np.array([[ahead, 0.0, 0.0], [left, 0.0, 0.0], [0.0, turn, ahead]])
+        noise = turned @ self._wheels.noise(ahead, left, turn) @ turned.T
+        self._random = by_pose @ self._random @ by_pose.T + noise
+        self._drift = by_pose @ self._drift + turned @ by_shares
+
+    def twist_covariance(self, twist: Float, seconds: float) -> Float:
+        """Covariance (3, 3) of a twist [m/s], [rad/s] that was measured over a time [s]."""
+        ahead, left, turn = (twist * seconds).tolist()
+        shares = np.array([[ahead, 0.0, 0.0], [left, 0.0, 0.0], [0.0, turn, ahead]]) * self._shares
+        noise = self._wheels.noise(ahead, left, turn) + shares @ shares.T
+        return np.asarray(noise / seconds**2)
+
 
 @dataclass(frozen=True, slots=True)
 class Imu:
@@ -107,6 +160,11 @@ class Imu:
         number(self.rate, "rate", "measurements a second", positive=True, most=most_rate)
         for each in fields(self)[1:]:
             number(getattr(self, each.name), each.name)
+
+    @property
+    def variances(self) -> tuple[float, float]:
+        """Variances of a measurement: turn rate [rad²/s²], accelerations [m²/s⁴]."""
+        return self.rate * self.gyro_noise**2, self.rate * self.accelerometer_noise**2
 
 
 class Odometer:
@@ -186,6 +244,20 @@ class ImuRecord(Value):
         shapes = self.times.shape, self.turn_rates.shape, self.accelerations.shape
         if shapes != ((len(self.times),), (len(self.times),), (len(self.times), 2)):
             raise InputError(f"imu: arrays of {shapes}; expected (m,), (m,) and (m, 2)")
+
+    @property
+    def variances(self) -> tuple[float, float]:
+        """Variances of a turn rate [rad²/s²] and of an acceleration [m²/s⁴], from their noise.
+
+        Second differences hardly have any of the motion; their median has none of its steps.
+        """
+        if len(self.times) < 3:
+            return 0.0, 0.0
+        columns = self.turn_rates[:, None], self.accelerations
+        spreads = [float(np.median(np.abs(np.diff(each, n=2, axis=0)))) for each in columns]
+        # The median of a normal distribution's sizes, and the variance of a second difference.
+        of_gyro, of_accelerometers = ((spread / 0.6745) ** 2 / 6.0 for spread in spreads)
+        return of_gyro, of_accelerometers
 
     @classmethod
     def of(cls, rows: list[Float]) -> "ImuRecord":

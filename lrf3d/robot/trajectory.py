@@ -1,5 +1,7 @@
 """Trajectory: the poses of a drive over time."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -73,7 +75,7 @@ class Trajectory(Value):
         speeds = np.column_stack([ahead, turns]) / np.diff(self.times)[:, None]
         return sealed(np.vstack([speeds, speeds[-1:]]))
 
-    def every(self, count: int) -> "Trajectory":
+    def every(self, count: int) -> Trajectory:
         """The trajectory of the first pose, every ``count``-th one after it, and the last."""
         count = whole_number(count, "every")
         kept = np.append(np.arange(0, len(self) - 1, count), len(self) - 1)

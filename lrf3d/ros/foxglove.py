@@ -1,102 +1,261 @@
-"""The stream of a live robot for Foxglove and Lichtblick, without ROS."""
+"""The stream of a live robot for Foxglove and Lichtblick, without ROS.
 
-from collections.abc import Callable
-from queue import Empty, SimpleQueue
+Foxglove's WebSocket protocol: channels are advertised in JSON, and messages are binary, each after
+an opcode. All is done in the thread of the stream, between two ticks.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import struct
+from collections.abc import Callable, Collection
 from time import monotonic
 from typing import Any
+from urllib.parse import urlsplit
 
-from lrf3d.base.errors import OutputError, missing_extra
+from lrf3d.base.errors import OutputError, missing_extra, shown
 from lrf3d.base.interrupts import check
-from lrf3d.ros.stream import Encoded, Settings, Stream
+from lrf3d.ros.stream import CLOCK, Encoded, Settings, Stream
 from lrf3d.simulation.scenario import Scenario
 
 # The port that Foxglove opens by default.
 PORT = 8765
 
+# Sites whose pages may connect, apart from those of this machine and from programs: any other page
+# that somebody visits could read the scans and drive the robot.
+SITES = (
+    "https://app.foxglove.dev",
+    "https://studio.foxglove.dev",
+    "https://lichtblick-suite.github.io",
+)
+
+# Names of this machine, whose pages may connect.
+OWN_NAMES = ("localhost", "127.0.0.1", "::1")
+
+# Names of the protocol, as newer and older programs ask for it.
+PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+
+# Length of the longest message of a client [bytes]: a list of all topics has some hundred.
+MESSAGE_SIZE = 100_000
+
+# Messages of a client in a second [1/s], more of which end its connection: a joystick sends 100.
+MOST_MESSAGES = 500
+
+# Bytes that wait for a client, beyond which it misses messages: a city's map has some megabytes.
+BACKLOG = 20_000_000
+
+# Opcodes of the binary messages: data, of either side, and the time.
+DATA = 1
+TIME = 2
+
+# Time for clients between two ticks [s], also of a robot that is late: greetings take some turns.
+LEAST_WAIT = 0.002
+
+# Time that clients have to close their connections in the end [s].
+LAST_WORDS = 0.5
+
+
+class Client:
+    """What a client asked for: its subscriptions by channel, and its channel of commands."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.subscriptions: dict[int, int] = {}
+        # The head of the messages of its channel, and their type.
+        self.commands: tuple[bytes, str] | None = None
+        # The newest command, which is obeyed at the next tick.
+        self.command: bytes | None = None
+        self._second = monotonic()
+        self._count = 0
+
+    def floods(self) -> bool:
+        """Whether this message is one too many in its second."""
+        if (now := monotonic()) > self._second + 1.0:
+            self._second = now
+            self._count = 0
+        self._count += 1
+        return self._count > MOST_MESSAGES
+
+    def send(self, data: bytes) -> None:
+        """Send binary data without waiting; a client that reads too slowly misses it."""
+        from websockets.asyncio.server import broadcast
+
+        if self.page.transport.get_write_buffer_size() < BACKLOG:
+            broadcast([self.page], data)
+
 
 class Channels:
-    """Channels of a server, one for each topic, and what its clients ask for.
+    """Channels of a server, one for each topic, and its clients."""
 
-    The server calls the methods ``on_…`` in threads of its own.
-    """
-
-    def __init__(self, stream: Stream, host: str, port: int) -> None:
+    def __init__(self, stream: Stream, host: str, port: int, sites: Collection[str]) -> None:
         try:
-            import foxglove
-            from foxglove.websocket import Capability
+            from websockets.asyncio.server import serve as listen
         except ImportError as error:
-            raise missing_extra(f"Foxglove needs its server ({error})", "foxglove") from None
+            raise missing_extra(f"Foxglove needs a server ({error})", "foxglove") from None
         self._stream = stream
-        # Channels end with their context.
-        self._context = context = foxglove.Context()
-        self._channels = dict[str, Any]()
-        for topic in stream.topics:
-            text, _ = stream.types.generate_msgdef(topic.type, ros_version=2)
-            schema = foxglove.Schema(name=topic.type, encoding="ros2msg", data=text.encode())
-            self._channels[topic.name] = foxglove.Channel(
-                f"/{topic.name.strip('/')}", schema=schema, message_encoding="cdr", context=context
+        self._sites = sites
+        self._numbers = {topic.name: number for number, topic in enumerate(stream.topics, 1)}
+        self._clients = list[Client]()
+        # Time and data of what late subscribers get, by channel.
+        self._latched: dict[int, tuple[int, bytes]] = {}
+        names: Any = PROTOCOLS
+
+        async def opened() -> Any:
+            return await listen(
+                self._hear,
+                host,
+                port,
+                subprotocols=names,
+                process_request=self._refusal,
+                max_size=MESSAGE_SIZE,
+                # A short message could unpack to gigabytes.
+                compression=None,
+                close_timeout=LAST_WORDS,
+                logger=logging.Logger("foxglove", logging.CRITICAL),
             )
-        self._latched = {self._channels[t.name].topic() for t in stream.topics if t.latched}
-        self._asked = SimpleQueue[Callable[[], None]]()
-        self._clients: dict[tuple[int, int], Any] = {}
-        listener: Any = self
+
+        self._loop = asyncio.new_event_loop()
         try:
-            self._server = foxglove.start_server(
-                name=stream.scenario.name, host=host, port=port, server_listener=listener,
-                capabilities=[Capability.ClientPublish, Capability.Time],
-                supported_encodings=["cdr"], context=context,
-            )  # fmt: skip
-        except (OSError, RuntimeError) as error:
-            raise OutputError(f"--port {port}: {error}; choose another") from None
-        self.address, self.close = f"ws://{host}:{self._server.port}", self._server.stop
+            self._server = self._loop.run_until_complete(opened())
+        except OSError as error:
+            self._loop.close()
+            raise OutputError(f"--port {port}: {error.strerror}; choose another") from None
+        self.address = f"ws://{host}:{self._server.sockets[0].getsockname()[1]}"
+
+    def close(self) -> None:
+        """Leave the clients."""
+        self._server.close()
+        # Clients that have stopped reading would not let the end come.
+        ending = self._loop.create_task(self._server.wait_closed())
+        self._loop.run_until_complete(asyncio.wait({ending}, timeout=2.0 * LAST_WORDS))
+        for client in self._clients:
+            client.page.transport.abort()
+        self._loop.run_until_complete(ending)
+        self._loop.close()
 
     def publish(self, messages: Encoded) -> None:
         """Publish messages at the simulated time."""
         for topic, data in messages:
+            number = self._numbers[topic.name]
             time = self._stream.stamp.nanoseconds
-            self._server.broadcast_time(time)
-            self._channels[topic.name].log(data, log_time=time)
+            if topic.latched:
+                self._latched[number] = time, data
+            for client in self._clients:
+                if topic is CLOCK:
+                    client.send(struct.pack("<BQ", TIME, time))
+                if (subscription := client.subscriptions.get(number)) is not None:
+                    client.send(struct.pack("<BIQ", DATA, subscription, time) + data)
 
     def serve(self, seconds: float) -> None:
-        """Do for a time [s] what clients ask for."""
-        end = monotonic() + seconds
-        while True:
-            try:
-                self._asked.get(timeout=max(0.0, end - monotonic()))()
-            except Empty:
-                return
+        """Hear clients for a time [s], and obey the newest command of each."""
+        self._loop.run_until_complete(asyncio.sleep(max(LEAST_WAIT, seconds)))
+        for client in self._clients:
+            if client.command is not None:
+                self._obey(client, client.command)
+            client.command = None
 
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Send a late client what is published once."""
-        if channel.topic in self._latched:
-            stream = self._stream
-            self._asked.put(lambda: self.publish(stream.encoded(stream.first())))
-
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Do nothing: the server sends to those that are left."""
-
-    def on_client_advertise(self, client: Any, channel: Any) -> None:
-        """Remember what a client will publish."""
-        self._clients[client.id, channel.id] = channel
-
-    def on_client_unadvertise(self, client: Any, channel: int) -> None:
-        """Forget what a client no longer publishes."""
-        self._clients.pop((client.id, channel), None)
-
-    def on_message_data(self, client: Any, channel: int, data: bytes) -> None:
-        """Take a command of a client: a Twist or a TwistStamped in CDR."""
-        known = self._clients.get((client.id, channel))
+    def _obey(self, client: Client, data: bytes) -> None:
         stream = self._stream
-        if known is None or known.topic.strip("/") != "cmd_vel":
-            return
-        kind = "TwistStamped" if known.schema_name.endswith("Stamped") else "Twist"
+        _, kind = client.commands or (b"", "")
         try:
             message: Any = stream.types.deserialize_cdr(data, f"geometry_msgs/msg/{kind}")
         except Exception as error:
-            reason = f"cmd_vel of a client cannot be read ({error}); ignored"
-            self._asked.put(lambda: stream.say("warning", reason))
+            stream.say("warning", f"cmd_vel of a client cannot be read ({error}); ignored")
         else:
-            self._asked.put(lambda: stream.robots[0].obey(message))
+            stream.robots[0].obey(message)
+
+    def _refusal(self, connection: Any, request: Any) -> Any:
+        """Refuse pages of other sites; programs name none, or one that no page can have."""
+        for origin in request.headers.get_all("Origin"):
+            site = urlsplit(origin)
+            is_page = site.scheme in ("http", "https", "")
+            if is_page and site.hostname not in OWN_NAMES and origin not in self._sites:
+                self._stream.say("warning", f"a page of {shown(origin)} was refused")
+                return connection.respond(403, "pages of other sites may not drive the robot\n")
+        return None
+
+    async def _hear(self, page: Any) -> None:
+        """Take the messages of a client until it leaves."""
+        stream = self._stream
+        about = {"op": "serverInfo", "name": stream.scenario.name, "supportedEncodings": ["cdr"]}
+        await page.send(json.dumps({**about, "capabilities": ["clientPublish", "time"]}))
+        await page.send(json.dumps({"op": "advertise", "channels": self._channels()}))
+        client = Client(page)
+        self._clients.append(client)
+        try:
+            async for message in page:
+                if client.floods():
+                    stream.say(
+                        "warning", f"a client sent over {MOST_MESSAGES} messages in a second"
+                    )
+                    await page.close(1008, "too many messages")
+                    return
+                self._take(client, message)
+        finally:
+            self._clients.remove(client)
+
+    def _channels(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "id": self._numbers[topic.name],
+                "topic": f"/{topic.name.strip('/')}",
+                "encoding": "cdr",
+                "schemaName": topic.type,
+                "schema": self._stream.types.generate_msgdef(topic.type, ros_version=2)[0],
+                "schemaEncoding": "ros2msg",
+            }
+            for topic in self._stream.topics
+        ]
+
+    def _take(self, client: Client, message: str | bytes) -> None:
+        """Take a message of a client; a malformed one changes nothing."""
+        if isinstance(message, bytes):
+            if client.commands and message[:5] == client.commands[0]:
+                client.command = message[5:]
+            return
+        works = {
+            "subscribe": self._subscribe,
+            "unsubscribe": self._unsubscribe,
+            "advertise": self._advertised,
+        }
+        with contextlib.suppress(
+            AttributeError,
+            LookupError,
+            OverflowError,
+            RecursionError,
+            struct.error,
+            TypeError,
+            ValueError,
+        ):
+            asked = json.loads(message)
+            works[asked["op"]](client, asked)
+
+    def _subscribe(self, client: Client, asked: Any) -> None:
+        """Send from now on what is published, and now what late subscribers get."""
+        for each in asked["subscriptions"]:
+            number = int(each["channelId"])
+            subscription = int(each["id"])
+            if number not in self._numbers.values() or number in client.subscriptions:
+                continue
+            header = struct.pack("<BI", DATA, subscription)
+            client.subscriptions[number] = subscription
+            if number in self._latched:
+                time, data = self._latched[number]
+                client.send(header + struct.pack("<Q", time) + data)
+
+    def _unsubscribe(self, client: Client, asked: Any) -> None:
+        gone = {int(each) for each in asked["subscriptionIds"]}
+        kept = {k: n for k, n in client.subscriptions.items() if n not in gone}
+        client.subscriptions = kept
+
+    def _advertised(self, client: Client, asked: Any) -> None:
+        """Remember the channel in which a client commands the robot."""
+        for each in asked["channels"]:
+            if each["topic"].strip("/") == "cmd_vel":
+                stamped = each["schemaName"].endswith("Stamped")
+                number = struct.pack("<BI", DATA, int(each["id"]))
+                client.commands = number, "TwistStamped" if stamped else "Twist"
 
 
 def serve_foxglove(
@@ -105,17 +264,20 @@ def serve_foxglove(
     host: str = "127.0.0.1",
     port: int = PORT,
     rng: int = 0,
+    sites: Collection[str] = SITES,
     say: Callable[[str, str], None],
     started: Callable[[str], None] = lambda address: None,
 ) -> None:
     """Serve a robot to Foxglove until the program is interrupted.
+
+    Pages of other sites than these and this machine's are refused; programs connect.
 
     Raises:
         MissingLibraryError: The libraries of the extra ``foxglove`` are not installed.
         OutputError: The port is taken.
     """
     stream = Stream(scenario, Settings(rng=rng, lines=True), say)
-    channels = Channels(stream, host, port)
+    channels = Channels(stream, host, port, sites)
     try:
         started(channels.address)
         stream.run(channels.publish, channels.serve)

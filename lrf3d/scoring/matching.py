@@ -3,6 +3,8 @@
 A spatial index finds the neighbours, so that large maps need no table of all pairs.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths

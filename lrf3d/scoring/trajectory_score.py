@@ -5,6 +5,8 @@ by their stamps; absolute errors after the best rigid alignment leave, and relat
 pose to the next, as evo defines them (Sturm et al. 2012).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Several robots at once: each drives, scans and maps, and sees and touches the others."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -278,7 +280,7 @@ def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Traj
 
 
 def _drive_all(
-    simulations: Sequence[Simulation], touches: "_Touches", progress: Progress
+    simulations: Sequence[Simulation], touches: _Touches, progress: Progress
 ) -> list[Run]:
     """Run simulations to their ends, always that with the earliest scan; in their order."""
     steps = [iter(simulation) for simulation in simulations]

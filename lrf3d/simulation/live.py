@@ -4,6 +4,7 @@ A scenario and commands enter; true poses, odometry and scans leave. The page an
 ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +14,17 @@ from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.geometry.lines import Float, generator
 from lrf3d.geometry.pose import Pose, between, compose
-from lrf3d.laser import LaserScan
+from lrf3d.laser import DepthImage, LaserScan, LidarScan
+from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.robot import Trajectory
-from lrf3d.robot.odometry import InertialUnit, WheelOdometry
+from lrf3d.robot.kinematics import able
+from lrf3d.robot.odometry import InertialUnit, OdometryBelief, WheelOdometry
+from lrf3d.simulation.clouds import Clouds
 from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
 from lrf3d.simulation.loop import motion_streams
 from lrf3d.simulation.scenario import Scenario
-from lrf3d.simulation.sensor import Sensor, caster_of
+from lrf3d.simulation.sensor import Caster, Sensor, caster_of
 
 
 class LiveRobot(Driven):
@@ -36,18 +40,26 @@ class LiveRobot(Driven):
         rng: np.random.Generator | int | None = 0,
         wheels: WheelOdometry | None = None,
         crowd: Crowd | None = None,
+        caster: Caster | str = "embree",
     ) -> None:
         self._crowd = Crowd(scenario.obstacles) if crowd is None else crowd
         self.wheels = wheels
+        # How it moves.
+        self.moves = scenario.robot
         self._imu = scenario.imu
         self._rng = generator(rng)
         self._streams = motion_streams(self._rng, wheels, scenario.imu)
         body = Body(scenario.radius, scenario.outline)
         self.start = scenario.beginning
+        self.odometry = self.start
+        # How surely the odometry is known since the start; None where it is exact.
+        self.belief = None if wheels is None else OdometryBelief(wheels)
+        # The exact odometry of a robot that was carried, as a pose of the world in its frame.
+        self._carried_by: Pose | None = None
         super().__init__(self.start, 0.0, body, CollisionChecker(scenario.world, self._crowd))
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
         lasers = [(scenario.lrf, scenario.noise), *scenario.further]
-        caster = caster_of("embree", scenario.world)
+        caster = caster_of(caster, scenario.world)
         self._sensors = [
             Sensor(
                 scenario.world,
@@ -58,7 +70,21 @@ class LiveRobot(Driven):
             )
             for lrf, noise in lasers
         ]
-        self.restart()
+        still = [replace(lidar, scan_duration=0.0) for lidar in scenario.lidars]
+        sensors = CloudSensors.of(still, scenario.depth_cameras, scenario.noise)
+        if [*sensors]:
+            sensors = replace(sensors, seed=int(self._rng.spawn(1)[0].integers(1 << 62)))
+        self._clouds = Clouds(scenario.world, sensors, self._crowd)
+        self._restart_imu()
+
+    def clouds(self) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """Measure with each lidar and each depth camera from where the robot is now."""
+        sensors = self._clouds.sensors
+        place = np.array(self.pose), self.time
+        return (
+            (self._clouds.lidar(k, *place, None) for k in range(len(sensors.lidars))),
+            (self._clouds.depth(k, *place) for k in range(len(sensors.depth_cameras))),
+        )
 
     @property
     def speed(self) -> float:
@@ -76,37 +102,40 @@ class LiveRobot(Driven):
         return self.collision is not None
 
     def restart(self) -> None:
-        """Put the robot and its odometry back to the start; time goes on."""
-        self.place(self.start)
-        self.odometry = self.start
-        self._restart_imu()
+        """Carry the robot back to the start, whatever stands there; time goes on."""
+        self._put(self.start)
 
     def carry(self, pose: Pose) -> None:
-        """Put the robot elsewhere, at rest; its wheels do not notice unless they are exact.
+        """Put the robot elsewhere, at rest; its odometry does not notice, and does not jump.
 
         Raises:
             InputError: The robot would stand in a wall or an obstacle.
         """
         if self.touched(pose, STILL, 0.0) is not None:
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
+        self._put(pose)
+
+    def _put(self, pose: Pose) -> None:
+        self._carried_by = self.odometry @ pose.inverse()
         self.place(pose)
-        if self.wheels is None:
-            self.odometry = pose
         self._restart_imu()
 
     def _restart_imu(self) -> None:
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._streams[1])
 
-    def drive(self, seconds: float, speed: float, turning: float) -> None:
+    def drive(self, seconds: float, speed: float, turning: float, sideways: float = 0.0) -> None:
         """Drive an exact arc for a time, and rest where the body touches something."""
         last = self.pose
-        self.hold((speed, 0.0, turning), seconds)
-        if self.wheels is None:
-            self.odometry = self.pose
+        self.hold(able(self.moves, (speed, sideways, turning)), seconds)
+        if self.wheels is None or self.belief is None:
+            moved = self._carried_by
+            self.odometry = self.pose if moved is None else moved @ self.pose
         elif self.pose != last:
             increment = between(np.array(last), np.array(self.pose))
             measured = self.wheels(increment, self._streams[0])
-            self.odometry = Pose(*compose(np.array(self.odometry), measured).tolist())
+            before = np.array(self.odometry)
+            self.belief.drive(before, measured)
+            self.odometry = Pose(*compose(before, measured).tolist())
 
     def scans(self) -> tuple[LaserScan, ...]:
         """Measure with each laser from where the robot is now."""
@@ -115,10 +144,11 @@ class LiveRobot(Driven):
             for sensor in self._sensors
         )
 
-    def show(self, speed: float, turning: float) -> None:
+    def show(self, speed: float, turning: float, sideways: float = 0.0) -> None:
         """Show the other robots of a fleet where this one is, and how it drives from now on."""
         if self._crowd.own >= 0:
-            held = move_of(self.time, self.pose, (speed, 0.0, turning))
+            twist = able(self.moves, (speed, sideways, turning))
+            held = move_of(self.time, self.pose, twist)
             self._crowd.hold(held, self._crowd.own)
 
     def imu(self) -> Float:
@@ -144,7 +174,14 @@ def live_fleet(
     _, crowd = robots_among(
         body, [Trajectory([0.0], [start]) for start in starts], scenario.obstacles
     )
+    caster = caster_of("embree", scenario.world)
     return [
-        LiveRobot(replace(scenario, start=start), rng=own, wheels=wheels, crowd=crowd.without(k))
+        LiveRobot(
+            replace(scenario, start=start),
+            rng=own,
+            wheels=wheels,
+            crowd=crowd.without(k),
+            caster=caster,
+        )
         for k, (start, own) in enumerate(zip(starts, generator(rng).spawn(count), strict=True))
     ]

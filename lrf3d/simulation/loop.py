@@ -3,9 +3,11 @@
 The input is a world and a drive; steps are yielded one by one, and only the mapper keeps anything.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
@@ -18,7 +20,16 @@ from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.geometry.lines import Float, generator, sealed, whole_number
 from lrf3d.geometry.pose import Pose
-from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
+from lrf3d.laser import (
+    DepthCamera,
+    DepthImage,
+    LaserRangeFinder,
+    LaserScan,
+    Lidar,
+    LidarScan,
+    ProportionalNoise,
+)
+from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping import LineMapper
@@ -26,8 +37,9 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
+from lrf3d.simulation.clouds import Clouds, sweeps_of
 from lrf3d.simulation.mappers import Mapper, OptionalParts
-from lrf3d.simulation.sensor import Caster, Sensor, caster_of
+from lrf3d.simulation.sensor import Caster, Sensor, caster_of, check_duration
 from lrf3d.simulation.steering import ControlledDrive, Controller, Robot, as_drive
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
@@ -59,9 +71,26 @@ class Step:
     pose: Pose
     scans: tuple[LaserScan, ...]
     true_scans: tuple[LaserScan, ...]
-    _simulation: "Simulation" = field(repr=False)
+    _simulation: Simulation = field(repr=False)
     odometry: Float = field(repr=False)
     imu: Float = field(repr=False)
+    sweeps: Float = field(repr=False)
+
+    @property
+    def lidar_scans(self) -> tuple[LidarScan, ...]:
+        """The measured scan of each lidar, cast anew each time that it is asked."""
+        clouds = self._simulation.clouds
+        return tuple(
+            clouds.lidar(number, np.array(self.pose), self.time, motion)
+            for number, motion in enumerate(self.sweeps)
+        )
+
+    @property
+    def depth_images(self) -> tuple[DepthImage, ...]:
+        """The measured picture of each depth camera, likewise."""
+        clouds = self._simulation.clouds
+        count = len(clouds.sensors.depth_cameras)
+        return tuple(clouds.depth(k, np.array(self.pose), self.time) for k in range(count))
 
     @property
     def scan(self) -> LaserScan:
@@ -120,6 +149,9 @@ class Simulation:
         robot: How a controller's robot moves: a Unicycle if not given, a DifferentialDrive, an
             AckermannDrive or an OmniDrive.
         film: The default settings of the film.
+        lidars: A `Lidar`, or several, whose scans are in ``step.lidar_scans``. They have the noise
+            of the first laser, with random numbers of their own.
+        depth_cameras: A `DepthCamera`, or several: ``step.depth_images``.
 
     Examples:
         >>> import lrf3d
@@ -150,6 +182,8 @@ class Simulation:
         imu: Imu | None = None,
         robot: Robot | None = None,
         film: FilmPlan = USUAL_FILM,
+        lidars: Lidar | Sequence[Lidar] = (),
+        depth_cameras: DepthCamera | Sequence[DepthCamera] = (),
     ) -> None:
         check_names("on_collision", [on_collision], ON_COLLISION)
         expect(world, World, "world")
@@ -164,12 +198,14 @@ class Simulation:
         body, solid = _body(radius, outline)
         # Radius of the robot [m], that around its outline.
         self.radius = body.reach
+        cloud_sensors = CloudSensors.of(lidars, depth_cameras, noises[0])
         checks = solid and on_collision != "ignore"
         checker = CollisionChecker(world, crowd) if checks else None
         stops = on_collision == "stop"
         self.drive: Trajectory | ControlledDrive
         if not isinstance(moves, Trajectory):
-            sweep = max(self.lasers, key=lambda each: each.scan_duration).scan_duration
+            lasers = max(self.lasers, key=lambda each: each.scan_duration).scan_duration
+            sweep = max(lasers, cloud_sensors.sweep)
             self.drive = ControlledDrive(
                 moves, start, scan_interval, checker, body, stops=stops, sweep=sweep, robot=robot
             )
@@ -181,16 +217,29 @@ class Simulation:
             for each, own in zip(self.lasers, noises, strict=True)
         )
         # The errors of the wheels and of the IMU.
+        expect(odometry, WheelOdometry | None, "odometry")
+        expect(imu, Imu | None, "imu")
+        expect(film, FilmPlan, "film")
         self.motion_sensors = odometry, imu
         wheels, inertial = motion_streams(self.rng, odometry, imu)
         self._odometer = None if odometry is None else Odometer(odometry, wheels)
         self._imu = None if imu is None else InertialUnit(imu, inertial)
+        if [*cloud_sensors]:
+            seed = int(self.rng.spawn(1)[0].integers(1 << 62))
+            cloud_sensors = replace(cloud_sensors, seed=seed)
+            check_duration(cloud_sensors.sweep, self.drive)
+        self.clouds = Clouds(world, cloud_sensors, crowd)
         # The pose by odometry at the last scan, and what the IMU measured before it.
         self.odometry = np.zeros(3)
         self.inertial = np.empty((0, 4))
         self.film = film
         self.done = 0
         self._seconds = 0.0
+
+    @property
+    def cloud_sensors(self) -> CloudSensors:
+        """Its lidars and depth cameras."""
+        return self.clouds.sensors
 
     @property
     def lrf(self) -> LaserRangeFinder:
@@ -227,8 +276,10 @@ class Simulation:
                 sensor.noisy(scan, self.rng)
                 for sensor, scan in zip(self.sensors, truth, strict=True)
             )
+            sweeps = sweeps_of(self.clouds.sensors.lidars, drive, pose, time)
             self.take(scans, pose)
-            yield Step(index, time, place, scans, truth, self, self.odometry, self.inertial)
+            measured = self.odometry, self.inertial, sweeps
+            yield Step(index, time, place, scans, truth, self, *measured)
 
     def take(self, scans: Sequence[LaserScan], pose: Float) -> None:
         """Take the next measured scan of each laser, with the robot at (3,): map and drive on.

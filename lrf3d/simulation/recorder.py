@@ -4,6 +4,8 @@ A simulation or its parts enter, or the scans of a user's own loop; a Run in mem
 `lrf3d.recordings.formats.recording` keeps the same rows in a file.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -63,7 +65,9 @@ def simulate(
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
         progress: Called with the number of finished scans, and of all.
-        **settings: All others.
+        **settings: ``caster``, ``noise``, ``mapper``, ``rng``, ``obstacles``, ``start``,
+            ``scan_interval``, ``scans``, ``radius``, ``outline``, ``on_collision``, ``odometry``,
+            ``imu``, ``film`` and ``robot``.
 
     Raises:
         InputError: An argument is invalid, a scan takes longer than the interval to the next, or a
@@ -149,11 +153,14 @@ class Collection(Snapshots):
     def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
         super().__init__(simulation, snapshots)
         wheels = simulation.motion_sensors[0] is not None
-        self._rows = Rows(simulation.world, simulation.lasers, wheels=wheels, room=self._total)
+        lidars = len(simulation.clouds.sensors.lidars)
+        self._rows = Rows(
+            simulation.world, simulation.lasers, wheels=wheels, room=self._total, lidars=lidars
+        )
 
     def add(self, step: Step) -> None:
         """Keep a step."""
-        self._rows.add(step.time, step.pose, step.scans, step.true_scans, step.odometry)
+        self._rows.add(*measured_in(step))
         self.keep()
 
     def run(self) -> Run:
@@ -167,11 +174,17 @@ class Collection(Snapshots):
             radius=simulation.radius,
             estimate=simulation.estimate,
             imu=imu,
+            cloud_sensors=simulation.cloud_sensors,
         )
 
 
+def measured_in(step: Step) -> tuple[Any, ...]:
+    """What a step measured: the arguments of `fill_row`, from the time on."""
+    return step.time, step.pose, step.scans, step.true_scans, step.odometry, step.sweeps
+
+
 def row_type(
-    world: World, lasers: Sequence[LaserRangeFinder], wheels: bool = False
+    world: World, lasers: Sequence[LaserRangeFinder], wheels: bool = False, lidars: int = 0
 ) -> np.dtype[Any]:
     """What a run keeps of each scan: a field for each of the Run's attributes."""
     beams = (sum(each.beams for each in lasers),)
@@ -188,6 +201,8 @@ def row_type(
         fields.append(("motions", np.float64, (len(lasers), 3)))
     if wheels:
         fields.append(("wheels", np.float64, 3))
+    if lidars:
+        fields.append(("sweeps", np.float64, (lidars, 3)))
     return np.dtype(fields)
 
 
@@ -199,12 +214,15 @@ def fill_row(
     scans: Sequence[LaserScan],
     true_scans: Sequence[LaserScan],
     odometry: Float | None = None,
+    sweeps: Float | None = None,
 ) -> None:
     """Write what a step measured into a row of arrays with the fields of `row_type`."""
     rows["times"][index] = time
     rows["poses"][index] = pose
     if "wheels" in rows:
         rows["wheels"][index] = odometry
+    if "sweeps" in rows:
+        rows["sweeps"][index] = sweeps
     begin = 0
     for laser, (scan, truth) in enumerate(zip(scans, true_scans, strict=True)):
         beams = slice(begin, begin := begin + len(scan.ranges))
@@ -229,10 +247,11 @@ class Rows:
         *,
         wheels: bool = False,
         room: int = 1,
+        lidars: int = 0,
     ) -> None:
         self._world = world
         self._lasers = lasers
-        row = row_type(world, lasers, wheels)
+        row = row_type(world, lasers, wheels, lidars)
         self._arrays: dict[str, Any] = {
             name: np.empty((room, *row[name].shape), row[name].base) for name in row.names or ()
         }

@@ -1,5 +1,7 @@
 """Run: the input and the results of a simulation."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.base.errors import InputError, MissingLibraryError, shown
+from lrf3d.base.errors import InputError, MissingLibraryError, expect, index_of, shown
 from lrf3d.base.lazy import ABOVE, Pictured
-from lrf3d.geometry.lines import Float, Int, Value, number, sealed
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.geometry.lines import Float, Int, Value, number, numbers, sealed, whole_number
+from lrf3d.laser import DepthImage, LaserRangeFinder, LaserScan, LidarScan
+from lrf3d.laser.cloud_sensors import NO_SENSORS, CloudSensors
 from lrf3d.laser.scan import LIGHT
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
@@ -29,6 +32,7 @@ from lrf3d.world.pieces import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+    from lrf3d.simulation.clouds import Clouds
 
 # Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
 # some hundredths of a second.
@@ -64,6 +68,9 @@ class Run(Value, Pictured):
             all beams of a scan are sent at once.
         wheels: (k, 3) poses by odometry at the scans, the first as it was; None without odometry.
         imu: What the IMU measured; None without one.
+        cloud_sensors: Its lidars and depth cameras. A run keeps no clouds: `lidar` and `depth` cast
+            them again, to the last bit.
+        sweeps: (k, lidars, 3) motion of the robot during each scan of a lidar; None without any.
 
     Examples:
         >>> import lrf3d
@@ -80,7 +87,7 @@ class Run(Value, Pictured):
     walls: Int
     snapshot_scans: tuple[int, ...]
     maps: tuple[LineMap, ...]
-    obstacles: "tuple[DynamicObstacle, ...]" = ()
+    obstacles: tuple[DynamicObstacle, ...] = ()
     film: FilmPlan = USUAL_FILM
     estimate: EstimatedTrajectory | None = None
     intensities: Float | None = None
@@ -91,8 +98,15 @@ class Run(Value, Pictured):
     motions: Float | None = None
     wheels: Float | None = None
     imu: ImuRecord | None = None
+    cloud_sensors: CloudSensors = NO_SENSORS
+    sweeps: Float | None = None
 
     def __post_init__(self) -> None:
+        for name, kind in (
+            ("world", World), ("lrf", LaserRangeFinder), ("trajectory", Trajectory),
+            ("estimate", EstimatedTrajectory | None), ("film", FilmPlan),
+        ):  # fmt: skip
+            expect(getattr(self, name), kind, f"run: {name}")
         number(self.radius, "run: radius", "metres")
         scans = len(self.trajectory)
         beams = sum(each.beams for each in self.lasers)
@@ -121,6 +135,7 @@ class Run(Value, Pictured):
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("ranges", "truth", "walls"), shape)
         shapes |= {name: echoes if "echo" in name else shape for name in self.light}
         further = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
+        further["sweeps"] = (scans, len(self.cloud_sensors.lidars), 3)
         return shapes | {
             name: expected for name, expected in further.items() if getattr(self, name) is not None
         }
@@ -179,7 +194,7 @@ class Run(Value, Pictured):
 
     def map_after(self, scan: int) -> LineMap:
         """The newest map snapshot without any scan after the given one."""
-        snapshot = self.snapshot_after(scan)
+        snapshot = self.snapshot_after(whole_number(scan, "scan", least=-1))
         return self.maps[snapshot] if snapshot >= 0 else LineMap.empty()
 
     @cached_property
@@ -199,8 +214,13 @@ class Run(Value, Pictured):
         lasting[unknown] = world.object_count + np.arange(len(unknown))
         return tuple(sealed(lasting[numbers]) for numbers in tracked)
 
-    def part(self, scans: Int) -> "Run":
+    def part(self, scans: Int) -> Run:
         """The run of some of its scans, in ascending order, with the last of its maps."""
+        scans = numbers(scans, "scans")
+        if scans.ndim != 1 or scans.dtype.kind not in "iu" or not len(scans):
+            raise InputError(f"scans {shown(scans)}: expected some numbers of scans")
+        for each in (scans.min(), scans.max()):
+            index_of(each, len(self), "scan")
         light: dict[str, Any] = {name: values[scans] for name, values in self.light.items()}
         part = replace(
             self,
@@ -213,6 +233,7 @@ class Run(Value, Pictured):
             estimate=None if self.estimate is None else self.estimate.part(scans),
             motions=None if self.motions is None else self.motions[scans],
             wheels=None if self.wheels is None else self.wheels[scans],
+            sweeps=None if self.sweeps is None else self.sweeps[scans],
             **light,
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
@@ -221,7 +242,8 @@ class Run(Value, Pictured):
 
     def scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The measured scan with an index from 0, of one of the lasers by its number."""
-        lrf = self.lasers[laser]
+        index = index_of(index, len(self), "scan")
+        lrf = self.lasers[index_of(laser, len(self.lasers), "laser")]
         begin = sum(each.beams for each in self.lasers[:laser])
         beams = slice(begin, begin + lrf.beams)
         motions = self.motions
@@ -250,6 +272,52 @@ class Run(Value, Pictured):
         scan = self.scan(index, laser=laser)
         begin = sum(each.beams for each in self.lasers[:laser])
         return replace(scan, ranges=self.truth[index, begin : begin + len(scan.ranges)], **unlit)
+
+    @cached_property
+    def _clouds(self) -> Clouds:
+        from lrf3d.simulation.clouds import Clouds
+
+        return Clouds(self.world, self.cloud_sensors, self.obstacles)
+
+    def lidar(self, index: int, *, number: int = 0, noisy: bool = True) -> LidarScan:
+        """The scan with an index from 0 of one of the lidars by its number, cast again.
+
+        Examples:
+            >>> import lrf3d
+            >>> lidar = lrf3d.Lidar.preset("VLP-16", columns=90)
+            >>> run = lrf3d.load_scenario("paper_room").run(rng=0, lidars=lidar)
+            >>> run.lidar(2).ranges.shape
+            (16, 90)
+        """
+        if not 0 <= number < len(self.cloud_sensors.lidars):
+            raise InputError(f"run: lidar {number}: it has {len(self.cloud_sensors.lidars)} lidars")
+        motion = None if self.sweeps is None else self.sweeps[index, number]
+        return self._clouds.lidar(number, *self._moment(index), motion, noisy=noisy)
+
+    def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
+        """The picture with an index from 0 of one of the depth cameras, cast again."""
+        count = len(self.cloud_sensors.depth_cameras)
+        if not 0 <= number < count:
+            raise InputError(f"run: depth camera {number}: it has {count} depth cameras")
+        return self._clouds.depth(number, *self._moment(index), noisy=noisy)
+
+    @property
+    def lidar_scans(self) -> Iterator[LidarScan]:
+        """The scans of the first lidar, one by one."""
+        return (self.lidar(index) for index in range(len(self)))
+
+    def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """The scans of all lidars and the pictures of all depth cameras with an index from 0."""
+        lidars = range(len(self.cloud_sensors.lidars))
+        cameras = range(len(self.cloud_sensors.depth_cameras))
+        return (
+            (self.lidar(index, number=number) for number in lidars),
+            (self.depth(index, number=number) for number in cameras),
+        )
+
+    def _moment(self, index: int) -> tuple[Float, float]:
+        """The pose of the robot at a scan, as casters get it, and the time [s]."""
+        return self.trajectory.poses[index], float(self.trajectory.times[index])
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""

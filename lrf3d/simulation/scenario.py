@@ -3,6 +3,8 @@
 It is read from a world file and run as a simulation. Everything but the walls has a default.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -11,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.base.errors import InputError, WorldError, check_names
+from lrf3d.base.errors import InputError, WorldError, check_names, each_of, expect
 from lrf3d.base.files import own_name
 from lrf3d.base.interrupts import Progress, silent
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.geometry.lines import Float, Value, whole_number
+from lrf3d.geometry.lines import Float, Value, as_rows, number, numbers, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
+from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.mapping import LineMapper
 from lrf3d.planning import Side
@@ -27,6 +29,7 @@ from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.simulation.tables import (
     TABLES,
+    as_drive,
     lasers_with_noise,
     motion_sensors,
     read_file,
@@ -44,7 +47,7 @@ if TYPE_CHECKING:
     from lrf3d.simulation.mappers import Mapper
     from lrf3d.simulation.run import Run
     from lrf3d.simulation.sensor import Caster
-    from lrf3d.simulation.steering import Controller
+    from lrf3d.simulation.steering import Controller, Robot
 
 # Time between two scans [s] at single poses: a film shows each for some seconds.
 POSE_INTERVAL = 4.0
@@ -83,6 +86,9 @@ class Scenario(Value):
         imu: The errors of the IMU, if the robot has one.
         goals: (m, 2) places [m] through which a route is planned, instead of past all walls.
         keep_out: Areas (k, 2) [m] that a planned route avoids.
+        lidars: Its lidars, with the noise of the first laser.
+        depth_cameras: Its depth cameras.
+        robot: How it moves by the commands of a controller, or live; a Unicycle if not given.
 
     Examples:
         >>> import lrf3d
@@ -116,16 +122,35 @@ class Scenario(Value):
     imu: Imu | None = None
     goals: Float | None = field(default=None, repr=False)
     keep_out: tuple[Float, ...] = field(default=(), repr=False)
+    lidars: tuple[Lidar, ...] = ()
+    depth_cameras: tuple[DepthCamera, ...] = ()
+    robot: Robot | None = None
 
     def __post_init__(self) -> None:
+        for name, kind in (
+            ("world", World), ("lrf", LaserRangeFinder), ("mapper", Mapping), ("film", FilmPlan),
+            ("odometry", WheelOdometry | None), ("imu", Imu | None), ("name", str),
+        ):  # fmt: skip
+            expect(getattr(self, name), kind, f"scenario: {name}")
+        for name in ("speed", "scan_interval", "lookahead", "radius"):
+            number(getattr(self, name), f"scenario: {name}", positive=True)
+        for name, columns in (("route", 2), ("poses", 3), ("outline", 2), ("goals", 2)):
+            if getattr(self, name) is not None:
+                as_rows(getattr(self, name), f"scenario: {name}", columns, least=1)
+        if self.start is not None:
+            object.__setattr__(self, "start", as_pose(self.start))
         arrays = ("route", "poses", "outline", "goals")
         self._hold(*(name for name in arrays if getattr(self, name) is not None))
         if self.outline is not None:
             from lrf3d.casting.collision import Body
 
             object.__setattr__(self, "radius", Body(outline=self.outline).reach)
+        obstacles = tuple(each_of(self.obstacles, DynamicObstacle, "scenario: obstacle"))
+        levels = np.ravel(numbers(self.compared, "scenario: compared")).tolist()
+        compared = tuple(number(each, "scenario: compared") for each in levels)
+        object.__setattr__(self, "compared", compared)
         object.__setattr__(self, "noise", as_noise(self.noise))
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "obstacles", obstacles)
 
     def __repr__(self) -> str:
         drive = "a route to plan"
@@ -152,7 +177,7 @@ class Scenario(Value):
         _, sigma = spread_of(self.noise) or (0.0, SIGMA)
         return sigma, *self.compared
 
-    def changed(self, **changes: Any) -> "Scenario":
+    def changed(self, **changes: Any) -> Scenario:
         """The scenario with other fields; a new world or route resets those that depend on it."""
         # `run` takes an rng, too, and passes the others on.
         check_names("scenario", changes, [*(each.name for each in fields(self)), "rng"])
@@ -165,7 +190,7 @@ class Scenario(Value):
 
     def with_route(
         self, *, where: Side | None = None, say: Callable[[str], None] = lambda note: None
-    ) -> "Scenario":
+    ) -> Scenario:
         """The scenario, with a planned route past most of its walls if it has none.
 
         Indoors a robot whose speed is not given drives at 1 m/s, and one whose radius is not given
@@ -250,7 +275,7 @@ class Scenario(Value):
         return following.drive_laps(self.route, start=self.start, most=most, **settings)
 
     def _check_walls(
-        self, laps: Iterable[Trajectory], body: "Body", note: Callable[[str], None] | None
+        self, laps: Iterable[Trajectory], body: Body, note: Callable[[str], None] | None
     ) -> None:
         """Note the first collision of laps with a wall; without a function to call, raise it."""
         from lrf3d.casting.collision import check_drive, find_collision
@@ -265,14 +290,14 @@ class Scenario(Value):
     def simulation(
         self,
         *,
-        drive: "Trajectory | ArrayLike | Controller | None" = None,
+        drive: Trajectory | ArrayLike | Controller | None = None,
         rng: np.random.Generator | int | None = None,
-        mapper: "Mapper | Mapping[str, Any] | None" = None,
-        caster: "Caster | str" = "embree",
+        mapper: Mapper | Mapping[str, Any] | None = None,
+        caster: Caster | str = "embree",
         scans: int | None = None,
         on_collision: Callable[[str], None] | str | None = None,
         **changes: Any,
-    ) -> "Simulation":
+    ) -> Simulation:
         """The simulation of ``lrf3d run``; the same seed gives the same numbers.
 
         Args:
@@ -309,15 +334,17 @@ class Scenario(Value):
             scans = whole_number(scans, "scans", most=MOST_SCANS)
             settings = {"start": scenario.beginning, "scan_interval": scenario.scan_interval}
             checks = "raise" if on_collision is None else checks
+            settings["robot"] = scenario.robot
         noises, usual = scenario.measuring(*measured)
         return Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
             noise=noises, mapper=usual if mapper is None else mapper, film=scenario.film,
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
-            radius=scenario.radius, outline=scenario.outline, on_collision=checks, **settings,
+            radius=scenario.radius, outline=scenario.outline, on_collision=checks,
+            lidars=scenario.lidars, depth_cameras=scenario.depth_cameras, **settings,
         )  # fmt: skip
 
-    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
+    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> tuple[Any, Mapper]:
         """The noises of the lasers, or the one given, and a LineMapper set up for them."""
         from lrf3d.simulation.loop import line_mapper
 
@@ -330,7 +357,7 @@ class Scenario(Value):
 
     def run(
         self, *, snapshots: int | None = None, progress: Progress = silent, **changes: Any
-    ) -> "Run":
+    ) -> Run:
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
 
         It takes the arguments of `simulation` and of `simulate`.
@@ -417,6 +444,9 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             mapper=tables["mapper"],
             **sensors,
             film=film,
+            lidars=file.tables.get("lidar", ()),
+            depth_cameras=file.tables.get("depth_camera", ()),
             name=own_name(file.path, file.world.name),
+            robot=as_drive(**tables["drive"]) if tables["drive"] else None,
             **robot,
         )

@@ -81,7 +81,7 @@ class Sensor:
         self._legs: Records | None = None
         if isinstance(self._path, Trajectory):
             self._legs = moves_of(self._path.times, self._path.poses)
-        _check_duration(lrf.scan_duration, path)
+        check_duration(lrf.scan_duration, path)
 
     def without(self, own: int) -> "Sensor":
         """The same sensor on the robot that is this obstacle of its crowd; −1 for no obstacle."""
@@ -184,7 +184,7 @@ class Sensor:
         return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
 
 
-def _check_duration(duration: float, path: "Trajectory | Moving | None") -> None:
+def check_duration(duration: float, path: "Trajectory | Moving | None") -> None:
     """Check that a scan takes no longer [s] than the path gives it."""
     interval = getattr(path, "interval", np.inf)
     rounding = 0.0

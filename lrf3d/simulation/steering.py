@@ -77,7 +77,12 @@ class ControlledDrive:
         driven = self.driven
         if self.sweep:
             driven.go_on(driven.time + self.sweep)
-        command = self.controller.command(driven.time, driven.pose, scan)
+        try:
+            command = self.controller.command(driven.time, driven.pose, scan)
+        except (AttributeError, TypeError) as error:
+            if isinstance(scan, tuple):
+                error.add_note(f"controller: its scan is a tuple of {len(scan)}, one of each laser")
+            raise
         if command is None:
             self.goes_on = False
             driven.rest()

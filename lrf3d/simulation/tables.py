@@ -6,17 +6,23 @@ leave.
 """
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from lrf3d.base.errors import InputError, check_names, shown
-from lrf3d.geometry.lines import number
-from lrf3d.laser import LaserRangeFinder, Noise, imperfect
+import numpy as np
+
+from lrf3d.base.errors import InputError, Lrf3dWarning, check_names, each_of, shown
+from lrf3d.geometry.lines import Radians, is_finite, number, whole_number
+from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, imperfect
 from lrf3d.laser.imperfections import NOISES
+from lrf3d.laser.lidar import mounted
 from lrf3d.laser.noise import SIGMA
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping.mapper import LineMapper
+from lrf3d.robot import AckermannDrive, DifferentialDrive, OmniDrive, Unicycle
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.world import schema
 from lrf3d.world.cameras import FilmPlan
@@ -25,16 +31,49 @@ from lrf3d.world.schema import Converter, at, poses, row, rows, several
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
-def laser_with_noise(
-    noise: Mapping[str, Any] | None = None, **laser: Any
-) -> tuple[LaserRangeFinder, Noise]:
-    """The laser of a table, and its noise."""
-    errors = dict(noise or {})
+def laser_of(noise: Any = None, **laser: Any) -> LaserRangeFinder:
+    """The laser of a table, without its noise."""
     for key in [key for key in laser if key.endswith("_deg")]:
         laser[key.removesuffix("_deg")] = math.radians(laser.pop(key))
     lrf = LaserRangeFinder(**laser)
+    width = 2.0 * math.degrees(lrf.spread[1])
+    # [°] Range finders have no narrower and no wider field; angles in radians would be narrower.
+    narrowest = 10.0
+    widest = 361.0
+    if width and not narrowest <= width <= widest:
+        text = f"laser: its angles, read as degrees, are a field of {width:.4g}°"
+        warnings.warn(f"{text}; expected 10° to 360°", Lrf3dWarning, 1)
+    return lrf
+
+
+def noise_of(lrf: LaserRangeFinder, **errors: Any) -> Noise:
+    """The noise of a table, and of a laser."""
     sigma = errors.pop("sigma", SIGMA)
-    return lrf, imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
+    return imperfect(sigma[0] if isinstance(sigma, tuple) else sigma, lrf, **errors)
+
+
+# The drives that a robot may have.
+DRIVES = ("unicycle", "differential", "ackermann", "omni")
+
+
+def drive_of(
+    kind: Annotated[str, DRIVES] = "unicycle",
+    track: float = 0.5,
+    wheel_radius: float = 1.0,
+    wheelbase: float = 1.0,
+    steering: Radians = math.pi / 4,
+) -> Any:
+    """How the robot of a table moves."""
+    if kind == "differential":
+        return DifferentialDrive(track, wheel_radius)
+    if kind == "ackermann":
+        return AckermannDrive(wheelbase, steering)
+    return OmniDrive() if kind == "omni" else Unicycle()
+
+
+def as_drive(steering_deg: float = 45.0, **values: Any) -> Any:
+    """How the robot of a table moves, whose angle is in degrees."""
+    return drive_of(steering=math.radians(steering_deg), **values)
 
 
 # The keys of the table of the robot.
@@ -51,12 +90,54 @@ ROBOT: Mapping[str, Converter] = {
 # What checks the values of each table, in the order in which tables are checked.
 TABLES: Mapping[str, Callable[..., object]] = {
     "robot": dict,
-    "laser": laser_with_noise,
-    "noise": lambda **values: laser_with_noise(values),
+    "drive": as_drive,
+    "laser": lambda noise=None, **values: noise_of(laser_of(**values), **(noise or {})),
+    "noise": lambda **values: noise_of(LaserRangeFinder(), **values),
     "odometry": WheelOdometry,
     "imu": Imu,
     "mapper": LineMapper,
     "film": FilmPlan,
+}
+
+
+def mount_of(found: Any, key: str) -> tuple[float, ...]:
+    """A mount x, y, z [m], and perhaps yaw, pitch, roll [°]."""
+    given = found if isinstance(found, list) else []
+    turns = [math.radians(each) if is_finite(each) else each for each in given[3:]]
+    return mounted([*given[:3], *turns], key)
+
+
+def lidar_of(preset: str = "", **values: Any) -> Lidar:
+    """The lidar of a table: a preset, or layers at elevations, with what it changes."""
+    if steep := values.pop("elevations_deg", None):
+        values["elevations"] = np.radians(steep)
+    if preset and "elevations" not in values:
+        return Lidar.preset(preset, **values)
+    if preset or "elevations" not in values:
+        raise InputError("expected a preset or elevations_deg")
+    return Lidar(**values)
+
+
+def depth_camera_of(fov_deg: float, **values: Any) -> DepthCamera:
+    """The depth camera of a table."""
+    return DepthCamera(fov=math.radians(fov_deg), **values)
+
+
+# The keys of the table of a lidar.
+LIDAR: Mapping[str, Converter] = {
+    "preset": schema.text(),
+    "elevations_deg": several(partial(number, least=-90.0, most=90.0), "elevations"),
+    "columns": partial(whole_number, least=1),
+    **dict.fromkeys(("range_min", "range_max", "scan_duration"), partial(number, least=0.0)),
+    "mount": mount_of,
+    "name": schema.text(),
+}
+
+# The keys of the table of a depth camera.
+DEPTH_CAMERA: Mapping[str, Converter] = {
+    **{key: LIDAR[key] for key in ("range_min", "range_max", "mount", "name")},
+    **dict.fromkeys(("width", "height"), LIDAR["columns"]),
+    "fov_deg": partial(number, positive=True, most=179.0),
 }
 
 
@@ -70,7 +151,7 @@ def keys_of_table(name: str) -> Mapping[str, Converter]:
         keys: dict[str, Converter] = dict.fromkeys((key for kind in NOISES for key in kind), number)
         # Of several standard deviations the maps are compared.
         return {**keys, "sigma": several(number, "sigmas", alone=True)}
-    keys = schema.keys_of(TABLES[name])
+    keys = schema.keys_of(drive_of if name == "drive" else TABLES[name])
     if name == "mapper":
         # It is that of the noise.
         del keys["sigma"]
@@ -95,7 +176,14 @@ def checked(name: str) -> Converter:
 def read_file(path: Path) -> WorldFile:
     """Read a world file with all its tables."""
     several_lasers = schema.tables(checked("laser"), alone=True)
-    return read_world_file(path, {n: checked(n) for n in TABLES} | {"laser": several_lasers})
+    clouds = {
+        "lidar": schema.tables(schema.table(LIDAR, make=lidar_of), alone=True),
+        "depth_camera": schema.tables(
+            schema.table(DEPTH_CAMERA, ["width", "height", "fov_deg"], depth_camera_of), alone=True
+        ),
+    }
+    lasers = {"laser": several_lasers}
+    return read_world_file(path, {n: checked(n) for n in TABLES} | lasers | clouds)
 
 
 def read_toml(path: Path) -> World:
@@ -106,7 +194,7 @@ def read_toml(path: Path) -> World:
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
     """The values of settings by table and key; the last one counts if a key is set twice."""
     tables: dict[str, dict[str, Any]] = {}
-    for text in texts:
+    for text in each_of(texts, str, "settings"):
         name, equals, value = text.partition("=")
         table, dot, key = name.strip().partition(".")
         if not (equals and dot):
@@ -139,8 +227,9 @@ def lasers_with_noise(
     for place, table in enumerate(file.lasers or [{}]):
         key = f"laser[{place}]" if len(file.lasers) > 1 else "laser"
         with file.at(f"{key} with settings" if settings else key):
-            own = {**noise, **table.get("noise", {})}
-            found.append(laser_with_noise(**{**table, **settings, "noise": own}))
+            lrf = laser_of(**{**table, **settings})
+        with file.at(f"{key}.noise" if "noise" in table else "noise"):
+            found.append((lrf, noise_of(lrf, **{**noise, **table.get("noise", {})})))
     with file.at("laser"):
         lasers_of([lrf for lrf, _ in found])
     return found

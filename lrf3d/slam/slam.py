@@ -5,6 +5,8 @@ half metre a scan becomes a key scan: a vertex of the pose graph, for which loop
 searched. Where a loop closes, the graph is optimised, the poses move, and the map is drawn again.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,18 +4,23 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from lrf3d.base.errors import Lrf3dError, OutputError, WorldError, check_names, expect
+from lrf3d.base.errors import OutputError, WorldError, check_names, expect
 from lrf3d.base.files import as_path, check_ordinary, data_folder
 from lrf3d.base.formats import (
     WORLDS,
+    Format,
     by_ending,
+    by_looks,
     by_name,
     endings,
     enter_installed,
     function,
+    head_of,
     of_kind,
+    unpacked,
 )
 from lrf3d.base.interrupts import reading
+from lrf3d.base.isolation import read_file
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
 from lrf3d.world.toml_file import WorldFile
@@ -29,6 +34,7 @@ def load_world(
     threshold: float | None = None,
     scale: float = 1.0,
     edits: Any = None,
+    isolated: bool = True,
     **drawing: Any,
 ) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
@@ -42,8 +48,11 @@ def load_world(
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         edits: Decisions about a plan, as for `read_plan`; those of ``FILE.edit.toml`` next to it if
             not given.
+        isolated: Whether a file of a foreign format is read in a process of its own, with limits.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
-            ``without``, those of layers to leave out, and ``page``, that of a PDF file.
+            ``without``, those of layers to leave out, and ``page``, that of a PDF file; for a mesh,
+            ``cut``, its height [m] above the floor; for GeoJSON and OpenStreetMap, the ``level`` of
+            indoor rooms.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -55,28 +64,29 @@ def load_world(
         3
     """
     drawing |= {"trees": trees, "resolution": resolution, "threshold": threshold}
-    return load_world_file(name_or_path, scale=scale, edits=edits, **drawing).world
+    file = load_world_file(name_or_path, scale=scale, edits=edits, isolated=isolated, **drawing)
+    return file.world
 
 
 def load_world_file(
-    name_or_path: str | Path, *, scale: float = 1.0, edits: Any = None, **options: Any
+    name_or_path: str | Path,
+    *,
+    scale: float = 1.0,
+    edits: Any = None,
+    isolated: bool = True,
+    **options: Any,
 ) -> WorldFile:
     """Read a world as `load_world` does, with what was decided by hand about its robot."""
     path = find_world(name_or_path)
     check_scale(scale)
-    given = options_of(path, **options)
     # Those about a world file are in it once they are saved.
     kept = path.suffix.lower() != ".toml" and edits_path(path).is_file()
-    with reading(), at(str(path)):
-        # A plan, which has its scale, becomes a world; it says what it leaves out.
-        if is_plan(path):
-            plan = read_file(path, {"scale": scale, "edits": edits, **given})
-        elif kept if edits is None else edits:
-            plan = function(by_name("decisions", "plan").read)(path, scale, edits, **given)
-        else:
-            world: World = read_file(path, given)
-            expect(world, World, f"the reader of {path.suffix} files: what it returns")
-            return WorldFile(world.scaled(scale), path=path)
+    if not (kept if edits is None else edits):
+        world = read_world("lrf3d.world.files:world_of_file", path, scale, isolated, options)
+        return WorldFile(world, path=path)
+    read_plan = function(by_name("decisions", "plan").read)
+    plan = read_plan(path, edits, scale=scale, isolated=isolated, **options)
+    with at(str(path)):
         file: WorldFile = plan.file(path)
         return file
 
@@ -84,6 +94,34 @@ def load_world_file(
 def edits_path(path: Path) -> Path:
     """The file of the decisions about a drawing, next to it."""
     return path.with_name(f"{path.name}{by_name('decisions', 'plan').endings[0]}")
+
+
+def read_world(reader: str, path: Path, scale: Any, isolated: bool, options: dict[str, Any]) -> Any:
+    """What a reader returns for the file of a world.
+
+    This is behind all doors, so that a file is read in one process only.
+    """
+    row = _row(path)
+    given = {"scale": scale, **options_of(path, **options)}
+    with reading(), at(str(path)):
+        return read_file(reader, path, given, isolated=isolated and row.apart, error=WorldError)
+
+
+def world_of_file(path: Path, scale: float, **options: Any) -> World:
+    """The world of a file by the reader of its format."""
+    planned = is_plan(path)
+    found = value_of_file(path, **({"scale": scale} if planned else {}), **options)
+    # A plan, which has its scale, becomes a world; it says what it leaves out.
+    world: World = found.world(path) if planned else found
+    expect(world, World, f"the reader of {path.suffix} files: what it returns")
+    return world if planned else world.scaled(scale)
+
+
+def value_of_file(path: Path, **options: Any) -> Any:
+    """What the reader of its format returns for a file, which gzip may have packed."""
+    row = _row(path)
+    with unpacked(path, row.largest) as plain:
+        return function(row.read)(plain, **options)
 
 
 def options_of(path: Path, **options: Any) -> dict[str, Any]:
@@ -95,29 +133,18 @@ def options_of(path: Path, **options: Any) -> dict[str, Any]:
         if value is not None and value is not False and not (type(value) is tuple and not value)
     }
     check_names("load_world", given, [name for row in of_kind(*WORLDS) for name in row.options])
-    row = by_ending(path, *WORLDS)
     for name in given:
-        if row is None or name not in row.options:
+        if name not in _row(path).options:
             fitting = ", ".join(endings(*WORLDS, option=name))
             raise WorldError(f"{path}: {name} is for {fitting} files alone")
     return given
 
 
-def read_file(path: Path, options: dict[str, Any]) -> Any:
-    """What the reader of a file returns."""
+def _row(path: Path) -> Format:
+    """The format of the file of a world."""
     row = by_ending(path, *WORLDS)
     assert row is not None
-    try:
-        return function(row.read)(path, **options)
-    except (Lrf3dError, MemoryError):
-        raise
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise WorldError(f"cannot be read: {error.strerror}") from None
-        # What a library raises depends on the damage.
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-        what = f"damaged, or not a {path.suffix[1:].lower()} file"
-        raise WorldError(f"{what} ({reason}); save it again") from error
+    return row
 
 
 def is_picture(path: str | Path) -> bool:
@@ -195,8 +222,20 @@ def find_world(name_or_path: str | Path) -> Path:
             path, what="a world file", largest=row.largest, missing=f"no such file{suggestion}",
             error=WorldError,
         )  # fmt: skip
+        _check_looks(path, row)
         return path
     raise _not_a_world(path, name_or_path, suggestion)
+
+
+def _check_looks(path: Path, row: Format | None) -> None:
+    """Check that the first bytes of a file are not those of another format than a row."""
+    found = by_looks(head_of(path))
+    if found is None or found[0] is row or found[1] == "XML":
+        return
+    other, text = found
+    if other.kind in WORLDS:
+        text = f"{text}; name it {path.stem}{other.endings[0]}"
+    raise WorldError(f"{path}: this is {text}")
 
 
 def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
@@ -207,6 +246,8 @@ def _not_a_world(path: Path, given: str | Path, suggestion: str) -> WorldError:
         run = not path.is_dir() or (path / "run.npz").exists()
         what = "a run, for `lrf3d view` and others" if run else "a folder"
         return WorldError(f"{path}: {what}; expected a world: {names}, or a file ({known})")
+    if path.is_file():
+        _check_looks(path, None)
     if path.is_file() or path.suffix:
         logs = "; logs are read by `lrf3d slam` and `lrf3d map`" if ".log" in path.suffixes else ""
         return WorldError(f"{path}: unknown ending; worlds are read from {known}{logs}")

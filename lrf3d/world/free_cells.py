@@ -1,6 +1,6 @@
 """FreeCells: a grid of the free space of a map, through which routes are planned."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,13 @@ class FreeCells:
         cells: (rows, columns) whether each cell is free; the first row is at the bottom.
         resolution: Side of a cell [m].
         origin: Position x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
+        occupied: (rows, columns) whether each cell is occupied, if that is known; not in files.
     """
 
     cells: Bool
     resolution: float
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    occupied: Bool | None = None
 
     def __post_init__(self) -> None:
         cells = np.array(numbers(self.cells, "free cells"), dtype=np.bool_)
@@ -55,7 +57,8 @@ class FreeCells:
     def scaled(self, factor: float) -> "FreeCells":
         """The grid scaled about (0, 0)."""
         x, y, yaw = self.origin
-        return FreeCells(self.cells, factor * self.resolution, (factor * x, factor * y, yaw))
+        origin = (factor * x, factor * y, yaw)
+        return replace(self, resolution=factor * self.resolution, origin=origin)
 
     def as_dict(self) -> dict[str, Any]:
         """The grid in JSON's types: each row as run lengths, alternating, occupied first."""

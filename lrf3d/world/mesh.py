@@ -1,24 +1,27 @@
 """Worlds from meshes that trimesh reads, cut at the height of the beams.
 
-The cut of the mesh with the plane z = ``cut`` becomes walls; collinear ones are merged. Each
-has the height of its triangles. In glTF y is up, as its specification says, in the other formats z
-is. Lengths are metres. Each named part of a scene is an object; in a file without parts, walls that
-touch are one object.
+The cut of the mesh with a level plane becomes walls; collinear ones are merged. Each has the height
+of its triangles above the floor, which is at z = 0, or else found. In glTF y is up, as its
+specification says, in the other formats z is. Lengths are metres. Each named part of a scene is an
+object; in a file without parts, walls that touch are one object.
 
 A world is written as GLB: walls with their heights, a part for each object. glTF holds float32, so
 vertices are relative to the world's origin, which is the translation of each part; y is up.
 """
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 import numpy as np
 import shapely
 
+from lrf3d.base.balance import Balance
 from lrf3d.base.errors import WorldError, shown
 from lrf3d.base.files import own_name, replacing
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, quad_indices
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, number, quad_indices
 from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repeats, world_of_parts
@@ -30,43 +33,115 @@ if TYPE_CHECKING:
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
-def read_mesh(path: Path, cut: float = 0.5) -> World:
-    """Read the cut of a mesh at a height [m], by default that of the laser, as walls."""
-    parts = _parts(path)
+# Height [m] of the cut above the floor, by default: that of the laser.
+CUT = 0.5
+
+# Share of the largest level area that the floor of a building has at least: tables are smaller.
+FLOOR = 0.3
+
+
+def read_mesh(path: Path, cut: float | None = None) -> World:
+    """Read the cut of a mesh at a height [m] above its floor as walls.
+
+    The floor is at z = 0 if anything stands there at that height, and is found otherwise.
+    """
+    world, balance, said = cut_of_mesh(path, cut)
+    # Most of a mesh lies above or below its cut, which is no reason for a note.
+    for reason in LEVELS:
+        balance.all -= balance.left_out.pop(reason, 0)
+    balance.note(path, said)
+    return world
+
+
+# What the triangles are that do not meet a cut.
+LEVELS = ("triangle above the cut", "triangle below the cut", "triangle within the cut")
+
+
+def cut_of_mesh(path: Path, cut: float | None = None) -> tuple[World, Balance, str]:
+    """The world of a cut of a mesh, the balance of its triangles, and what was assumed."""
+    balance = Balance("triangle")
+    parts = _parts(path, balance)
     if not parts:
-        raise WorldError("holds no triangle, so there is no wall")
+        held = f"; it holds {balance.words()}" if balance.left_out else ""
+        raise WorldError(f"holds no triangle, so there is no wall{held}")
     triangles = np.concatenate([own for _, own in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
-    segments, face = level_cut(triangles, cut)
+    above = CUT if cut is None else number(cut, "cut")
+    floor = 0.0
+    segments, face = level_cut(triangles, above)
     if not len(segments):
-        reach = f"{triangles[..., 2].min():g} to {triangles[..., 2].max():g} m"
-        raise WorldError(f"nothing stands at a height of {cut:g} m; the mesh reaches from {reach}")
+        floor = floor_of(triangles)
+        segments, face = level_cut(triangles, floor + above)
+    at_floor = f"{above:g} m above the floor, which is found at z = {floor:g} m"
+    if not len(segments):
+        raise WorldError(f"nothing stands {at_floor}; {_other_cut(triangles, floor)}")
+    low = triangles[..., 2].min(axis=1)
+    high = triangles[..., 2].max(axis=1)
+    within = np.ones(len(triangles), dtype=bool)
+    within[face] = False
+    masks = [low > floor + above, high < floor + above]
+    for reason, mask in zip(LEVELS, [*masks, within & ~masks[0] & ~masks[1]], strict=True):
+        balance.leave(reason, int(mask.sum()))
+    balance.used = len(np.unique(face))
     # Collinear to the resolution of float32.
     tolerance = 1e-6 * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
     # Walls of one line and unequal heights stay apart.
-    top = triangles[face, :, 2].max(axis=1)
+    top = triangles[face, :, 2].max(axis=1) - floor
     kinds = np.column_stack([part_of[face], np.round(top / tolerance)])
     kinds, first, kind = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
     # Parts that do not reach the cut have no number.
     owners, numbers = np.unique(kinds[:, 0].astype(np.int64), return_inverse=True)
     found = [
-        parts[owners[number]][0]._replace(
-            number=int(number), segments=_joined(segments[kind == row], tolerance), heights=top[at]
+        parts[owners[each]][0]._replace(
+            number=int(each), segments=_joined(segments[kind == row], tolerance), heights=top[at]
         )
-        for row, (number, at) in enumerate(zip(numbers, first, strict=True))
+        for row, (each, at) in enumerate(zip(numbers, first, strict=True))
     ]
     world = world_of_parts(found, own_name(path))
-    if len(parts) > 1 or parts[0][0].name:
-        return world
-    return World(world.segments, connected(world.segments), world.heights, world.name)
+    if not (len(parts) > 1 or parts[0][0].name):
+        world = World(world.segments, connected(world.segments), world.heights, world.name)
+    return world, balance, f"cut {at_floor}; --cut sets the height" if floor else ""
 
 
-def _parts(path: Path) -> list[tuple[Part, Float]]:
-    """The looks of the parts of a scene, and their triangles (n, 3, 3) [m], z up."""
+def floor_of(triangles: Float) -> float:
+    """The height [m] of the lowest large level area of triangles (n, 3, 3), or their lowest one."""
+    edges = triangles[:, 1:] - triangles[:, :1]
+    normals = 0.5 * np.cross(edges[:, 0], edges[:, 1])
+    area = np.abs(normals[:, 2])
+    level = area > 0.99 * np.linalg.norm(normals, axis=1)
+    # Slabs have a thickness: the upper side of the floor looks up, however its corners are ordered.
+    heights, which = np.unique(
+        np.round(triangles[level, :, 2].mean(axis=1), 2), return_inverse=True
+    )
+    if not len(heights):
+        return float(triangles[..., 2].min())
+    areas = np.bincount(which, area[level])
+    large = heights[areas >= FLOOR * areas.max()]
+    # A slab of under half a metre has its two sides; the upper one is the floor.
+    return float(large[large <= large[0] + CUT][-1])
+
+
+def _other_cut(triangles: Float, floor: float) -> str:
+    """Advice on a height of a cut that meets something, or how far the mesh reaches."""
+    low = float(triangles[..., 2].min())
+    high = float(triangles[..., 2].max())
+    for share in (0.5, 0.25, 0.75):
+        height = round(low + share * (high - low) - floor, 3)
+        if len(level_cut(triangles, floor + height)[0]):
+            return f"the mesh reaches from {low:g} to {high:g} m; --cut {height:g} meets walls"
+    return f"the mesh reaches from {low:g} to {high:g} m"
+
+
+def _parts(path: Path, balance: Balance) -> list[tuple[Part, Float]]:
+    """The looks of the parts of a scene, and their triangles (n, 3, 3) [m], z up.
+
+    Counts all triangles, and leaves out parts that have none.
+    """
     import trimesh
 
-    if y_up := path.suffix.lower() in (".glb", ".gltf"):
-        _check_zeros(path)
+    if path.suffix.lower() == ".gltf":
+        _check_buffers(path)
+    y_up = path.suffix.lower() in (".glb", ".gltf")
     # Only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
@@ -79,7 +154,10 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
         matrix, key = graph[node]
         mesh = scene.geometry[key]
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            balance.all += 1
+            balance.leave(f"part without a triangle: {type(mesh).__name__}")
             continue
+        balance.all += len(mesh.faces)
         vertices = trimesh.transform_points(np.asarray(mesh.vertices, dtype=np.float64), matrix)
         triangles = (vertices @ UPRIGHT if y_up else vertices)[mesh.faces]
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
@@ -100,18 +178,16 @@ def _looks(mesh: Any, name: str) -> Part:
     return Part(0, np.empty((0, 4)), np.empty(0), name, colour, material)
 
 
-def _check_zeros(path: Path) -> None:
-    """Bound the numbers of glTF that need no data in the file, as they are zero."""
-    data = path.read_bytes()
-    if data[:4] == b"glTF":
-        data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
-    try:
-        accessors = list(json.loads(data)["accessors"])
-        counts = [int(each["count"]) for each in accessors if "bufferView" not in each]
-    except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
-        return  # Its reader says what is wrong.
-    if max(counts, default=0) > 1_000_000:
-        raise WorldError(f"an accessor of {max(counts):,} numbers without data")
+def _check_buffers(path: Path) -> None:
+    """Check that the files are there in which a glTF has its numbers."""
+    missing = list[str]()
+    # What else is wrong its reader says.
+    with suppress(ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        uris = [each.get("uri", "data:") for each in json.loads(path.read_bytes())["buffers"]]
+        names = [unquote(uri) for uri in uris if not uri.startswith("data:")]
+        missing += [name for name in names if not (path.parent / name).is_file()]
+    if missing:
+        raise WorldError(f"needs {shown(missing[0])}; put that file next to it, or save it as .glb")
 
 
 def _joined(segments: Float, tolerance: float) -> Float:
@@ -188,9 +264,9 @@ def write_glb(world: World, path: Path) -> None:
     turned = (np.asarray(whole.vertices) @ UPRIGHT.T).reshape(-1, 4, 3)
     to_source = np.eye(4)
     to_source[:3, 3] = UPRIGHT @ [*world.origin, 0.0]
-    for number in np.unique(world.objects).tolist():
-        own = world.objects == number
-        colour = world.colours[number]
+    for owner in np.unique(world.objects).tolist():
+        own = world.objects == owner
+        colour = world.colours[owner]
         # Walls without a colour are light grey.
         shade = np.append(np.where(np.isfinite(colour), colour, 0.78), 1.0)
         look = visual.material.PBRMaterial(
@@ -202,13 +278,13 @@ def write_glb(world: World, path: Path) -> None:
             process=False,
             visual=visual.TextureVisuals(material=look),
         )
-        material = world.materials[number] if world.materials else None
+        material = world.materials[owner] if world.materials else None
         if material is not None:
             look.name = material.name
             mesh.metadata["material"] = material_value(material)
-        name = world.object_names[number] if world.object_names else ""
+        name = world.object_names[owner] if world.object_names else ""
         if not name or name in scene.graph.nodes:
-            name = f"{name or 'object'} {number}"
+            name = f"{name or 'object'} {owner}"
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=to_source)
     with replacing(path) as unfinished:
         unfinished.write_bytes(bytes(scene.export(file_type="glb")))

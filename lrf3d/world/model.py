@@ -1,5 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects; implausible sizes."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -163,7 +165,7 @@ class World(Value, Pictured):
         """Number of objects."""
         return int(self.objects.max(initial=-1)) + 1
 
-    def scaled(self, factor: float) -> "World":
+    def scaled(self, factor: float) -> World:
         """The world with x and y scaled about (0, 0) by 0.000001 to 1000000; heights stay."""
         check_scale(factor)
         if factor == 1.0:
@@ -183,8 +185,8 @@ def size_problem(world: World, least: float = SHEET) -> str | None:
         return None
     width, height = np.ptp(world.bounds, axis=0).tolist()
     if max(width, height) < least:
-        size = f"the world is {width:.3g} m by {height:.3g} m, a drawing on paper?"
-        return f"{size} --scale 100 makes one of 1:100 as large as the house"
+        size = f"the world is {width:.3g} m by {height:.3g} m, small for a robot"
+        return f"{size}; --scale enlarges it, if it is a model or in another unit"
     # Half of all wall length is of walls of this length or more.
     long = np.sort(lengths(world.segments))
     usual = float(long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())])
@@ -193,11 +195,12 @@ def size_problem(world: World, least: float = SHEET) -> str | None:
     # A town may be as large, but its walls are shorter.
     if most.max() <= 1000.0 or usual <= 100.0:
         return None
-    scales = {0.01: "centimetres", 0.001: "millimetres"}
-    # Usual walls of plans are 4 m long.
-    scale = min(scales, key=lambda each: abs(np.log(each * usual / 4.0)))
+    scales = {0.01: "centimetres", 0.001: "millimetres", 0.0254: "inches"}
+    # The sizes of buildings are tens of metres.
+    scale = min(scales, key=lambda each: abs(np.log(each * most.max() / 30.0)))
     large = f"{width:,.0f} m by {height:,.0f} m, with walls of {usual:,.0f} m, is too large"
-    return f"{large} to plan a route in; --scale {scale:g}, if the drawing is in {scales[scale]}"
+    fitting = f"{scale * width:.3g} m by {scale * height:.3g} m, if it is in {scales[scale]}"
+    return f"{large} to plan a route in; --scale {scale:g} makes it {fitting}"
 
 
 def check_size(world: World) -> None:

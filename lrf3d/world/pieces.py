@@ -9,7 +9,6 @@ import numpy as np
 
 from lrf3d.base.errors import WorldError
 from lrf3d.base.files import own_name
-from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import Float, Int, lengths
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
@@ -18,9 +17,6 @@ from lrf3d.world.schema import colour_value
 # Largest number of pairs of shapes that touch, beyond four of each: seconds of work. A town with
 # 100,000 buildings has some 200,000.
 MOST_PAIRS = 1_000_000
-
-# Largest number of pairs of shapes whose boxes touch: seconds of work.
-MOST_BOXES = 100_000_000
 
 # Largest gap [m] between walls that touch: no beam can separate them, so they are one object.
 TOUCHING = 0.001
@@ -175,43 +171,20 @@ def pairs_within(shapes: Any, distance: float, what: str) -> tuple[Int, Int]:
     tree = shapely.STRtree(shapes)
     count = len(shapes)
     pairs = [np.empty((2, 0), np.int64)]
-    boxes = 0
     known = 0
     for first in range(0, count, step := 1 + MOST_PAIRS // (count + 1)):
-        check()
         part = shapes[first : first + step]
-        boxes += tree.query(part).shape[1]
         found = tree.query(part, predicate="dwithin", distance=distance)
         found[0] += first
         pairs.append(found)
         known += found.shape[1]
         # Found both ways, and that each touches a few is usual.
-        if known > 2 * MOST_PAIRS + 8 * count or boxes > MOST_BOXES:
+        if known > 2 * MOST_PAIRS + 8 * count:
             raise WorldError(
                 f"more than {MOST_PAIRS:,} pairs of {what} touch; remove repeated ones"
             )
     one, other = np.concatenate(pairs, axis=1)
     return one, other
-
-
-def check_crossings(outlines: Any, most: int, what: str) -> None:
-    """Check that polygons do not cross themselves and each other more often than a number.
-
-    To resolve crossings takes time and memory that grow with their square.
-    """
-    import shapely
-
-    points, owner = shapely.get_coordinates(shapely.boundary(outlines), return_index=True)
-    ring = np.flatnonzero((owner[1:] == owner[:-1]) & (points[1:] != points[:-1]).any(axis=1))
-    lines = shapely.linestrings(np.stack([points[ring], points[ring + 1]], axis=1))
-    tree = shapely.STRtree(lines)
-    found = 0
-    for first in range(0, len(lines), step := 1 + MOST_PAIRS // (len(lines) + 1)):
-        check()
-        found += tree.query(lines[first : first + step], predicate="intersects").shape[1]
-        # Each line meets itself and its neighbours, and lines of neighbours meet at corners.
-        if found > 2 * most + 10 * len(lines):
-            raise WorldError(f"{what} cross more than {most:,} times; draw them without crossings")
 
 
 def groups(one: Int, other: Int, count: int) -> Int:

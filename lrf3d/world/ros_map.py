@@ -94,7 +94,7 @@ def _described(path: Path) -> dict[str, Any]:
     try:
         node = loader.get_single_node()
         data = loader.construct_document(node) if node else None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
     if node is None or not (
         isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)
@@ -145,7 +145,8 @@ def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
     segments = origin.apply(local).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * resolution)
-    return World(segments, objects, name=own_name(path), free=FreeCells(free, resolution, origin))
+    cells = FreeCells(free, resolution, origin, occupied)
+    return World(segments, objects, name=own_name(path), free=cells)
 
 
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:

@@ -97,19 +97,31 @@ def rows(*names: str, least: int = 1) -> Converter:
     return lambda found, key: np.array(convert_all(found, key))
 
 
+def _doubt_degrees(angles: Any, what: str) -> None:
+    """Warn of the first of some angles in degrees that has the digits of one in radians."""
+    angles = np.ravel(angles)
+    # Nobody turns a laser by 0.785 degrees: the digits of 15° and its multiples are radians.
+    step = np.pi / 12
+    steps = np.round(angles / step)
+    radians = (np.abs(angles - steps * step) < 1e-3) & (steps != 0) & (np.abs(angles) < 7.0)
+    for angle in angles[radians][:1]:
+        found = f"{what} {angle:g} is read as degrees"
+        warnings.warn(f"{found}; for radians write {np.degrees(angle):.4g}", Lrf3dWarning, 2)
+
+
+def _in_degrees(found: Any, key: str) -> float:
+    """An angle in degrees."""
+    angle = _BY_TYPE[float](found, key)
+    _doubt_degrees(angle, f"{key}: the angle")
+    return float(angle)
+
+
 def poses(convert: Converter) -> Converter:
     """The rows x, y [m], heading [°] of a converter, with the heading in radians."""
 
     def turned(found: Any, key: str) -> Any:
         converted = convert(found, key)
-        eighth = np.pi / 4
-        headings = converted[..., 2].ravel()
-        eighths = np.round(headings / eighth)
-        # Nobody turns a laser by 0.785 degrees: the digits of an eighth of a turn are radians.
-        radians = (np.abs(headings - eighths * eighth) < 1e-3) & (eighths != 0)
-        for heading in headings[radians & (np.abs(headings) < 7.0)][:1]:
-            found = f"{key}: the heading {heading:g} is read as degrees"
-            warnings.warn(f"{found}; for radians write {np.degrees(heading):.4g}", Lrf3dWarning, 2)
+        _doubt_degrees(converted[..., 2], f"{key}: the heading")
         return converted * [1.0, 1.0, np.radians(1.0)]
 
     return turned
@@ -191,11 +203,13 @@ def keys_of(make: Callable[..., Any]) -> dict[str, Converter]:
     annotated with choices is one of them.
     """
     keys: dict[str, Converter] = {}
-    for name, parameter in signature(make).parameters.items():
+    for name, parameter in signature(make, eval_str=True).parameters.items():
         kind, *notes = get_args(parameter.annotation) or (parameter.annotation,)
         choices = [each for each in notes if not isinstance(each, type | str)]
-        convert = text(*choices[0]) if choices else _BY_TYPE[kind]
-        keys[f"{name}_deg" if "rad" in notes else name] = convert
+        if "rad" in notes:
+            keys[f"{name}_deg"] = _in_degrees
+        else:
+            keys[name] = text(*choices[0]) if choices else _BY_TYPE[kind]
     return keys
 
 

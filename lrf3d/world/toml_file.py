@@ -6,8 +6,6 @@ makes a scenario. A world is written as text that is read again to the last bit.
 """
 
 import json
-import re
-import tomllib
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
@@ -17,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.base.errors import InputError, check_names
-from lrf3d.base.files import own_name, read_text, write_text
+from lrf3d.base.files import check_ordinary, data_folder, own_name, write_text
 from lrf3d.base.interrupts import reading
+from lrf3d.base.isolation import read_file
 from lrf3d.geometry.lines import Float
 from lrf3d.world import schema
 from lrf3d.world.cameras import FixedCamera
@@ -81,7 +80,7 @@ def _place(found: Any, key: str) -> tuple[float, ...]:
 def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> WorldFile:
     """Read a world file, with the converters of its settings; errors name the file and the key."""
     with reading(), schema.at(str(path)):
-        data = toml_values(read_text(path))
+        data = toml_values(path)
         keys = keys_of_file(settings)
         check_names(str(path), data, keys)
         values = {key: keys[key](data[key], key) for key in keys if key in data}
@@ -94,17 +93,17 @@ def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> Wor
         return WorldFile(_world(values, path), tables, tuple(obstacles), path, lasers)
 
 
-def toml_values(content: str) -> dict[str, Any]:
-    """The values of a TOML file."""
-    try:
-        # The time and memory for a key of many parts grow with their square.
-        if re.search(r"(?m)(?:^|[{,])[\s\[]*(?:[\w\"'-]+\s*\.\s*){100}", content):
-            raise RecursionError
-        return tomllib.loads(content)
-    except RecursionError:
-        raise InputError("nested too deeply for a world file") from None
-    except ValueError as error:
-        raise InputError(f"not TOML: {error}") from None
+def toml_values(path: Path) -> dict[str, Any]:
+    """The values of a TOML file; those of a large one come from a process of its own.
+
+    The time for keys of many parts grows with their square: up to this size it is a second.
+    """
+    small = 1 << 14
+    check_ordinary(path)
+    apart = path.stat().st_size > small and path.parent != data_folder("worlds")
+    text = read_file("lrf3d.base.files:toml_as_json", path, {}, isolated=apart)
+    values: dict[str, Any] = json.loads(text)
+    return values
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrf3d.base.errors import InputError
+from lrf3d.base.errors import InputError, Lrf3dWarning
 from lrf3d.geometry.pose import Pose, as_pose, as_poses, bent, between, compose
 
 poses = st.builds(Pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-np.pi, np.pi))
@@ -61,3 +61,11 @@ def test_bad_poses_are_named_by_their_row_and_denormal_numbers_are_zero():
         as_poses([[0, 0, 0], [0, np.inf, 0]])
     with pytest.raises(InputError, match="shape"):
         as_poses([[0, 0]])
+
+
+@pytest.mark.parametrize("taken", [as_pose, lambda pose: as_poses([pose])])
+def test_a_heading_of_degrees_is_warned_of(taken):
+    taken((1.0, 2.0, 7.0))
+    taken((1.0, 2.0, 180.5))
+    with pytest.warns(Lrf3dWarning, match=r"theta 180 is read as radians; .*math.radians\(180\)"):
+        taken(Pose(1, 2, 180))

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import shapely
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
 from matplotlib import pyplot
 
 import lrf3d.gym
+from lrf3d.base.errors import InputError
 from lrf3d.gym import DriveEnv, DriveVectorEnv
 from lrf3d.simulation.scenario import Scenario, load_scenario
 from lrf3d.studio.render import film
@@ -278,3 +280,51 @@ def test_several_lasers_are_one_observation_and_moving_obstacles_are_touched_on_
     assert observation["ranges"].tolist() == [[8.5, 8.0]]
     assert env.observation_space.contains(observation)
     assert env.step(np.zeros((1, 2)))[4]["collided"].all()
+
+
+def test_a_specification_has_the_steps_after_which_episodes_are_cut_off():
+    for steps in (None, 700):
+        settings = {} if steps is None else {"max_steps": steps}
+        for make in (gymnasium.make, gymnasium.make_vec):
+            env = make("lrf3d/Drive-v0", world="paper_room", **settings)
+            assert env.spec.max_episode_steps == (steps or 500)
+
+
+def test_seeds_of_robots_repeat_and_a_mask_places_some_alone():
+    env = DriveVectorEnv(3, "paper_room")
+    first = env.reset(seed=[1, 2, 3])[0]
+    poses = env.poses.copy()
+    again = env.reset(seed=[1, 2, 3])[0]
+    assert np.array_equal(first["ranges"], again["ranges"])
+    env.reset(options={"reset_mask": np.array([False, True, False])})
+    assert (env.poses == poses).all(axis=1).tolist() == [True, False, True]
+    for wrong in ({"seed": [1, 2]}, {"options": {"reset_mask": [1, 0, 0]}}):
+        with pytest.raises(InputError, match="3"):
+            env.reset(**wrong)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_robots_are_placed_again_when_the_mode_says(mode):
+    env = DriveVectorEnv(2, "paper_room", max_steps=3, autoreset=mode)
+    assert env.metadata["autoreset_mode"] is mode
+    env.reset(seed=0)
+    starts = env.poses.copy()
+    moved, cuts = [], []
+    for _ in range(4):
+        _, _, _, cut, infos = env.step(np.tile([0.0, 0.2], (2, 1)))
+        moved.append((env.poses[:, :2] != starts[:, :2]).any())
+        cuts.append(bool(cut.all()))
+        if cuts[-1]:
+            assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP)
+    assert cuts == [False, False, True, False]
+    placed = {"NEXT_STEP": [False, True], "SAME_STEP": [True, True], "DISABLED": [False, False]}
+    assert moved[2:] == placed[mode.name]
+
+
+def test_robots_are_agents_of_pettingzoo():
+    pytest.importorskip("pettingzoo")
+    from pettingzoo.test import parallel_api_test
+
+    from lrf3d.gym.parallel import parallel_env
+
+    parallel_api_test(parallel_env(3, "paper_room", max_steps=20), num_cycles=50)

@@ -85,3 +85,60 @@ def _meet_in_line(ax: int, ay: int, bx: int, by: int, dx: int, dy: int) -> tuple
         return None
     above_a, above_b, below = (ax, bx, dx) if dx else (ay, by, dy)
     return min(abs(above_a), abs(above_b)), abs(below)
+
+
+def cast_layer(
+    walls: Sequence[tuple[Sequence[float], float]],
+    tops: Sequence[tuple[Sequence[Sequence[float]], float]],
+    place: Sequence[float],
+    beam: Sequence[float],
+) -> Fraction | None:
+    """The least t at which a beam x, y, rise from a place x, y, z meets walls, tops or the floor.
+
+    Walls are their ends and heights, tops their corners and heights.
+    """
+    x, y, z = map(Fraction, place)
+    dx, dy, rise = map(Fraction, beam)
+    found = [-z / rise] if rise < 0 else []
+    for ends, height in walls:
+        ax, ay, bx, by = map(Fraction, ends)
+        for t in _stretch(ax - x, ay - y, bx - x, by - y, dx, dy):
+            high = Fraction(height) - z
+            # On a wall along the beam it comes down to the top between the two ends.
+            begin, end = t
+            if rise < 0 and begin * rise > high:
+                begin = max(begin, high / rise)
+            if begin <= end and -z <= begin * rise <= high:
+                found.append(begin)
+    for corners, height in tops:
+        drop = Fraction(height) - z
+        if rise < 0 and drop < 0:
+            t = drop / rise
+            if _inside(x + t * dx, y + t * dy, [(Fraction(a), Fraction(b)) for a, b in corners]):
+                found.append(t)
+    return min(found, default=None)
+
+
+def _stretch(
+    ax: Fraction, ay: Fraction, bx: Fraction, by: Fraction, dx: Fraction, dy: Fraction
+) -> list[tuple[Fraction, Fraction]]:
+    """From which t ≥ 0 to which a beam is on the segment from a to b."""
+    slope = dx * (by - ay) - dy * (bx - ax)
+    if slope != 0:
+        t = (ax * by - ay * bx) / slope
+        share = (ax * dy - ay * dx) / slope
+        return [(t, t)] if t >= 0 and 0 <= share <= 1 else []
+    if dx * ay != dy * ax:
+        return []
+    size = dx * dx + dy * dy
+    low, high = sorted(((ax * dx + ay * dy) / size, (bx * dx + by * dy) / size))
+    return [(max(low, Fraction(0)), high)] if high >= 0 else []
+
+
+def _inside(x: Fraction, y: Fraction, corners: list[tuple[Fraction, Fraction]]) -> bool:
+    """Whether a place is in a polygon; on its boundary either answer."""
+    inside = False
+    for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return inside

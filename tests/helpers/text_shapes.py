@@ -213,7 +213,29 @@ def pairs(drive):
     )
 
 
+def by_turns(drive):
+    """A scan a line, of which each range has its bearing before it."""
+    times, poses, ranges = parts(drive)
+    bearings = np.tile(np.degrees(drive.angles), (len(ranges), 1))
+    return lines([times, poses, np.dstack([bearings, ranges]).reshape(len(ranges), -1)], ",")
+
+
+def plot_juggler(drive):
+    """Two topics in one table: what a line does not hold is blank."""
+    times, poses, ranges = parts(drive)
+    header = names(
+        drive, "/scan/ranges[{}]", ",", "__time", *map("/odom/{}".format, "x y yaw".split())
+    )
+    rows = [
+        f"{time},{','.join(map(str, pose))}{',' * drive.beams}\n{time},,,,{','.join(map(str, row))}"
+        for time, pose, row in zip(np.ravel(times), poses.tolist(), ranges.tolist(), strict=True)
+    ]
+    return "\n".join([header, *rows])
+
+
 PLACED = {
+    "bearings and ranges by turns": by_turns,
+    "a merged table with blanks": plot_juggler,
     "bare numbers": bare,
     "semicolons, decimal commas": decimal_commas,
     "a header": a_header,

@@ -10,8 +10,6 @@ import lrf3d
 from lrf3d.base.errors import InputError
 from lrf3d.laser import Stamp
 from lrf3d.recordings import load_log
-from lrf3d.recordings import log as laser_log
-from lrf3d.recordings.formats.bags import poses as bag_poses
 from lrf3d.recordings.formats.bags.poses import ODOMETRY, POSE, SCAN, TRANSFORMS
 
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
@@ -105,7 +103,7 @@ def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
 
 def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
     log = load_log(write(tmp_path / "bag", *wheels(2), *scans(0.5)))
-    assert log.scans[0].pose == (0.5, 0, 0) and "middle of base_link" in log.source
+    assert log.scans[0].pose == pytest.approx((0.5, 0, 0)) and "middle of base_link" in log.source
 
 
 def test_frames_in_a_circle_end_the_search(tmp_path):
@@ -179,19 +177,6 @@ def test_the_first_parent_of_a_frame_counts(tmp_path):
     log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(1.0)))
     assert log.source == "/tf, laser in odom"
     assert log.poses[0] == pytest.approx([1.0, 0.0, 0.1])
-
-
-def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
-    monkeypatch.setattr(laser_log, "MOST_READINGS", 6)
-    for name in ("A_MESSAGE", "A_POSE"):
-        monkeypatch.setattr(bag_poses, name, 0)
-    bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5, 1.0))
-    assert len(load_log(bag)) == 2
-    bag = write(tmp_path / "more", mounted(), *wheels(3), *scans(0.5, 1.0, 1.5))
-    with pytest.raises(
-        InputError, match=r"more: message 6: more than 6 readings; cut it into parts"
-    ):
-        load_log(bag)
 
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])

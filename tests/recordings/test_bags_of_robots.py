@@ -1,12 +1,14 @@
 """Bags as robots write them: several robots and lasers, clocks that differ, files that are cut."""
 
+import dataclasses
+import json
 import shutil
 import sqlite3
 from contextlib import closing
 
 import numpy as np
 import pytest
-from bags import STORE, header, odometry, of_scan, scan, scans, transform, wheels, write
+from bags import STORE, header, mounted, odometry, of_scan, scan, scans, transform, wheels, write
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -290,3 +292,88 @@ def test_poses_are_unknown_in_a_gap_of_a_moving_frame(tmp_path):
     )
     log = load_log(bag)
     assert log.times.tolist() == [0.6, 4.0, 4.2] and "or in a gap" in str(log.bad_lines[0])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE topics SET name = substr(name, 2)",
+        "UPDATE messages SET timestamp = NULL",
+        "UPDATE messages SET timestamp = timestamp + 0.5",
+    ],
+)
+def test_names_without_a_slash_and_odd_times_of_receipt_are_read(change, tmp_path):
+    bag = write(tmp_path / "bag", *scans(0.0, 1.0), *wheels(3), storage="SQLITE3")
+    with sqlite3.connect(next(bag.glob("*.db3"))) as file:
+        schema = "id INTEGER, topic_id INTEGER, timestamp, data BLOB"
+        file.execute(f"CREATE TABLE loose ({schema})")
+        file.execute("INSERT INTO loose SELECT * FROM messages")
+        file.execute("DROP TABLE messages")
+        file.execute("ALTER TABLE loose RENAME TO messages")
+        file.execute(change)
+    assert load_log(bag).poses[:, 0] == pytest.approx([0.0, 1.0])
+
+
+def text_of(wrap, *messages):
+    """Messages (topic, time, kind, message) as lines of JSON, by a function that wraps each."""
+
+    def plain(value):
+        if dataclasses.is_dataclass(value):
+            names = [field.name for field in dataclasses.fields(value)]
+            return {name: plain(getattr(value, name)) for name in names if name[:2] != "__"}
+        if isinstance(value, np.ndarray):
+            return [None if each == np.inf else each for each in value.tolist()]
+        return [plain(each) for each in value] if isinstance(value, list) else value
+
+    lines = [json.dumps(wrap(topic, time, plain(message))) for topic, time, _, message in messages]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        lambda topic, _, message: {"op": "publish", "topic": topic, "msg": message},
+        lambda topic, time, message: {"topic": topic, "log_time": time + 0.5, "data": message},
+    ],
+)
+def test_lines_of_json_of_several_topics_are_read_as_bags_are(wrap, tmp_path):
+    drive = [*scans(0.0, 1.0), *wheels(3), mounted((0.5, 0, 0))]
+    seen = ("/scan", 2.0, SCAN, scan(2.0, ranges=(1.0, np.inf, 2.0)))
+    path = tmp_path / "log.jsonl"
+    path.write_text(text_of(wrap, *drive, seen) + '\n{"op": "subscribe", "topic": "/x"}\n{"topic"')
+    log = load_log(path)
+    assert log.poses[:, 0] == pytest.approx([0.5, 1.5, 2.5]) and log.bad_count == 1
+    assert log.scans[2].ranges.tolist() == [1.0, np.inf, 2.0] and log.source.startswith("/odom")
+
+
+def record(fields, data):
+    """A record of a bag of ROS 1."""
+    pairs = [name.encode() + b"=" + value for name, value in fields.items()]
+    head = b"".join(len(each).to_bytes(4, "little") + each for each in pairs)
+    return b"".join(len(each).to_bytes(4, "little") + each for each in (head, data))
+
+
+def test_bags_of_version_1_2_are_read_in_spite_of_wrong_lengths_of_their_index(tmp_path):
+    path = tmp_path / "old.bag"
+    parts = [b"#ROSBAG V1.2\n", record({"op": b"\3", "index_pos": b"\x20"}, b" " * 50)]
+    for topic, time, kind, message in [*wheels(3), *scans(0.5, 1.5)]:
+        data = STORE.cdr_to_ros1(STORE.serialize_cdr(message, kind), kind)
+        stamp = Stamp.of(time)
+        times = {
+            "sec": stamp.sec.to_bytes(4, "little"),
+            "nsec": stamp.nanosec.to_bytes(4, "little"),
+        }
+        name = kind.replace("/msg/", "/").encode()
+        parts.append(record({"op": b"\2", "topic": topic.encode(), "type": name, **times}, data))
+    index = {"op": b"\4", "ver": bytes(4), "count": (2).to_bytes(4, "little")}
+    wrong = record(index, bytes(32)).replace((32).to_bytes(4, "little"), (7).to_bytes(4, "little"))
+    path.write_bytes(b"".join([*parts[:4], wrong, *parts[4:]]))
+    log = load_log(path)
+    assert log.poses[:, 0] == pytest.approx([0.5, 1.5]) and not log.notes
+
+
+def test_a_later_part_without_the_mount_of_its_laser_is_refused(tmp_path):
+    bag = write(tmp_path / "bag", *scans(0.0, 1.0), *wheels(3), storage="SQLITE3")
+    part = shutil.copy(next(bag.glob("*.db3")), tmp_path / "bag_1.db3")
+    with pytest.raises(InputError, match="tf_static"):
+        load_log(part)

@@ -11,7 +11,7 @@ from numpy.lib import format as npy
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, World
-from lrf3d.recordings.formats import run_file as npz
+from lrf3d.recordings.formats import npz
 from lrf3d.world.cameras import FilmPlan
 
 ROOM = World([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0]])

@@ -12,6 +12,7 @@ from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.log import LaserLog, WheelRecord
 from lrf3d.recordings.repair.jumps import without_jumps
 from lrf3d.recordings.repair.lag import fitted_lag
+from lrf3d.recordings.repair.recording import recordings_of
 from lrf3d.recordings.repair.repairs import SOLVING, figures_of, repair, repaired_log
 from lrf3d.recordings.repair.wheel_path import WheelPath
 from lrf3d.slam.checks import SelfCheck
@@ -185,6 +186,18 @@ def test_the_lag_is_found_where_a_part_of_the_odometry_is_missing():
     seen = np.diff(path.at(lines - 0.5)[:, 2])
     for scans in (lines, places):
         assert fitted_lag(seen, path, scans) == pytest.approx(np.full(300, 0.5), abs=0.05)
+
+
+def test_between_lines_far_apart_scans_lie_by_their_stamps(recorded):
+    log, true = recorded
+    lines = np.arange(0, COUNT, 3)
+    places = np.arange(COUNT) // 3
+    rare = WheelRecord(log.times[lines], true[lines], places)
+    [recording] = recordings_of(replace(log, wheels=rare), SOLVING)
+    assert recording.moments[:7] == pytest.approx(np.arange(7) / 3)
+    late = replace(rare, times=rare.times + 100.0)
+    [recording] = recordings_of(replace(log, wheels=late), SOLVING)
+    assert recording.moments.tolist() == places.tolist()
 
 
 @pytest.mark.parametrize(("first", "last"), [(0.4, 0.4), (-0.2, -0.2), (0.1, 0.5)])

@@ -181,7 +181,7 @@ def test_a_finished_run_is_not_run_again(tmp_path):
 
 def test_large_arrays_are_mapped_aligned_and_the_same(tmp_path, monkeypatch):
     run = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
-    monkeypatch.setattr("lrf3d.recordings.formats.run_file.MAPPED", 1000)
+    monkeypatch.setattr("lrf3d.recordings.formats.npz.MAPPED", 1000)
     mapped = lrf3d.load_run(tmp_path)
     for name in ("ranges", "truth", "walls"):
         array = getattr(mapped, name)

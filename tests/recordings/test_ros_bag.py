@@ -136,6 +136,11 @@ def test_a_bag_of_a_run_with_an_estimate_moves_the_map_over_the_odometry(run, tm
     export_run(replace(believed, estimate=estimate), "mcap", tmp_path / "run.mcap")
     [fixed] = messages_of(tmp_path / "run.mcap", "/tf_static")
     assert [each.child_frame_id for each in fixed.transforms] == ["laser"]
+    poses = messages_of(tmp_path / "run.mcap", "/pose")
+    assert len(poses) == len(estimate.known_scans)
+    rows = np.ix_([0, 1, 5], [0, 1, 5])
+    known = [each.pose.covariance.reshape(6, 6)[rows] - 1e-6 * np.eye(3) for each in poses]
+    assert np.allclose(known, estimate.covariances)
     moves = messages_of(tmp_path / "run.mcap", "/tf")
     measured = messages_of(tmp_path / "run.mcap", "/odom")
     truth = messages_of(tmp_path / "run.mcap", "/ground_truth")
@@ -237,3 +242,35 @@ def test_intensities_come_back_and_without_rosbags_the_error_says_what_to_instal
         with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[ros\]"):
             call()
     assert list(tmp_path.iterdir()) == [bag]
+
+
+def test_covariances_of_a_bag_fit_the_errors_of_what_was_measured(tmp_path):
+    world = make_world(box(-20, -20, 40, 40))
+    drive = lrf3d.drive((0, 0, 0), 1.0, 0.1, duration=60.0, dt=0.5)
+    wheels = lrf3d.WheelOdometry(slip=0.05, swerve=0.01, skid=0.02)
+    imu = lrf3d.Imu(gyro_noise=0.002, accelerometer_noise=0.03)
+    run = lrf3d.simulate(world, drive, lrf3d.LaserRangeFinder(beams=3), rng=0,
+                         odometry=wheels, imu=imu)  # fmt: skip
+    export_run(run, "mcap", tmp_path / "run.mcap")
+    measured = messages_of(tmp_path / "run.mcap", "/odom")
+    truth = messages_of(tmp_path / "run.mcap", "/ground_truth")
+    assert truth[0].header.frame_id == "map" and measured[0].header.frame_id == "odom"
+    squares = []
+    for odometry, true in zip(measured[1:], truth[1:], strict=True):
+        covariance = odometry.pose.covariance.reshape(6, 6)
+        assert (covariance.diagonal()[2:5] > 1e5).all()
+        where, exact = odometry.pose.pose, true.pose.pose
+        off = [where.position.x - exact.position.x, where.position.y - exact.position.y]
+        turns = [math.atan2(each.orientation.z, each.orientation.w) for each in (where, exact)]
+        off.append(wrap_angle(2 * (turns[0] - turns[1])))
+        rows = [0, 1, 5]
+        squares.append(off @ np.linalg.solve(covariance[np.ix_(rows, rows)], off))
+    # Three degrees of freedom; the errors of one drive depend on each other.
+    assert 0.1 < np.mean(squares) < 12.0
+    first, last = (measured[k].pose.covariance[[0, 7, 35]] for k in (1, -1))
+    assert (last > 3 * first).all()
+    inertial = messages_of(tmp_path / "run.mcap", "/imu")[0]
+    assert inertial.angular_velocity_covariance[8] == pytest.approx(100 * 0.002**2, rel=0.2)
+    assert inertial.linear_acceleration_covariance[0] == pytest.approx(100 * 0.03**2, rel=0.2)
+    with rosbag2.Reader(tmp_path / "run.mcap") as bag:
+        assert bag.start_time > 0

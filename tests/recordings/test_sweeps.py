@@ -47,7 +47,8 @@ def log_of(scans, poses):
 
 def unrolling(scans, poses):
     [recording] = recordings_of(log_of(scans, poses), SOLVING)
-    return REPAIR.find(recording)
+    sweep = REPAIR.find(recording)
+    return sweep and sweep.scans
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
@@ -66,6 +67,18 @@ def test_scans_of_a_moment_stay_as_they_are():
     # So do those whose log says how long they take, and those of a slow laser.
     assert unrolling([replace(scan, time_increment=1e-4) for scan in scans], poses) is None
     assert unrolling([replace(scan, time=10.0 * scan.time) for scan in scans], poses) is None
+
+
+@pytest.mark.parametrize("sense, said", [(1, ""), (-1, "last first"), (0, "of one moment")])
+def test_a_declared_order_of_beams_is_kept_unless_scans_contradict_it(sense, said):
+    scans, poses = recording(SWEEP * abs(sense), clockwise=sense < 0)
+    declared = [
+        replace(scan, pose=tuple(pose), time_increment=SWEEP / 170)
+        for scan, pose in zip(scans, poses, strict=True)
+    ]
+    [own] = recordings_of(log_of(declared, poses), SOLVING)
+    found = REPAIR.find(own)
+    assert said in REPAIR.sentence(found) if said else found is None
 
 
 def test_a_recording_with_unsaid_sweeps_is_solved_and_says_so():

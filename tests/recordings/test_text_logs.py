@@ -51,14 +51,9 @@ def check(log, drive, *, apart):
 
 # Each shape for two of the robots, by turns.
 SHAPES = [(shape, list(ROBOTS)[(k + j) % 4]) for k, shape in enumerate(PLACED) for j in (0, 1)]
-ADDED = pytest.mark.xfail(
-    strict=True, reason="nanoseconds are added to a time in seconds that has a fraction"
-)
 
 
-@pytest.mark.parametrize(
-    "shape, robot", [pytest.param(*each, marks=[ADDED] * (each[0] == "bagpy")) for each in SHAPES]
-)
+@pytest.mark.parametrize("shape, robot", SHAPES)
 def test_columns_are_found_in_each_shape_for_each_robot(shape, robot, tmp_path):
     drive = ROBOTS[robot]
     path = tmp_path / "drive.csv"

@@ -20,7 +20,8 @@ RUNNING = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
 CLIENT = Path(__file__).with_name("client.py")
 ROOT = Path(__file__).parents[2]
 RUNNING["env"] = os.environ | DOMAIN
-FRAMES = [["base_link", "laser"], ["map", "odom"], ["odom", "base_link"]]
+ON_BASE = ["base_footprint", "laser", "left_wheel", "right_wheel"]
+FRAMES = [*(["base_link", each] for each in ON_BASE), ["map", "odom"], ["odom", "base_link"]]
 
 
 @pytest.fixture

@@ -1,11 +1,13 @@
 """What a live robot publishes, without any middleware."""
 
 import math
+from xml.etree import ElementTree
 
 import pytest
 
 from lrf3d import LaserRangeFinder, Pose, ProportionalNoise, World
 from lrf3d.base.errors import InputError
+from lrf3d.messages import ros
 from lrf3d.ros.stream import Settings, Stream
 from lrf3d.simulation.scenario import Scenario
 
@@ -36,7 +38,8 @@ def test_stamps_are_multiples_of_the_interval_and_transforms_come_before_scans()
     made, _ = stream(rate=3.0)
     messages = [message for _ in range(3) for message in made.step()]
     clock = [nanoseconds(fields["clock"]) for topic, fields in messages if topic.name == "/clock"]
-    assert clock == [round(count * 1e9 / 51) for count in range(51)]
+    # In ROS a stamp of 0 is none.
+    assert clock == [1, *(round(count * 1e9 / 51) for count in range(1, 51))]
     scans = [k for k, (topic, _) in enumerate(messages) if topic.name == "scan"]
     assert len(scans) == 3
     for k in scans:
@@ -106,7 +109,10 @@ def test_settings_choose_what_topics_give_of_the_truth():
     assert to_odom["child_frame_id"] == "odom"
     grid = by_name(given.first())["map"]
     assert {0, 100} <= set(grid["data"].tolist())
-    assert len(by_name(hidden.tick())["tf"]["transforms"]) == 1
+    children = [each["child_frame_id"] for each in by_name(hidden.tick())["tf"]["transforms"]]
+    assert children == ["base_link", "left_wheel", "right_wheel"]
+    own, _ = stream(odom_tf=False)
+    assert len(by_name(own.tick())["tf"]["transforms"]) == 2
 
 
 def test_each_laser_has_its_topic_and_its_frame():
@@ -117,7 +123,7 @@ def test_each_laser_has_its_topic_and_its_frame():
     made, _ = stream(lasers)
     seen = by_name((*made.first(), *made.tick()))
     fixed = seen["tf_static"]["transforms"]
-    assert [each["child_frame_id"] for each in fixed] == ["front", "rear"]
+    assert [each["child_frame_id"] for each in fixed] == ["front", "rear", "base_footprint"]
     assert fixed[0]["transform"]["translation"] == {"x": 0.2, "y": 0.1, "z": 0.5}
     assert seen["scan_rear"]["header"]["frame_id"] == "rear"
     assert [seen["scan_front"]["ranges"][1], seen["scan_rear"]["ranges"][2]] == pytest.approx(
@@ -141,3 +147,62 @@ def test_robots_of_a_fleet_have_names_and_see_and_touch_each_other():
     assert second.robot.pose.x - first.robot.pose.x == pytest.approx(0.7, abs=1e-3)
     with pytest.raises(InputError, match="9 robots: they would stand"):
         stream(robots=9)
+
+
+def test_covariances_are_those_of_the_wheels_and_large_for_what_is_not_measured():
+    exact, _ = stream()
+    slipping, _ = stream(wheels=True, rng=1)
+    diagonals = []
+    for made in (exact, slipping):
+        made.robots[0].command(0.5, 0.3)
+        seen = by_name(message for _ in range(5) for message in made.step())
+        for each in (seen["odom"], seen["ground_truth"]):
+            diagonals += [each[name]["covariance"].reshape(6, 6).diagonal() for name in
+                          ("pose", "twist")]  # fmt: skip
+    assert all((each[2:5] == ros.UNKNOWN).all() for each in diagonals)
+    for each in (*diagonals[:4], *diagonals[6:]):
+        assert each[[0, 1, 5]] == pytest.approx(ros.EXACT)
+    assert (diagonals[4][[0, 5]] > 2 * ros.EXACT).all()
+    assert (diagonals[5][[0, 5]] > 10 * ros.EXACT).all()
+
+
+def test_odometry_does_not_jump_where_the_robot_is_put_elsewhere():
+    made, _ = stream()
+    robot = made.robots[0]
+    [*made.tick()]
+    robot.command(0.5, 0.5)
+    [*made.step()]
+    before = robot.robot.odometry
+    robot.set_pose("map", (1.0, -0.5, 2.0))
+    assert robot.robot.odometry == before and robot.robot.pose == (1.0, -0.5, 2.0)
+    made.reset()
+    seen = by_name(made.tick())
+    assert seen["odom"]["pose"]["pose"]["position"]["x"] == pytest.approx(before.x)
+    drift = seen["tf"]["transforms"][1]["transform"]["translation"]
+    assert math.hypot(drift["x"], drift["y"]) > 0.01
+    robot.command(0.0, 0.4)
+    [*made.step()]
+    turned = robot.robot.odometry.theta - before.theta
+    assert turned == pytest.approx(robot.robot.pose.theta)
+
+
+def test_the_model_of_the_robot_has_the_frames_that_are_published():
+    lasers = [LaserRangeFinder(beams=3, name="front"), LaserRangeFinder(beams=3, name="rear")]
+    made, _ = stream(lasers)
+    seen = by_name((*made.first(), *made.tick()))
+    model = ElementTree.fromstring(seen["robot_description"]["data"])
+    assert len([*made.encoded(made.first()), *made.encoded(made.step())]) > 10
+    links = {each.get("name") for each in model.iter("link")}
+    children = {each.get("link") for each in model.iter("child")}
+    assert links == children | {"base_link"}
+    frames = {each["child_frame_id"] for name in ("tf", "tf_static") for each in
+              seen[name]["transforms"]}  # fmt: skip
+    assert links == frames - {"odom"}
+    made.robots[0].command(0.4, 0.0)
+    for _ in range(3):
+        seen = by_name(made.step())
+    left, right = seen["joint_states"]["position"]
+    moved = seen["odom"]["pose"]["pose"]["position"]["x"]
+    assert left == right == pytest.approx(moved / (0.25 * 0.35))
+    start = seen.get("start_pose") or by_name(made.first())["start_pose"]
+    assert start["header"]["frame_id"] == "map"

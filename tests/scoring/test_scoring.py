@@ -132,6 +132,9 @@ def turned(degrees):
             None,
             {"length_f1": 1.0, "segment_f1": 2 / 3},
         ),
+        # It is found all the same, as is one whose longer part is.
+        ([[0.0, 0.0, 1.9, 0.0], [1.9, 0.0, 4.0, 0.0]], None, {"found_segments": 1}),
+        ([[0.0, 0.0, 1.5, 0.0]], None, {"found_segments": 0}),
         # A segment without length counts, and matches nothing.
         ([WALL, NO_LENGTH], None, {"matched_segments": 1, "segment_ratio": 2.0}),
         ([], None, {"length_f1": 0.0, "segment_f1": 0.0, "segment_ratio": 0.0}),

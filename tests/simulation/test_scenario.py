@@ -3,10 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lrf3d.base.errors import CollisionError, InputError, WorldError
+from lrf3d.base.errors import CollisionError, InputError, Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder, imperfect
 from lrf3d.scoring import buildings_seen, visible_walls
+from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.scenario import Scenario, load_scenario, start_of
 from lrf3d.simulation.tables import read_settings
 from lrf3d.world import World
@@ -195,3 +196,61 @@ def test_the_paper_room_shows_six_walls_of_g3_from_three_poses():
     parts, walls = visible_walls(room.run(sigma=0.0, caster="planar"))
     shares = lengths(parts) / lengths(room.world.segments[walls])
     assert (shares[room.world.objects[walls] == 2] > 0.7).sum() == 6 and shares.mean() > 0.8
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["laser.angle_max_deg=1.5708"], "angle 1.5708 is read as degrees; for radians write 90"),
+        (["laser.angle_min_deg=-2", "laser.angle_max_deg=2"], "read as degrees, are a field of 4°"),
+        (["laser.angle_min_deg=-90", "laser.angle_max_deg=300"], "are a field of 390°"),
+        (["laser.mount=[0.2, 0, 3.1416]"], "heading 3.1416 is read as degrees"),
+    ],
+)
+def test_angles_in_the_wrong_unit_are_warned_of(settings, said, tmp_path):
+    with pytest.warns(Lrf3dWarning, match=said):
+        read("", tmp_path, settings)
+
+
+def test_angles_of_real_lasers_are_not_warned_of(tmp_path):
+    for most in (180, 135, 120.5, 360):
+        read("", tmp_path, ["laser.angle_min_deg=0", f"laser.angle_max_deg={most}"])
+    LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi)
+    LaserRangeFinder(angle_min=-0.05, angle_max=0.05)
+
+
+def test_a_fan_of_degrees_is_warned_of():
+    with pytest.warns(Lrf3dWarning, match=r"field of 5157°; for degrees write math.radians\(45\)"):
+        LaserRangeFinder(angle_min=-45, angle_max=45)
+
+
+class Holds:
+    """A controller that holds one command."""
+
+    def __init__(self, *command):
+        self.held = command
+
+    def command(self, time, pose, scan):
+        return self.held
+
+
+@pytest.mark.parametrize(
+    ("drive", "command", "end"),
+    [
+        ([], (1.0, 0.0), (1.0, 0.0, 0.0)),
+        (["drive.kind=differential", "drive.track=0.5"], (1.0, 1.0), (1.0, 0.0, 0.0)),
+        (["drive.kind=ackermann", "drive.wheelbase=2"], (1.0, np.arctan(2)), (0.959, 0.245, 0.5)),
+        (["drive.kind=omni"], (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)),
+    ],
+)
+def test_the_drive_of_a_file_obeys_the_commands_of_its_kind(drive, command, end, tmp_path):
+    scenario = read("[robot]\nstart = [0, 5, 0]\n", tmp_path, [*drive, "robot.scan_interval=1"])
+    run = scenario.run(drive=Holds(*command), scans=2)
+    assert run.trajectory.poses[1] == pytest.approx(np.array([0, 5, 0]) + end, abs=1e-3)
+
+
+def test_a_live_robot_does_what_its_drive_can(tmp_path):
+    for kind, end in (("unicycle", (0, 5, 1)), ("ackermann", (0, 5, 0)), ("omni", (1, 6, 0))):
+        robot = LiveRobot(read("[robot]\nstart = [0, 5, 0]\n", tmp_path, [f"drive.kind={kind}"]))
+        robot.drive(1.0, float(kind == "omni"), float(kind != "omni"), sideways=1.0)
+        assert robot.pose == pytest.approx(end, abs=1e-9)

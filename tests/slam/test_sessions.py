@@ -6,6 +6,7 @@ import pytest
 import shapely
 from drives import NoMap, drive, recorded
 from program import lrf3d as program
+from scipy.ndimage import binary_dilation
 
 import lrf3d
 from lrf3d.base.errors import InputError
@@ -13,6 +14,8 @@ from lrf3d.geometry.lines import wrap_angle
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.formats.carmen_writer import write_log
 from lrf3d.slam.offline import solve_log
+from lrf3d.slam.places.known_places import KnownPlaces
+from lrf3d.world.free_cells import FreeCells
 
 ROOMS = lrf3d.World(
     [
@@ -59,6 +62,23 @@ def test_a_drive_is_found_on_a_plan_and_on_a_map_without_a_first_pose(kind):
     assert stretch.first < 20 and stretch.last > len(found.poses) - 20 and not stretch.carried
     assert stretch.probability >= 0.99
     assert apart.max() < 0.2 and turned.max() < 0.05
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5])
+def test_a_drive_is_found_on_cells_with_thick_walls_of_which_a_tenth_is_missing(yaw):
+    plan = KnownPlaces.from_world(ROOMS)
+    walls = binary_dilation(plan.occupied, iterations=2)
+    walls &= np.repeat(np.random.default_rng(0).random(walls.shape[1] // 4 + 1) > 0.1, 4)[
+        : walls.shape[1]
+    ]
+    origin = compose(np.array([0.0, 0.0, yaw]), plan.origin)
+    cells = FreeCells(~walls, plan.side, tuple(origin), walls)
+    part = drive(ROOMS, BACK, seed=3)
+    found = lrf3d.localise_log(replace(ROOMS, free=cells), log_of(part))
+    (stretch,) = found.stretches
+    off = found.poses - compose(np.array([0.0, 0.0, yaw]), part[2])
+    assert stretch.first == 0 and stretch.probability > 0.98
+    assert np.hypot(*off[found.known, :2].T).max() < 0.3
 
 
 def test_a_robot_that_is_not_on_the_map_is_found_nowhere():

@@ -273,3 +273,6 @@ def test_a_log_that_no_slam_can_solve_is_refused_in_one_line_that_names_it(short
     with pytest.raises(InputError, match=f"hall: .*{reason}") as refused:
         solved(scans, wheels, name="hall")
     assert "\n" not in str(refused.value)
+    if case == "millimetres":
+        with pytest.raises(InputError, match=reason):
+            lrf3d.map_log(recorded(scans, wheels))

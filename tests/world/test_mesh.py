@@ -97,7 +97,7 @@ def test_a_round_tower_keeps_its_sides(tmp_path):
 def test_a_mesh_that_ends_below_the_cut_says_where_it_is(tmp_path):
     trimesh.creation.box((4.0, 3.0, 0.2)).export(tmp_path / "slab.stl")
     with pytest.raises(
-        WorldError, match=r"height of 0\.5 m; the mesh reaches from -0\.1 to 0\.1 m"
+        WorldError, match=r"0\.5 m above .* z = 0\.1 m; .* from -0\.1 to 0\.1 m; --cut -0\.1"
     ):
         load_world(tmp_path / "slab.stl")
 

@@ -18,9 +18,12 @@ WRITTEN = either(endings("world", written=True))
 
 WORLD = "WORLD: A built-in world, or a world file; ./NAME is a file named like a built-in world."
 RUN = "RUN: A run.npz, or its folder."
-OUT = """\
+FORCED = "--force: Replace the results of another run that the folder holds."
+FORCED_FILE = "--force: Replace a file of something else."
+OUT = f"""\
 -o --out FOLDER: Folder for the results; if not given out/NAME, by the name in the file or else of
- the file, with _map for the map of a run and _sweep for a sweep."""
+ the file, with _map for the map of a run and _sweep for a sweep.
+{FORCED}"""
 SEED = "--seed SEED = 0: Seed; the same seed gives the same results."
 SCALE = """\
 --scale FACTOR = 1.0: Enlarge the plan and its route, not the heights: 100 for a drawing of 1:100,
@@ -33,7 +36,9 @@ LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; else by their names.
 --without LAYER,LAYER,…: Layers of a drawing to leave out.
---edits FILE: Decisions about a plan, as lrf3d edit writes them; FILE.edit.toml next to it if not
+ --cut M: Height of the cut of a mesh above its floor [m]; 0.5 if not given.
+ --level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given.
+ --edits FILE: Decisions about a plan, as lrf3d edit writes them; FILE.edit.toml next to it if not
  given."""
 TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
@@ -48,13 +53,15 @@ A CARMEN log or a text of a scan a line, also gzipped, a ROS bag
 ARRAYS = f"arrays ({', '.join(by_name('log', 'arrays').endings)})"
 LOG = """\
 --largest-range M: Readings [m] of this or more are no return.
+--smallest-range M: Readings [m] of this or less are left out, such as those of the robot itself.
+--mask FROM:TO,…: Bearings [degrees], counter-clockwise from ahead, that are left out.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
 --format FORMAT: Text: its columns, found if not given, such as
  stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg.
 --part N: Bags whose stamps go back: which part is read; the longest one if not given."""
 REPAIRS = """\
---without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, copies, stamps, jumps,
- standing, fan, mirror, lag, sweep."""
+--without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, body, copies, stamps,
+ jumps, standing, fan, mirror, lag, sweep."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
 World and drive:
@@ -69,7 +76,8 @@ Film:
 --size WxH: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
 --fps RATE: Frames per second; 25, but 10 for .gif.
 --playback SPEED: Simulated seconds per second of film.
---samples 0|4 = 4: Samples per pixel for smooth edges.
+--length S: About how long a story takes [s]; 15 if not given.
+--samples 0|1|4 = 1: Samples per pixel: 1 with smoothed edges, 4, or 0 for jagged ones.
 {WORKERS}
 --renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.
 --panel short|full = short: What the panel says: three facts, or all numbers."""
@@ -120,6 +128,7 @@ The ending of --out selects the kind.
 {RUN}
 -o --out FILE: The film: {either(endings("film"))}; with --at a .png. In the run's folder if not
  given.
+{FORCED_FILE}
 --at S: Draw one picture at this time [s] instead of a film.
 --from S: Begin the film at this time of the run [s].
 --to S: End the film at this time of the run [s].
@@ -177,6 +186,8 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 --namespace NS: Namespace of the topics.
 --robots N = 1: Number of robots; topics and frames of several begin with robot1, robot2, ….
 --no-clock: Leave /clock to another program.
+--no-odom-tf: Leave odom -> base_link and map -> odom to another program, such as a filter.
+--commands both|Twist|TwistStamped = both: Type of cmd_vel.
 --lines: Map while driving, and publish the line map as map_objects.
 {SEED}
 
@@ -195,6 +206,7 @@ Writes score.png and summary.json.
 --trajectory FILE: The estimate, a TUM file: lines t x y z qx qy qz qw.
 --map FILE: Its map: .geojson, .toml or the .yaml of a ROS map.
 -o --out FOLDER: Folder for the results; that of the run and _score if not given.
+{FORCED}
 
 Example: lrf3d score out/city --trajectory theirs.tum""",
     "export": f"""\
@@ -207,6 +219,7 @@ is the page of lrf3d view in one file, which plays in any browser.
 {RUN}
 --to {"|".join(row.name for row in of_kind("export"))}: The format (required).
 -o --out FILE: The file; in the run's folder if not given.
+{FORCED_FILE}
 --every N = 1: Keep every n-th scan, or moment of a page.
 
 Example: lrf3d export out/city --to mcap""",
@@ -218,6 +231,7 @@ unexplained.
 
 {WORLD}
 -o --figure FILE: Draw the beams that differ to this .png.
+{FORCED_FILE}
 
 {DRIVE}
 
@@ -247,6 +261,7 @@ holds no light and no times of beams.
 
 LOG: A log, as for map.
 -o --out FILE: The log to write: {either(by_name("log", "CARMEN").endings)} (required).
+{FORCED_FILE}
 --drop SHARE = 0: Share of the returns that are lost, at random.
 --noise M = 0: Standard deviation [m] of the noise that is added to each range.
 --every N = 1: Keep every n-th scan.
@@ -331,6 +346,7 @@ Describe a world, and draw it.
 
 [WORLD]: A world; lists the built-in ones if not given.
 -o --out FILE: Draw the world to this .png.
+{FORCED_FILE}
 {SCALE}
 {RESOLUTION}
 {LAYERS}
@@ -342,6 +358,7 @@ Read a world from one format and write it in another.
 
 FROM: A built-in world, or a file.
 TO: The file to write: {WRITTEN}.
+{FORCED_FILE}
 {SCALE}
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
 {THRESHOLD}
@@ -354,8 +371,19 @@ Generate a world that a robot can drive in.
 
 KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
 -o --out FILE: The file to write: {WRITTEN} (required).
+{FORCED_FILE}
 {SEED}
 --size M: Approximate width [m]; depends on the kind if not given.
 
 Example: lrf3d world generate maze --seed 7 --out maze.toml""",
+    "completion": """\
+Print a script by which a shell completes commands, options and choices.
+
+The shell reads it when it starts: save it as
+~/.local/share/bash-completion/completions/lrf3d, or put eval "$(lrf3d completion zsh)" into
+~/.zshrc.
+
+SHELL bash|zsh: The shell.
+
+Example: lrf3d completion bash""",
 }

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, one_line
@@ -80,6 +81,7 @@ def quiet_libraries() -> None:
 
     ``python -W default -m lrf3d`` shows all.
     """
+    say.cache_clear()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
         warnings.simplefilter("default", Lrf3dWarning)
@@ -90,8 +92,9 @@ def quiet_libraries() -> None:
     logging.lastResort = logging.NullHandler()
 
 
+@lru_cache
 def say(message: str) -> None:
-    """Print a note on stderr."""
+    """Print a note on stderr, once in a program."""
     print(f"lrf3d: {one_line(message)}", file=sys.stderr)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ def refuse_twice(args: Namespace) -> None:
 DRIVE = "--set --inside --outside --ignore-collisions"
 
 # Options of how a world is read.
-READING = "--scale --resolution --threshold --page --layers --without --edits"
+READING = "--scale --resolution --threshold --page --layers --without --cut --level --edits"
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -73,6 +74,21 @@ def read_world(args: Namespace) -> Scenario | None:
     return scenario_of(file, getattr(args, "set", None) or ())
 
 
+def read_filmed(args: Namespace) -> Run:
+    """Read a run to draw; a view that it has not is refused before a renderer is loaded."""
+    run = load_run(args.run)
+    check_view(args.view or run.film.view, run.world.cameras)
+    return run
+
+
+def read_served(args: Namespace) -> Scenario | None:
+    """Read a world for ROS 2, whose absence is seen before the work."""
+    from lrf3d.ros.node import require_ros
+
+    require_ros()
+    return read_world(args)
+
+
 def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
     """Read a world as `read_world` does, and the plan that a drawing or a picture is, once."""
     if args.world is None or not is_plan(args.world):
@@ -85,7 +101,7 @@ def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees", "edits")
+    names = "scale resolution threshold page layers without trees cut level edits".split()
     given = {name: getattr(args, name, None) for name in names}
     return {k: value for k, value in given.items() if value is not None and value is not False}
 
@@ -97,7 +113,8 @@ def read_file(name: str, **options: Any) -> WorldFile:
 
 def checked_size(name: str, file: WorldFile) -> WorldFile:
     """A world file, with a warning if its size is implausible."""
-    if warning := size_problem(file.world):
+    # A plan has more that shows its size, and says so when it is read.
+    if not is_plan(name) and (warning := size_problem(file.world)):
         warn(f"{name}: {warning}")
     return file
 
@@ -129,9 +146,10 @@ def read_log(args: Namespace) -> LaserLog:
     if args.command == "slam" and args.relations is not None:
         check_ordinary(args.relations)
     poses = getattr(args, "poses", None) or odometry_of(args.log)
+    mask = [(radians(first), radians(last)) for first, last in args.mask or ()]
     return load_log(
-        args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic,
-        part=args.part, format=args.format,
+        args.log, largest_range=args.largest_range, smallest_range=args.smallest_range or 0.0,
+        mask=mask, poses=poses, scan_topic=args.scan_topic, part=args.part, format=args.format,
         without_repairs=getattr(args, "without_repair", None) or (),
     )  # fmt: skip
 
@@ -139,7 +157,8 @@ def read_log(args: Namespace) -> LaserLog:
 def read_map_and_log(args: Namespace) -> Scenario | MapAndLog | None:
     """Read a world for simulated drives; or a map and a log."""
     if args.log is None:
-        logs = "--out -o --largest-range --scan-topic --format --part --without-repair"
+        limits = "--largest-range --smallest-range --mask"
+        logs = f"--out -o {limits} --scan-topic --format --part --without-repair"
         refuse(args, logs, "of a recorded drive; give a LOG")
         return read_world(args)
     drives = f"--known --strategy --seeds --sigma --position --heading --workers {DRIVE}"
@@ -254,10 +273,10 @@ def made(found: Any) -> Any:
 # with the options and the console.
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
-    "render": (lambda args: load_run(args.run), "runs:render"),
+    "render": (read_filmed, "runs:render"),
     "view": (read_world, "runs:view"),
     "edit": (lambda args: None, "edit:edit"),
-    "ros": (read_world, "runs:ros"),
+    "ros": (read_served, "runs:ros"),
     "score": (lambda args: load_run(args.run), "scores:score"),
     "export": (lambda args: load_run(args.run), "runs:export"),
     "crosscheck": (read_world, "world:crosscheck"),
@@ -269,6 +288,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "world show": (read_shown, "world:show"),
     "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
+    "completion": (lambda args: None, "completion:completion"),
 }
 
 

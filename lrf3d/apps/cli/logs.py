@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.apps.cli.console import Console, warn
-from lrf3d.apps.cli.folder import Drawing, ResultsFolder, results_folder
+from lrf3d.apps.cli.folder import Drawing, ResultsFolder, new_file, results_folder
 from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.base.errors import InputError
 from lrf3d.base.files import make_folder
@@ -46,6 +46,7 @@ LEAST_EXPLAINED = 0.6
 def map_(log: LaserLog, args: Namespace, console: Console) -> None:
     """Map a log whose poses are known, and test the map."""
     mode = args.mode or "robust"
+    output = results_folder(args, console, [args.log], log.name)
     log = repaired_log(log, args.without_repair or ())
     with _timed(console) as (progress, milliseconds):
         run = map_scans(log, mode=mode, sigma=args.sigma, all_scans=args.all, progress=progress)
@@ -73,14 +74,13 @@ def map_(log: LaserLog, args: Namespace, console: Console) -> None:
         ("explains", explained),
         ("time", f"{milliseconds():.2f} ms a scan"),
     ]
-    output = results_folder(console, [args.log], run.world.name, args.out)
     kept, drawings = _mapped(output, run, run)
     output.finish(
         summary,
         {"map": "map.geojson"},
         drawings,
         rows=[*log_rows(log), *_filled(rows)],
-        following=f"lrf3d run {output.path}/map.geojson",
+        following=["run", output.path / "map.geojson"],
         kept=kept,
     )
 
@@ -89,6 +89,8 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
     """Find poses and map of a log from odometry and scans."""
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
+    sources = [args.log] if args.on is None else [args.log, args.on]
+    output = results_folder(args, console, sources, log.name)
     with _timed(console) as (progress, milliseconds):
         solved = solve_log(
             log, on=args.on, close=_in_order(args.close), apart=_in_order(args.not_),
@@ -99,7 +101,6 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
     run = solved.run
-    output = results_folder(console, [args.log], run.world.name, args.out)
     keys = np.array([key.scan for key in solved.key_scans[0]])
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
@@ -111,7 +112,7 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
         {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
         drawings,
         rows=_slam_rows(solved, summary),
-        following=f"lrf3d view {output.path}",
+        following=["view", output.path],
         kept=kept,
     )
 
@@ -168,6 +169,7 @@ def localise(source: Scenario | MapAndLog, args: Namespace, console: Console) ->
 def _localise_recorded(
     known: Run | World, log: LaserLog, args: Namespace, console: Console
 ) -> None:
+    output = results_folder(args, console, [args.world, args.log], f"{log.name}_localised")
     with _timed(console) as (progress, milliseconds):
         found = localise_log(
             known, log, without_repairs=args.without_repair or (), progress=progress
@@ -178,8 +180,6 @@ def _localise_recorded(
     world = known.world if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
     poses = found.poses[chosen]
-    name = f"{found.log.name}_localised"
-    output = results_folder(console, [args.world, args.log], name, args.out)
     save_tum(found.log.times[chosen], poses, output.path / "trajectory.tum")
     rows = [*log_rows(log), *(("", note) for note in found.log.notes if note not in log.notes)]
     rows.append(("map", f"{args.world}, {counted(len(world.segments), 'wall')}"))
@@ -228,13 +228,12 @@ def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     written = by_name("log", "CARMEN").endings
     if not out.name.lower().endswith(written):
         raise InputError(f"--out {out}: expected a name that ends in {', '.join(written)}")
-    if out.exists() and out.samefile(args.log):
-        raise InputError(f"--out {out}: is the log itself; choose another name")
     changes = {name: vars(args)[name] for name in ("drop", "noise", "every", "beams_every")}
     worse = degrade_log(log, **changes, rng=args.seed)
     kept = degrade_log(log, every=args.every, beams_every=args.beams_every)
     make_folder(out.parent)
-    write_log(worse, out)
+    with new_file(args, out, [args.log]) as place:
+        write_log(worse, place)
     there, left = (sum(int(scan.hits.sum()) for scan in each.scans) for each in (kept, worse))
     lost = there - left
     thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
@@ -327,7 +326,7 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
         ("", f"{counted(lost, 'scan')} matched nothing: placed as predicted" if lost else ""),
         ("on", on),
         ("map", solved.run.map.counts),
-        *(("check", sentence) for sentence in solved.check.sentences()),
+        *(("check", sentence) for sentence in solved.check.sentences() or [solved.check.unjudged]),
         ("relations", score),
         ("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan"),
     ]

@@ -5,6 +5,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from difflib import get_close_matches
 from functools import partial
 from keyword import iskeyword
 from pathlib import Path
@@ -45,6 +46,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     Raises:
         InputError: The words are not a command and what it takes.
     """
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
     name = next((each for each in (" ".join(words[:2]), *words[:1]) if each in COMMANDS), None)
     if name is None:
         _without_command(words)
@@ -58,11 +61,26 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     named = argparse.Namespace(command=name, ros_words=ros_words, flags=flags)
     given, rest = parser.parse_known_intermixed_args(joined, named)
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
-    known = [flag for option in options for flag in option.names if flag.startswith("--")]
-    check_names(name, unknown, known, f"see {parser.prog} -h")
+    _refuse_unknown(unknown, options, parser.prog)
     if rest:
         parser.error(f"unexpected {' '.join(rest)}")
     return given
+
+
+def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: str) -> None:
+    """Refuse words that are no options, and propose the nearest one, or a key of world files."""
+    known = [flag for option in options for flag in option.names if flag.startswith("--")]
+    words = {flag: flag for flag in known}
+    if unknown and "--set" in known:
+        from lrf3d.simulation.tables import TABLES, keys_of_table
+
+        for table in TABLES:
+            for key in keys_of_table(table):
+                words.setdefault(f"--{key.replace('_', '-')}", f"--set {table}.{key}=VALUE")
+    for flag in unknown:
+        near = get_close_matches(flag, words, n=1, cutoff=0.7)
+        hint = f"did you mean {words[near[0]]!r}?" if near else f"see {program} -h"
+        raise InputError(f"{program.partition(' ')[2]}: there is no {shown(flag)}; {hint}")
 
 
 def _joined(words: Sequence[str], options: Sequence[Option]) -> list[str]:
@@ -176,11 +194,13 @@ def _number(
     return read, f"{what} from {least:g}" + (f" to {most:g}" if most < math.inf else "")
 
 
-def _two(mark: str, fits: Callable[[int, int], bool]) -> Callable[[str], tuple[int, int]]:
-    """The parser of two whole numbers with a mark between them."""
+def _two(
+    mark: str, fits: Callable[[Any, Any], bool], kind: Callable[[str], float] = int
+) -> Callable[[str], tuple[float, float]]:
+    """The parser of two numbers, whole ones if not said otherwise, with a mark between them."""
 
-    def read(word: str) -> tuple[int, int]:
-        first, second = map(int, word.lower().split(mark))
+    def read(word: str) -> tuple[float, float]:
+        first, second = map(kind, word.lower().split(mark))
         if not fits(first, second):
             raise ValueError
         return first, second
@@ -216,6 +236,10 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
         _two(":", lambda *pair: min(pair) >= 0 and pair[0] != pair[1]),
         "two numbers of scans, such as 120:2400",
     ),
+    "FROM:TO": (
+        _two(":", lambda *ends: max(map(abs, ends)) <= 360.0 and ends[0] != ends[1], float),
+        "two bearings in degrees, such as 130:140",
+    ),
     "I/N": (
         _two("/", lambda job, jobs: 1 <= job <= jobs),
         "I/N, such as 2/8 for the second of eight jobs",
@@ -241,6 +265,6 @@ def overview(group: str = "") -> str:
         f"usage: lrf3d {group}COMMAND\n\n"
         "Simulate a robot with a laser range finder, map its world, and film it.\n\n"
         f"Commands:\n{table((), rows, left=(0, 1))}\n\n"
-        "lrf3d COMMAND -h shows the options of a command, lrf3d --version the version.\n\n"
+        "lrf3d help COMMAND shows the options of a command, lrf3d --version the version.\n\n"
         "Example: lrf3d run city"
     )

@@ -26,7 +26,7 @@ from lrf3d.mapping import save_map
 from lrf3d.recordings import record, save_run
 from lrf3d.robot import Trajectory
 from lrf3d.scoring import seen_share
-from lrf3d.scoring.map_score import drawn_part, judged_part, summarise
+from lrf3d.scoring.map_score import drawn_part, found_words, judged_part, summarise
 from lrf3d.simulation.fleet import before_touching, giving_way, parts_of, simulate_fleet
 from lrf3d.simulation.loop import Simulation
 from lrf3d.simulation.mappers import OptionalParts
@@ -58,7 +58,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         scenario = routed(scenario, args, console)
         drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args), say=warn)
         own["drive"] = drive
-    output = results_folder(console, [args.world], scenario.name, args.out)
+    output = results_folder(args, console, [args.world], scenario.name)
     simulations = _simulations(scenario, own, args)
     main = simulations[0]
     begin = perf_counter()
@@ -93,7 +93,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         {"run": "run.npz", **files},
         pictures,
         rows=_rows(runs, summary),
-        following=f"lrf3d {'view' if args.video else 'render'} {output.path}",
+        following=["view" if args.video else "render", output.path],
         kept=KEPT,
     )
 
@@ -179,13 +179,9 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
         few = f"; the map shows the smaller part: {doors}drive on with more --scans"
         rows.append(("seen", f"{100 * share:.0f} % of the walls {side}{few * (share < few_seen)}"))
     if score is not None:
-        found = "no wall is long enough to be looked for"
+        found = found_words(score)
         if score["visible_segments"]:
-            found = (
-                f"{score['matched_segments']} of {score['visible_segments']} visible walls found"
-            )
-            found += f", {100 * score['length_recall']:.1f} % of their length"
-            found += f"; the world has {summary['world']['walls']:,} walls"
+            found += f"; the world has {counted(summary['world']['walls'], 'wall')}"
         rows.append(("map", f"{run.map.counts}: {found}"))
     for level, other in zip(summary.get("noise_levels", ()), runs, strict=False):
         rows.append((f"σ {level['sigma_m']:g} m", other.map.counts))
@@ -212,7 +208,7 @@ def _run_fleet(
     _check_fleet(scenario, own, args)
     scenario = routed(scenario, args, console)
     drives = _drives(scenario, args)
-    output = results_folder(console, [args.world], scenario.name, args.out)
+    output = results_folder(args, console, [args.world], scenario.name)
     sigma = (args.sigma or [None])[0]
     noise = made(own.get("noise"))
 
@@ -254,7 +250,7 @@ def _run_fleet(
         files,
         pictures | _pictures(runs[0], scenario, args, console),
         rows=[*rows, ("time", f"{common['seconds']:.1f} s")],
-        following=f"lrf3d {'view' if args.video else 'render'} {output.path / 'robot1'}",
+        following=["view" if args.video else "render", output.path / "robot1"],
         kept=f"the runs are kept in {output.path}",
     )
 

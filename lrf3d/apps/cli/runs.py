@@ -8,10 +8,11 @@ from time import perf_counter
 from typing import Any
 
 from lrf3d.apps.cli.console import Console, say, warn
+from lrf3d.apps.cli.folder import file_of_run
 from lrf3d.apps.cli.inputs import refuse, routed
 from lrf3d.apps.export import export_run
 from lrf3d.base.errors import InputError, MissingLibraryError
-from lrf3d.base.files import make_folder, replacing
+from lrf3d.base.files import replacing
 from lrf3d.base.formats import by_name
 from lrf3d.base.text import counted
 from lrf3d.recordings import load_run
@@ -34,7 +35,6 @@ def render(run: Run, args: Namespace, console: Console) -> None:
             if picture
             else f"--out {args.out}: a .png is one picture; give its time with --at TIME"
         )
-    path = _output(args, "run.png" if picture else "run.mp4")
     if args.trajectory is not None:
         from lrf3d.apps.cli.scores import with_trajectory
         from lrf3d.recordings.formats.trajectory import load_tum
@@ -42,16 +42,14 @@ def render(run: Run, args: Namespace, console: Console) -> None:
         run = with_trajectory(run, load_tum(args.trajectory))
     if args.points_by is not None:
         run = replace(run, film=replace(run.film, points_by=args.points_by))
+    with file_of_run(args, "run.png" if picture else "run.mp4") as path:
+        if picture:
+            _write_frame(run, path, args)
+        else:
+            drawn = write_film(run, path, args, console, part=(args.from_, args.to))
     if picture:
-        from lrf3d.studio.render.film import frame
-        from lrf3d.studio.render.video import save_png
-
-        drawing = frame(run, args.at, **_look(args))
-        with replacing(path) as unfinished:
-            save_png(drawing, unfinished)
         console.print({"picture": str(path)}, [("picture", str(path))])
         return
-    drawn = write_film(run, path, args, console, part=(args.from_, args.to))
     each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
     width, height = drawn["size"]
     by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
@@ -63,6 +61,16 @@ def render(run: Run, args: Namespace, console: Console) -> None:
             ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
         ],
     )
+
+
+def _write_frame(run: Run, path: Path, args: Namespace) -> None:
+    """Write a picture of one moment of a run."""
+    from lrf3d.studio.render.film import frame
+    from lrf3d.studio.render.video import save_png
+
+    drawing = frame(run, args.at, **_look(args))
+    with replacing(path) as unfinished:
+        save_png(drawing, unfinished)
 
 
 def write_film(
@@ -114,6 +122,7 @@ def _look(args: Namespace) -> dict[str, Any]:
             renderer = "embree"
     return {
         **{name: vars(args)[name] for name in ("view", "playback", "panel")},
+        **({} if args.length is None else {"length": args.length}),
         "samples": int(args.samples),
         "renderer": renderer,
         "size": args.size or (_LARGE if renderer == "gl" else _SMALL),
@@ -158,7 +167,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
     """Serve a robot in ROS 2; a second clock is wrong usage, and returns 2."""
     from lrf3d.ros import SecondClockError, serve
 
-    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines")
+    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines", "commands")
     try:
         serve(
             scenario if scenario.start else routed(scenario, args, console),
@@ -166,6 +175,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
             started=console.note,
             namespace=args.namespace or "",
             clock=not args.no_clock,
+            odom_tf=not args.no_odom_tf,
             rng=args.seed,
             **{name: vars(args)[name] for name in names},
         )
@@ -177,9 +187,12 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
 
 def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
-    path = _output(args, f"run{by_name('export', args.to).endings[0] or '_bag'}")
-    export_run(run, args.to, path, every=args.every)
-    files = [path] if path.is_file() else sorted(path.iterdir())
+    folder = "_kitti" if args.to == "kitti" else "_bag"
+    # Next to run.npz the arrays of its points have another name.
+    ending = {"npz": "_points.npz"}.get(args.to, by_name("export", args.to).endings[0])
+    with file_of_run(args, f"run{ending or folder}") as path:
+        export_run(run, args.to, path, every=args.every)
+    files = [each for each in (path, *sorted(path.rglob("*"))) if each.is_file()]
     scans = len(range(0, len(run), args.every))
     size = sum(file.stat().st_size for file in files)
     shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
@@ -189,11 +202,3 @@ def export(run: Run, args: Namespace, console: Console) -> None:
         {"file": str(path), "format": args.to, **kept, "bytes": size},
         [(args.to, str(path)), *((n, f"{each:,}") for n, each in kept.items()), ("size", shown)],
     )
-
-
-def _output(args: Namespace, name: str) -> Path:
-    """The file to write, whose folder is made: in the folder of the run if none is given."""
-    folder = args.run if args.run.is_dir() else args.run.parent
-    path: Path = args.out or folder / name
-    make_folder(path.parent)
-    return path

@@ -36,7 +36,7 @@ def score(run: Run, args: Namespace, console: Console) -> None:
     errors = pose_errors(run.trajectory, estimate)
     path = Path(args.run).resolve()
     name = path.parent.name if path.name == "run.npz" else path.stem
-    output = results_folder(console, [args.run, args.trajectory], f"{name}_score", args.out)
+    output = results_folder(args, console, [args.run, args.trajectory], f"{name}_score")
     figures: dict[str, Any] = {"name": run.world.name, "trajectory": errors.as_dict()}
     line_map = LineMap.empty()
     if args.map is not None:
@@ -56,7 +56,7 @@ def score(run: Run, args: Namespace, console: Console) -> None:
         {},
         {"score picture": ("score.png", draw)},
         rows=_score_rows(errors, figures),
-        following=f"lrf3d render {args.run} --trajectory {args.trajectory}",
+        following=["render", args.run, "--trajectory", args.trajectory],
         kept=f"{output.path / 'summary.json'} holds the figures",
     )
 

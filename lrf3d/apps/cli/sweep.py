@@ -44,7 +44,7 @@ def sweep(
     )
     job = args.shard
     name = f"{plan.worlds[0]}_sweep"
-    output = results_folder(console, args.world, name, args.out, alone=job is None)
+    output = results_folder(args, console, args.world, name, alone=job is None)
     if args.merge:
         result = table_of(plan, kept_rows(plan, output.path))
     else:

@@ -4,6 +4,7 @@ from argparse import Namespace
 from typing import Any
 
 from lrf3d.apps.cli.console import Console, print_json, print_text
+from lrf3d.apps.cli.folder import new_file
 from lrf3d.apps.cli.inputs import on_collision, options_of, routed
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import lengths
@@ -36,9 +37,10 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) 
         rows += _plan_rows(plan)
         figures |= _plan_figures(plan)
     if args.out is not None:
-        from lrf3d.studio.figures.figures import draw_world
+        from lrf3d.studio.figures.figures import draw_scenario
 
-        draw_world(scenario.world, args.out, route=route, poses=poses, plan=plan)
+        with new_file(args, args.out, [args.world]) as place:
+            draw_scenario(scenario, place, plan=plan)
         figures["picture"] = str(args.out)
         rows.append(("picture", str(args.out)))
     _describe(console, scenario.world, {"name": scenario.name}, figures, rows)
@@ -81,7 +83,8 @@ def convert(_: None, args: Namespace, console: Console) -> None:
         options.pop("resolution", None)
     world = load_world(args.from_, **options)
     cells = args.to.suffix.lower() == ".yaml" or not bare
-    save_world(world, args.to, resolution=args.resolution if cells else None)
+    with new_file(args, args.to, [args.from_]) as place:
+        save_world(world, place, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}
     _describe(console, world, {"from": args.from_}, written, list(written.items()))
 
@@ -89,7 +92,8 @@ def convert(_: None, args: Namespace, console: Console) -> None:
 def generate(_: None, args: Namespace, console: Console) -> None:
     """Generate a world that a robot can drive in."""
     world = generate_world(args.kind, size=args.size, seed=args.seed)
-    save_world(world, args.out)
+    with new_file(args, args.out, [args.kind]) as place:
+        save_world(world, place)
     written = {"written": str(args.out)}
     figures = {"kind": args.kind, "seed": args.seed, **written}
     _describe(console, world, {"name": world.name}, figures, list(written.items()))
@@ -156,7 +160,8 @@ def crosscheck(scenario: Scenario, args: Namespace, console: Console) -> int:
     if args.figure is not None:
         from lrf3d.studio.figures.figures import draw_crosscheck
 
-        draw_crosscheck(world, lrf, poses, result, args.figure)
+        with new_file(args, args.figure, [args.world]) as place:
+            draw_crosscheck(world, lrf, poses, result, place)
         figures["picture"] = str(args.figure)
         rows.append(("picture", str(args.figure)))
     console.print(figures, rows)

@@ -17,7 +17,7 @@ from lrf3d.apps.edit.editor import Editor
 from lrf3d.apps.edit.message import packed
 from lrf3d.base.errors import InputError, Lrf3dError
 from lrf3d.base.files import locked
-from lrf3d.studio.page.server import Files, Talks, page_files, serve_pages, show_moments
+from lrf3d.studio.page.server import Files, Talks, moments_talk, page_files, serve_pages
 from lrf3d.studio.page.session import PageSession
 from lrf3d.world.files import edits_path
 
@@ -175,11 +175,7 @@ class Desk:
         files = page_files(make())
         files["/film"] = files.pop("/")
         self.files.update(files)
-
-        async def show(page: Any) -> None:
-            await show_moments(make, page)
-
-        self.talks[FILM] = show
+        self.talks[FILM] = moments_talk(make)
 
 
 def _read(text: Any) -> dict[str, Any]:

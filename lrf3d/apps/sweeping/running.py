@@ -79,6 +79,7 @@ def sweep(
     """
     _check_kinds(worlds, mappers, axes)
     expect(progress, Callable, "progress")
+    expect(executor, Executor | None, "executor")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
@@ -128,8 +129,8 @@ def run_plan(
         missing = [run for run in mine if run.key not in kept]
         if len(missing) < len(mine) and not resume:
             raise InputError(
-                f"{folder}: holds {len(kept)} runs of this sweep; go on with it by --resume, or"
-                " choose another folder with --out"
+                f"{folder}: holds {len(kept)} runs of this sweep; go on with it by --resume,"
+                " choose another folder with --out, or begin again with --force"
             )
         with writing(path, "remove it"), opened_own(path) as file:
             # The end of a line that a crash cut off.
@@ -174,7 +175,7 @@ def kept_rows(plan: SweepPlan, folder: Path) -> dict[str, Row]:
     if foreign := len(found.keys() - {run.key for run in plan.runs}):
         raise InputError(
             f"{folder}: holds {foreign} runs that this sweep does not ask for; give all options"
-            " that it was started with, or choose another folder with --out"
+            " that it was started with, choose another folder with --out, or --force"
         )
     return found
 

@@ -116,13 +116,13 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
     while top > 0:
         top -= 1
         box = waiting[top]
-        if _hidden(low, box.first, box.stop, box.near):
+        if hidden(low, box.first, box.stop, box.near):
             continue
         first = tree.links[box.node, 0]
         count = tree.links[box.node, 1]
         if count < 0:
-            _view(tree.boxes, first, -count, fan, sketch)
-            top = _enter((first, -count), fan, edge, low, sketch, waiting, top)
+            view_boxes(tree.boxes, first, -count, fan, sketch)
+            top = enter_boxes((first, -count), fan, edge, low, sketch, waiting, top)
             continue
         for base in range(first, first + count, BATCH):
             batch = min(BATCH, first + count - base)
@@ -134,7 +134,7 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
 
 
 @inner
-def _hidden(low: Float, first: int, stop: int, near: float) -> bool:
+def hidden(low: Float, first: int, stop: int, near: float) -> bool:
     """Whether all beams from first to before stop end nearer than 1 / near."""
     for i in range(index_of(first), index_of(stop)):
         if not low[i] > near:
@@ -143,7 +143,7 @@ def _hidden(low: Float, first: int, stop: int, near: float) -> bool:
 
 
 @inner
-def _enter(
+def enter_boxes(
     boxes: tuple[int, int], fan: Fan, edge: float, low: Float, sketch: Float, waiting: Records,
     top: int,
 ) -> int:  # fmt: skip
@@ -159,7 +159,7 @@ def _enter(
         stop = beams
         if near < np.inf:
             start, stop = beams_between(sketch[START + k], sketch[WIDTH + k], fan, beams)
-        if start >= stop or _hidden(low, start, stop, near):
+        if start >= stop or hidden(low, start, stop, near):
             continue
         place = top
         while place > bottom and waiting[place - 1].near > near:
@@ -175,7 +175,7 @@ def _enter(
 
 
 @inner
-def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
+def view_boxes(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
     ox = fan.x
     oy = fan.y

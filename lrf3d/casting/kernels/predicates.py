@@ -174,6 +174,14 @@ def compare_limit(limit: float, beam: Beam, wall: Wall) -> int:
 
 
 @inner
+def compare_height(slope: float, start: float, height: float, beam: Beam, wall: Wall) -> int:
+    """Sign of start + t · slope − height, by how much a rising beam passes over a height at t."""
+    above, below = _fraction(beam, wall)
+    rise = _plus(_plus(_zero(2), height), -start)
+    return _sign_of_cross(above, _plus(_zero(1), slope), rise, below)
+
+
+@inner
 def length(beam: Beam, wall: Wall) -> float:
     """The t of a wall that the beam meets, at most 0.51 ulp off; `plain_length` costs less."""
     above, below = _fraction(beam, wall)

@@ -2,10 +2,11 @@
 
 ``$INSUNITS`` gives the unit; a drawing without one is in metres. Heights (z) and what is off or
 frozen are ignored; paper space is read if model space is empty. Hatches with a pattern, texts,
-dimensions, leaders, pictures and endless lines are not read, but counted.
+dimensions, leaders, pictures, endless lines, external references and objects of other programs are
+not read, but counted. An item is an entity of a layout or of a block, however often it is placed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -21,10 +22,12 @@ from lrf3d.plans.canvas import (
     PALEST,
     Canvas,
     Mark,
+    PerUnit,
     contrast_to_white,
     scale_of,
 )
 from lrf3d.plans.rules.layers import rename
+from lrf3d.plans.scale import unit_scales
 
 # On import, ezdxf prints a note where it cannot save its list of fonts, which no wall needs.
 with redirect_stdout(StringIO()):
@@ -48,11 +51,16 @@ LEFT_OUT = {
     **dict.fromkeys(("XLINE", "RAY"), "endless line"),
     "ACAD_TABLE": "table",
     "POINT": "point",
-    "VIEWPORT": "viewport",
 }
 
+# Entities that are left out if they have a pattern and no solid fill.
+PATTERNED = dict.fromkeys(("HATCH", "MPOLYGON"), "hatching pattern")
 
-def draw(path: Path, scale: float) -> Canvas:
+# Bit of the flags of a block that is an external reference.
+EXTERNAL = 4
+
+
+def draw(path: Path, scale: float | PerUnit) -> Canvas:
     """The marks of a DXF drawing, enlarged by a scale."""
     file = readfile(path)
     # Do not draw the frames of clips: CAD shows them on the screen, but does not plot them.
@@ -64,6 +72,8 @@ def draw(path: Path, scale: float) -> Canvas:
     scale = scale_of(scale, unit)
     canvas = Canvas(CURVE_ERROR / (unit * scale))
     canvas.unit = unit * scale
+    canvas.scale = scale
+    canvas.scales = unit_scales(unit)
     config = Configuration(
         max_flattening_distance=canvas.tolerance,
         line_policy=LinePolicy.SOLID,
@@ -71,12 +81,42 @@ def draw(path: Path, scale: float) -> Canvas:
         custom_bg_color=PAPER,
     )
     # Take the first layout that holds entities: model space comes before paper space.
-    filled = (layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout))
-    if (layout := next(filled, None)) is not None:
-        with redirect_stdout(StringIO()):
-            _EntityFilter(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+    read = next((layout for layout in file.layouts if any(map(_is_content, layout))), None)
+    items = set[Any]()
+    for layout in file.layouts:
+        items.update(_items(layout, {}) if layout is read else layout)
+        if layout is read:
+            with redirect_stdout(StringIO()):
+                _EntityFilter(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+        for entity in layout:
+            if layout is not read or not _is_content(entity):
+                canvas.leave("viewport" if layout is read else "entity of another layout", entity)
+    canvas.held = len(items)
     rename(canvas, file.encoding)
     return canvas
+
+
+def _is_content(entity: Any) -> bool:
+    return bool(entity.dxftype() != "VIEWPORT")
+
+
+def _items(entities: Iterable[Any], blocks: dict[str, Any]) -> Iterator[Any]:
+    """The entities in a layout and in the blocks that are placed in it, each block once."""
+    for entity in entities:
+        block = _content(entity)
+        if block is None:
+            yield entity
+            continue
+        yield from entity.attribs
+        if block.name not in blocks:
+            blocks[block.name] = block
+            yield from _items(block, blocks)
+
+
+def _content(entity: Any) -> Any:
+    """The block that an entity places; None for other entities, and where there is no block."""
+    block = entity.block() if entity.dxftype() == "INSERT" else None
+    return None if block is None or block.block.dxf.flags & EXTERNAL else block
 
 
 class _EntityFilter(Frontend):
@@ -88,22 +128,85 @@ class _EntityFilter(Frontend):
         self.painter = _EntityPainter(canvas, scale)
         super().__init__(context, self.painter, config)
         self.canvas = canvas
+        # Whether an entity is drawn by its parts, which are no items.
+        self.in_parts = False
 
     def draw_entity(self, entity: Any, properties: Any) -> None:
-        kind = entity.dxftype()
         canvas = self.canvas
+        kind = entity.dxftype()
         canvas.count(entity.mcount if kind == "INSERT" else 1)
-        if kind in ("HATCH", "MPOLYGON") and not entity.has_solid_fill:
-            canvas.left_out["hatching pattern"] += 1
-        elif kind in LEFT_OUT:
-            canvas.left_out[LEFT_OUT[kind]] += 1
-        else:
-            self.painter.dashed = bool(properties.linetype_pattern)
+        self.painter.dashed = bool(properties.linetype_pattern)
+        if kind == "INSERT":
+            self._place(entity, properties)
+            return
+        if self.in_parts:
             super().draw_entity(entity, properties)
+            return
+        if kind in LEFT_OUT or (kind in PATTERNED and not entity.has_solid_fill):
+            canvas.leave(_kind(entity), _source(entity))
+            return
+        items = _sources(entity)
+        canvas.begin(*items)
+        before = len(canvas.marks)
+        self.in_parts = True
+        super().draw_entity(entity, properties)
+        self.in_parts = False
+        if len(canvas.marks) == before and kind not in self._dispatch:
+            canvas.fates |= dict.fromkeys(items, _kind(entity))
+
+    def _place(self, entity: Any, properties: Any) -> None:
+        """Draw the block that an entity places."""
+        block = _content(entity)
+        if block is not None:
+            for each in block:
+                # What ezdxf skips: texts of which each place has its own, and unknown kinds.
+                if each.dxftype() == "ATTDEF" or hasattr(each, "xtags"):
+                    self.canvas.leave(_kind(each), each)
+            super().draw_entity(entity, properties)
+        elif entity.block() is None:
+            self.canvas.leave(f"undefined block: {entity.dxf.name}", _source(entity))
+        else:
+            path = entity.block().block.dxf.get("xref_path", "") or entity.dxf.name
+            self.canvas.leave(f"external reference: {path}", _source(entity))
 
     def skip_entity(self, entity: Any, msg: str) -> None:
         self.canvas.count()
-        self.canvas.left_out["hidden part" if msg == "invisible" else entity.dxftype()] += 1
+        if self.in_parts:
+            return
+        reason = "hidden part" if msg == "invisible" else _kind(entity)
+        for each in _items([_source(entity)], {}):
+            self.canvas.leave(reason, each)
+
+
+def _kind(entity: Any) -> str:
+    """The reason to leave out an entity: what it is called, or its kind and its layer."""
+    known = LEFT_OUT | PATTERNED
+    return known.get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
+
+
+def _layer(entity: Any) -> str:
+    """The layer of an entity; ezdxf keeps that of unknown kinds apart."""
+    source = _source(entity)
+    if hasattr(source, "xtags"):
+        return str(source.graphic_properties().get("layer", "0"))
+    return str(source.dxf.get("layer", "0"))
+
+
+def _sources(entity: Any) -> list[Any]:
+    """The entities of the file that an entity may be a copy of."""
+    placed = getattr(entity, "source_block_reference", None)
+    if entity.dxftype() != "ELLIPSE" or placed is None or entity.is_copy:
+        return [_source(entity)]
+    # Of circles and arcs that a block stretches, ezdxf does not say which one became an ellipse.
+    block = _content(placed) or ()
+    return [each for each in block if each.dxftype() in ("ARC", "CIRCLE", "LWPOLYLINE", "POLYLINE")]
+
+
+def _source(entity: Any) -> Any:
+    """The entity of the file that an entity is a copy of."""
+    # Objects of other programs, which ezdxf does not know, come wrapped.
+    entity = getattr(entity, "entity", entity)
+    return entity.origin_of_copy or entity
 
 
 class _EntityPainter(Backend):
@@ -118,10 +221,16 @@ class _EntityPainter(Backend):
     def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
         # The innermost block says most about what the entity is.
         names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
-        own = (properties.layer, next(names, ""))
-        colour = properties.color[:7].lower()
+        # The parts by which other programs show their objects may lie on no layer of their own.
+        whole = (_layer(e) for e, _ in self.entity_stack if e.dxftype() != "INSERT")
+        layer = next(whole, "0") if properties.layer == "0" else properties.layer
         return Mark(
-            None, properties.layer, own, contrast=contrast, dashed=self.dashed, colour=colour
+            None,
+            layer,
+            (layer, next(names, "")),
+            contrast=contrast,
+            dashed=self.dashed,
+            colour=properties.color[:7].lower(),
         )
 
     def draw_line(self, start: Any, end: Any, properties: Any) -> None:

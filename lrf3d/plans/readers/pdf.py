@@ -1,8 +1,9 @@
 """Drawings in PDF: the paths of a page, by pdfium, in metres on paper.
 
 The lower left corner of the page as it is shown is (0, 0). Layers are those of optional content;
-what they hide, and what clips cut off, is left out. Texts, pictures and other pages are counted. A
-page that pictures fill, with hardly a line, was scanned, and is read as a picture.
+what they hide, and what clips cut off, is left out. Texts, pictures, annotations and other pages
+are counted. A page that pictures fill, with hardly a line, was scanned, and is read as a picture.
+An item is an object of the page, one of its annotations, or another page.
 """
 
 import ctypes
@@ -22,6 +23,7 @@ from lrf3d.plans.canvas import (
     WHITE,
     Canvas,
     Mark,
+    PerUnit,
     area_of,
     contrast_to_white,
     curve_points,
@@ -30,6 +32,7 @@ from lrf3d.plans.canvas import (
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.layers import rename
+from lrf3d.plans.scale import sheet_scales
 
 try:
     import pypdf
@@ -43,13 +46,18 @@ raw: Any = pypdfium2.raw
 # The nouns that count objects which are not read, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 
+# Largest depth of forms within each other.
+DEEPEST = 50
+
 # Number of lines and areas up to which a page with large pictures is a scanned one.
 MOST_ON_SCAN = 10
 
 
-def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None) -> Canvas | Plan:
+def draw(
+    path: Path, scale: float | PerUnit, page: int = 1, threshold: float | None = None
+) -> Canvas | Plan:
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
-    document = pypdfium2.PdfDocument(path)
+    document = pypdfium2.PdfDocument(path.read_bytes())
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle = document[page - 1]
@@ -62,7 +70,7 @@ def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None
     canvas.unit = unit
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
     painter = _PagePainter(canvas, _hidden(file))
-    painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
+    painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size))
     rename(canvas, "latin-1")
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
     if _is_scanned(lines, painter.pictured, float(size.prod())):
@@ -72,7 +80,14 @@ def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None
         plan = plan_of_picture(np.asarray(picture), side, threshold)
         said = f"page {page} of {len(document)}, scanned: {plan.said}"
         return plan._replace(said=said, unit=unit)
-    canvas.left_out["other page"] = len(document) - 1
+    pages = len(document) - 1
+    notes = raw.FPDFPage_GetAnnotCount(handle)
+    for reason in ["other page"] * pages + ["annotation"] * notes:
+        canvas.leave(reason)
+    held = sum(each.type != raw.FPDF_PAGEOBJ_FORM for each in handle.get_objects(max_depth=DEEPEST))
+    canvas.held = held + pages + notes
+    canvas.scale = scale
+    canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if not lines and len(document) > 1:
         raise WorldError(f"page {page} of {len(document)} shows no line; --page chooses another")
     if threshold is not None:
@@ -129,31 +144,30 @@ class _PagePainter:
         # Area [m²] of the pictures.
         self.pictured = 0.0
 
-    def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
+    def paint(self, objects: list[Any], matrix: Float, clip: Any, hidden: bool = False) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
-        if depth > 50:
-            raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
             self.canvas.count()
             kind = raw.FPDFPageObj_GetType(each)
             layer = self._layer(each)
-            if layer in self.hidden:
-                self.canvas.left_out["hidden part"] += 1
-            elif kind in (raw.FPDF_PAGEOBJ_FORM, raw.FPDF_PAGEOBJ_PATH):
+            off = hidden or layer in self.hidden
+            inner = matrix @ self._matrix(each)
+            if kind == raw.FPDF_PAGEOBJ_FORM:
                 visible = self._clip(each, matrix, clip)
-                inner = matrix @ self._matrix(each)
-                if kind == raw.FPDF_PAGEOBJ_PATH:
-                    self._path(each, layer, inner, visible)
-                    continue
                 count = raw.FPDFFormObj_CountObjects(each)
                 held = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
-                self.paint(held, inner, visible, depth + 1)
+                self.paint(held, inner, visible, off)
+                continue
+            if off:
+                self.canvas.leave("hidden part")
+            elif kind == raw.FPDF_PAGEOBJ_PATH:
+                self.canvas.begin(len(self.canvas.fates))
+                self._path(each, layer, inner, self._clip(each, matrix, clip))
             else:
-                if kind == raw.FPDF_PAGEOBJ_IMAGE:
-                    # A picture fills the unit square, so the determinant is its area.
-                    across = (matrix @ self._matrix(each))[:2, :2]
-                    self.pictured += abs(float(np.linalg.det(across)))
-                self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
+                # A picture fills the unit square, so the determinant is its area.
+                pictured = kind == raw.FPDF_PAGEOBJ_IMAGE
+                self.pictured += abs(float(np.linalg.det(inner[:2, :2]))) * pictured
+                self.canvas.leave(COUNTED.get(kind, "unknown object"))
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
         width = ctypes.c_float()

@@ -16,6 +16,7 @@ import shapely
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
+from lrf3d.base.balance import Balance
 from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
@@ -35,6 +36,7 @@ from lrf3d.world.grid_walls import (
     walls_of_grid,
 )
 from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.pieces import groups, pairs_within
 from lrf3d.world.pixels import pixels_of
 
 # Thickness [m] of the thinnest walls in a plan that has thick ones; leaves of doors and outlines of
@@ -52,6 +54,9 @@ CLOSE = 0.1
 
 # Largest size [m] of a leaf and its arc together.
 LARGEST_DOOR = 1.4
+
+# Widest window or door [m] that parts the walls of a building.
+PARTED = 2.5
 
 # Largest size [m] of a letter.
 LETTER = 0.6
@@ -101,10 +106,11 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (WHITE - threshold) / WHITE
     dark = contrast > found
     pixels = 1.0 / side
-    left_out = Counter[str]()
-    stands = dark & ~_marked(colours, dark, left_out)
+    left_out = _LeftOut(dark)
+    stands = left_out.without("coloured part", dark, *_marked(colours, dark))
     # A thick area is a floor if it is pale.
-    drawn = stands & ~_floors(stands & (lightness < 0.5), key, pixels, left_out)
+    floors = _floors(stands & (lightness < 0.5), key, pixels)
+    drawn = left_out.without("floor", stands, *floors)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     pale = _pale_blocks(walls & drawn, lightness, pixels)
     walls = walls & ~pale
@@ -134,12 +140,52 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
         left={"dark part": _rows(left) * side},
-        left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
+        left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
         said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * side,
+        balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
         parts=seen[0].joined(*seen[1:]),
         unit=resolution,
     )
+
+
+class _LeftOut:
+    """What is left out of the dark pixels of a picture, by reason: parts, and their pixels."""
+
+    def __init__(self, dark: Bool) -> None:
+        self.dark = dark
+        self.parts = Counter[str]()
+        # The number of each pixel's reason, from 1.
+        self._reason = np.zeros(dark.shape, dtype=np.uint8)
+
+    def without(self, reason: str, cells: Bool, out: Bool, parts: int) -> Bool:
+        """The cells without those that are left out for a reason, in some parts."""
+        self.parts[reason] += parts
+        taken = cells & out & (self._reason == 0)
+        self._reason[taken] = list(self.parts).index(reason) + 1
+        return cells & ~out
+
+    def balance(self, walls: Bool) -> Balance:
+        """The balance of all pixels, of which some are walls."""
+        used = self.dark & grown(walls, RIM)
+        out = self.dark & ~used
+        counts = np.bincount(self._reason[out], minlength=len(self.parts) + 1)
+        # Strokes are cut off a little away from what they meet.
+        cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
+        balance = Balance("pixel", self.dark.size, int(used.sum()))
+        balance.leave("paper", int((~self.dark).sum()))
+        balance.leave("thin stroke", int(cut.sum()))
+        for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
+            balance.leave(reason, count)
+        return balance
+
+
+def _drawn(lines: Float, shape: Any) -> Bool:
+    """The cells under lines (n, 4) [cells]."""
+    image = Image.new("1", shape[::-1])
+    for line in lines:
+        ImageDraw.Draw(image).line([*line], fill=1, width=LEAST)
+    return np.asarray(image, dtype=np.bool_)
 
 
 def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
@@ -170,26 +216,26 @@ def _rows(cells: Bool) -> Float:
     return np.column_stack([begin, row + 0.5, end, row + 0.5])
 
 
-def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool:
-    """Which of the pale pixels are floors: thick areas, and their colours around lettering."""
+def _floors(pale: Bool, key: Int, pixels: float) -> tuple[Bool, int]:
+    """The pale pixels that are floors: thick areas, and their colours around lettering; parts."""
     floors = _opened(pale, 0.5 * THICKEST * pixels)
-    left_out["floor"] = parts_of(floors)[1]
-    if not floors.any():
-        return floors
+    _, parts = parts_of(floors)
+    if not parts:
+        return floors, 0
     usual = np.bincount(key[floors], minlength=1 << 12) > 0.02 * floors.sum()
-    return np.asarray(floors | (pale & usual[key] & grown(floors, THICKEST * pixels)))
+    return floors | (pale & usual[key] & grown(floors, THICKEST * pixels)), parts
 
 
-def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, Bool, list[Float]]:
+def _cleaned(drawn: Bool, pixels: float, left_out: _LeftOut) -> tuple[Bool, Bool, list[Float]]:
     """Which pixels are walls and which furniture, and thin walls and sides of furniture (n, 4).
 
     Args:
         drawn: Which pixels are dark, without floors.
         pixels: Pixels per metre.
-        left_out: The number of things of each kind that are left out, which is added here.
+        left_out: What is left out, to which this adds.
     """
-    drawn = drawn & ~_frame(drawn, pixels, left_out)
-    drawn = drawn & ~_doors(drawn, pixels, left_out)
+    drawn = left_out.without("frame part", drawn, *_frame(drawn, pixels))
+    drawn = left_out.without("door symbol", drawn, *_doors(drawn, pixels))
     dark = _filled(drawn, pixels, left_out)
     solid = _opened(dark, _half_thin(pixels))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
@@ -198,7 +244,8 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
         strokes = dark & ~grown(solid, RIM)
-        left_out["outside part"] = parts_of((strokes | solid) & ~building)[1]
+        _, outside = parts_of((strokes | solid) & ~building)
+        left_out.without("outside part", dark, ~building, outside)
         thin = _thin_walls(strokes & building, solid, pixels, left_out)
         thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
         solid &= building
@@ -208,30 +255,32 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     return solid & ~furniture, furniture, thin
 
 
-def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
-    """The pixels of coloured parts that touch nothing black or grey, where walls are that."""
+def _marked(colours: Any, dark: Bool) -> tuple[Bool, int]:
+    """Coloured parts that touch nothing black or grey, where walls are that, and their number."""
     grey = dark & (np.ptp(colours, axis=2) < 64)
     share = grey.sum() / max(dark.sum(), 1)
     if share == 1.0 or share < 0.5 or extent_of(grey) < 0.7 * extent_of(dark):
-        return np.zeros_like(dark)
+        return np.zeros_like(dark), 0
     parts, count = parts_of(dark & ~grey)
     loose = np.ones(count + 1, dtype=bool)
     # The rim of a coloured line may be greyish.
     loose[np.unique(parts[grown(_opened(grey, 1.0), 2.0)])] = loose[0] = False
-    left_out["coloured part"] = int(loose.sum())
-    return np.asarray(grown(loose[parts], RIM))
+    return grown(loose[parts], RIM), int(loose.sum())
 
 
-def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
-    """The pixels of the frame of a sheet with its title block; other parts count as their boxes."""
+def _frame(drawn: Bool, pixels: float) -> tuple[Bool, int]:
+    """The pixels of the frame of a sheet with its title block, and its parts.
+
+    Other parts count as their boxes.
+    """
     parts, count = parts_of(drawn)
     if count < 2:
-        return np.zeros_like(drawn)
+        return np.zeros_like(drawn), 0
     boxes = np.array([(x.start, y.start, x.stop, y.stop) for y, x in find_objects(parts)])
     sides = boxes.reshape(-1, 4)[:, 2:] - boxes.reshape(-1, 4)[:, :2]
     large = (sides > 0.8 * np.ptp(boxes.reshape(-1, 2), axis=0)).all(axis=1)
     if not large.any() or large.all():
-        return np.zeros_like(drawn)
+        return np.zeros_like(drawn), 0
     lines = [walls_of_grid(parts == part) for part in np.flatnonzero(large) + 1]
     around = np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])
     lines += [*boxes[~large][:, around]]
@@ -243,14 +292,13 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     sheet = extent_of(thick) > 0.3 * extent_of(drawn)
     found = is_frame(np.concatenate(lines) / pixels, sheet)
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
-    left_out["frame part"] = int(framed.sum())
-    return np.asarray(np.append(False, framed)[parts])
+    return np.asarray(np.append(False, framed)[parts]), int(framed.sum())
 
 
-def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
     """The pixels of leaves, arcs and thresholds around quarters of discs, in which doors swing.
 
-    The space between two thresholds is as long as the door is wide.
+    Returns the number of doors, too. The space between two thresholds is as long as its door.
     """
     # Fine arcs have gaps.
     parts, count = label(~grown(drawn, 2.0))
@@ -259,6 +307,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     least = sides.min(axis=1)
     most = sides.max(axis=1)
     opened = np.zeros(count + 1, dtype=bool)
+    doors = 0
     door = (least > 0.5 * pixels) & (most < LARGEST_DOOR * pixels) & (least > 0.8 * most)
     for place in np.flatnonzero(door):
         own = parts[boxes[place]] == place + 1
@@ -266,7 +315,7 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         quarters = [np.hypot(*np.meshgrid(b, a)) < 1.0 for a in (y, 1 - y) for b in (x, 1 - x)]
         # A label may lie in it; beyond the arc, a square shaft goes on.
         if any(own[each].mean() > 0.75 and own[~each].mean() < 0.3 for each in quarters):
-            left_out["door symbol"] += 1
+            doors += 1
             away = LEAST + 4
             window = tuple(slice(max(s.start - away, 0), s.stop + away) for s in boxes[place])
             near = np.unique(parts[window])
@@ -274,23 +323,23 @@ def _doors(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
             long = most[near - 1] / most[place]
             strip = (least[near - 1] < THICKEST * pixels) & (long > 0.85) & (long < 1.15)
             opened[[place + 1, *near[strip]]] = True
-    if not opened.any():
-        return np.zeros_like(drawn)
+    if not doors:
+        return np.zeros_like(drawn), 0
     inside = opened[parts]
     reach = max(THIN * pixels, LEAST) + 2.0
     parts, count = label(~drawn)
     walls = _radii(drawn, parts, count) < 0.5 * THICKEST * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, _half_thin(pixels))
-    return np.asarray(
-        drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM)
-    )
+    opening = grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM)
+    return drawn & opening, doors
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
-    """The cells of the building and next to it, without legends and others that stand next to it.
+    """The cells of the building and next to it, without legends and others that stand apart.
 
-    It is what the largest part of the walls surrounds, unless others are as large.
+    It is what the largest part of the walls surrounds, with those that only windows and doors part
+    from it, unless others are as large.
     """
     parts, _ = parts_of(grown(solid, CLOSE * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))
@@ -302,11 +351,14 @@ def _building(solid: Bool, pixels: float) -> Bool:
     area = shapely.area(hulls)
     if not area.max(initial=0.0) > 0.0:
         return np.ones_like(solid)
-    main = hulls[int(np.argmax(area))]
+    large = np.flatnonzero(shapely.length(hulls) > 4.0 * LETTER * pixels)
+    part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
+    own = large[part == part[np.argmax(area[large])]] if len(large) else [int(np.argmax(area))]
+    main = shapely.convex_hull(shapely.union_all(hulls[own]))
     apart = shapely.disjoint(hulls, main)
     if area[apart].sum() > main.area:
         return np.ones_like(solid)
-    kept = shapely.union_all(hulls[~apart | (area > 0.3 * main.area)]).buffer(0.3 * pixels)
+    kept = shapely.union_all([main, *hulls[area > 0.3 * main.area]]).buffer(0.3 * pixels)
     image = Image.new("1", solid.shape[::-1])
     for shape in shapely.get_parts(kept):
         ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
@@ -330,7 +382,7 @@ def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
     return found
 
 
-def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str]) -> list[Float]:
+def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: _LeftOut) -> list[Float]:
     """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
     parts, count = parts_of(strokes)
     box = sides_of(parts)
@@ -339,7 +391,8 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
     long = LARGEST_DOOR / 2.0
     large = (box.max(axis=1) > LARGEST_DOOR * pixels) & (meets | (box.min(axis=1) > long * pixels))
     # An isolated line is one of a dimension.
-    left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
+    short = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
+    left_out.without("thin stroke", strokes, strokes, short)
     sides = walls_of_grid(np.append(False, large)[parts])
     sides = sides[lengths(sides) >= long * pixels]
     # They end a pixel or two off the walls.
@@ -351,7 +404,7 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
     return [sides[meets.all(axis=1)], sides[~meets.all(axis=1)]]
 
 
-def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: _LeftOut) -> Bool:
     """Take small loose parts out of the solid pixels in place; return those that are furniture."""
     parts, count = parts_of(solid)
     sides = sides_of(parts)
@@ -375,8 +428,7 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     stands = (area >= SOLID * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
     hollow = (inked < SOLID * area) & (sides.max(axis=1) <= 0.3 * extent_of(solid))
     out = small & ~stands
-    left_out["small part"] = int(out.sum())
-    solid &= ~np.append(False, out)[parts]
+    solid[:] = left_out.without("small part", solid, np.append(False, out)[parts], int(out.sum()))
     return np.asarray(np.append(False, ~out & hollow)[parts])
 
 
@@ -396,7 +448,7 @@ def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
     return np.asarray(np.append(False, block)[parts])
 
 
-def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+def _filled(dark: Bool, pixels: float, left_out: _LeftOut) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
     radius = _radii(dark, parts, count)
@@ -423,7 +475,7 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     # One line next to a wall is not a pattern.
     gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
     many = np.bincount(gaps, minlength=number + 1) >= 5
-    left_out["floor pattern"] = int(many[1:].sum())
+    left_out.without("floor pattern", dark, many[places], int(many[1:].sum()))
     # Of two spaces that are too thick together, the wider one is outside of the wall.
     thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
     held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)

@@ -4,11 +4,13 @@ svgelements reads shapes, transforms, colours and frames; what it does not know 
 Lengths are metres on paper: ``width`` and ``height`` in mm, cm, in, pt or px (1/96 in) give the
 size of the ``viewBox``. y points up, and the lower left corner of the sheet is (0, 0); what lies
 outside of the sheet is read, too. A group gives the layer, by its label or its id. Texts, pictures
-and patterns are counted; a shape whose file names no colour at all is its outline.
+and patterns are counted; a shape whose file names no colour at all is its outline. An item is an
+element that may be painted, however often it is used.
 """
 
 import math
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -20,7 +22,7 @@ import shapely
 import svgelements
 import tinycss2
 
-from lrf3d.base.errors import WorldError, shown
+from lrf3d.base.errors import WorldError, one_line, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
 from lrf3d.plans.canvas import (
     FAINT,
@@ -30,11 +32,13 @@ from lrf3d.plans.canvas import (
     WHITE,
     Canvas,
     Mark,
+    PerUnit,
     contrast_to_white,
     curve_points,
     is_area,
     scale_of,
 )
+from lrf3d.plans.scale import sheet_scales
 
 # A pixel [m]: the unit of lengths that name none.
 PIXEL = INCH / 96.0
@@ -52,9 +56,6 @@ UNITS = {
     "pc": 12.0 * POINT,
     "em": 16.0 * PIXEL,
 }
-
-# Upper bound on the depth of groups and uses within each other.
-DEEPEST = 100
 
 # Properties that an element takes over from those around it.
 INHERITED = frozenset(
@@ -79,6 +80,15 @@ COUNTED = {"text": "text", "image": "picture", "foreignObject": "picture"}
 # Elements that hold others.
 GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
 
+# Elements that hold others, which are painted only where they are referred to.
+DEFINITIONS = frozenset(("defs", "symbol", "clipPath", "mask", "marker", "pattern"))
+
+# Elements that paint nothing, and whose content does not, either; those of others have no name.
+SILENT = frozenset(
+    " title desc metadata style script filter linearGradient radialGradient view cursor set font"
+    " animate animateMotion animateTransform animateColor color-profile solidColor".split(" ")
+)
+
 
 class State(NamedTuple):
     """What an element inherits from those around it."""
@@ -92,10 +102,9 @@ class State(NamedTuple):
     alpha: float = 1.0
     names: tuple[str, ...] = ()
     layer: str = ""
-    depth: int = 0
 
 
-def draw(path: Path, scale: float) -> Canvas:
+def draw(path: Path, scale: float | PerUnit) -> Canvas:
     """The marks of an SVG drawing, enlarged by a scale."""
     try:
         root = ElementTree.parse(path).getroot()
@@ -110,12 +119,19 @@ def draw(path: Path, scale: float) -> Canvas:
     scale = scale_of(scale, unit)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
     canvas.unit = unit * scale
+    canvas.scale = scale
+    texts = (text for each in root.iter() if _tag(each) == "text" for text in each.itertext())
+    canvas.scales = sheet_scales(" ".join(texts), scale)
     by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
     painter = _ElementPainter(canvas, _style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
     up[1, 2] = scale * PIXEL * height
     sheet = sheet._replace(matrix=up @ sheet.matrix)
     painter.children(root, painter.state(root, sheet, transformed=False))
+    for element, defined in painter.items(root):
+        canvas.held += 1
+        if defined:
+            canvas.leave("definition", element)
     return canvas
 
 
@@ -139,12 +155,9 @@ class _ElementPainter(NamedTuple):
             alpha=outer.alpha * _share(style.get("opacity", "1")),
             names=names,
             layer=layer,
-            depth=outer.depth + 1,
         )
         if transformed and style.get("transform", "none") != "none":
             state = state._replace(matrix=outer.matrix @ _transform(style, outer.size))
-        if state.depth > DEEPEST:
-            raise WorldError(f"has groups or uses within each other, more than {DEEPEST} deep")
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -152,20 +165,46 @@ class _ElementPainter(NamedTuple):
 
     def children(self, element: Element, state: State) -> None:
         """Paint what is in an element."""
-        for child in list(element)[:1] if _tag(element) == "switch" else element:
+        count = 1 if _tag(element) == "switch" else len(element)
+        for child in element[:count]:
             self.paint(child, state)
+        self.leave(element[count:], "other choice")
+
+    def items(self, within: Iterable[Element], defined: bool = False) -> Iterator[tuple[Any, bool]]:
+        """The elements that may be painted, and whether each is painted only where it is used."""
+        for element in within:
+            name = _tag(element)
+            if name == "use" and self.target(element) is not None:
+                continue
+            if name in DEFINITIONS or (name in GROUPS and name != "use"):
+                yield from self.items(element, defined or name in DEFINITIONS)
+            elif name not in SILENT:
+                yield element, defined
+                if name not in SHAPES and name not in COUNTED:
+                    # What an unknown element holds may be used.
+                    yield from self.items(element, True)
+
+    def leave(self, elements: Iterable[Element], reason: str) -> None:
+        """Leave out elements, and what is in them."""
+        for each, _ in self.items(elements):
+            self.canvas.leave(reason, each)
+
+    def target(self, use: Element) -> Element | None:
+        """The element that a use refers to, if it is in this file."""
+        href = next((v for key, v in use.attrib.items() if key.endswith("href")), "")
+        return self.by_id.get(href[1:]) if href.startswith("#") else None
 
     def paint(self, element: Element, outer: State) -> None:
         """Paint an element."""
         self.canvas.count()
         name = _tag(element)
-        if name in COUNTED:
-            self.canvas.left_out[COUNTED[name]] += 1
         if name not in SHAPES and name not in GROUPS:
+            if name not in DEFINITIONS:
+                self.leave([element], COUNTED.get(name, name))
             return
         state = self.state(element, outer)
         if _is_hidden(name, state):
-            self.canvas.left_out["hidden part"] += 1
+            self.leave([element], "hidden part")
         elif name in SHAPES:
             self._shape(element, state)
         elif name == "use":
@@ -176,12 +215,10 @@ class _ElementPainter(NamedTuple):
             self.children(element, state)
 
     def _use(self, element: Element, state: State) -> None:
-        href = next((v for key, v in element.attrib.items() if key.endswith("href")), "")
-        if not href.startswith("#"):
-            raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
-        target = self.by_id.get(href[1:])
+        target = self.target(element)
         if target is None:
-            self.canvas.left_out["unresolved use"] += 1
+            href = next((v for key, v in element.attrib.items() if key.endswith("href")), "")
+            self.canvas.leave(f"use of what is not in this file: {one_line(href, 60)}", element)
             return
         place = (_length(element, key, side) for key, side in zip("xy", state.size, strict=True))
         state = state._replace(matrix=state.matrix @ _moved(*place))
@@ -196,10 +233,10 @@ class _ElementPainter(NamedTuple):
         match = re.match(r"""url\(\s*["']?#([^"')]+)""", text)
         target = self.by_id.get(match[1]) if match else None
         if target is None or "objectBoundingBox" in target.attrib.values():
-            self.canvas.left_out[f"unread {key}"] += 1
+            self.canvas.ignored[f"unread {key}"] += 1
             return state.clip
         inner = self._replace(canvas=Canvas(self.canvas.tolerance, self.canvas.pen))
-        plain = State(state.matrix, state.size, depth=state.depth)
+        plain = State(state.matrix, state.size)
         paint = {"fill": "#fff", "stroke": "none"} if key == "clip-path" else {"fill": "#000"}
         inner.children(target, inner.state(target, plain)._replace(style=paint))
         self.canvas.count(len(inner.canvas.marks))
@@ -214,8 +251,9 @@ class _ElementPainter(NamedTuple):
         style = state.style
         canvas = self.canvas
         if any("url(" in style.get(f"marker-{end}", "") for end in ("start", "mid", "end")):
-            canvas.left_out["arrow"] += 1
+            canvas.leave("arrow", element)
             return
+        canvas.begin(element)
         rings = _outline(_tag(element), state, canvas.tolerance)
         dashed = style.get("stroke-dasharray", "none")
         drawn = svgelements.Color(next(filter(_is_plain, map(style.get, ("stroke", "fill"))), ""))
@@ -231,7 +269,7 @@ class _ElementPainter(NamedTuple):
                 canvas.line(ring, mark, state.clip)
             return
         if "url(" in style.get("fill", ""):
-            canvas.left_out["gradient or pattern"] += 1
+            canvas.ignored["gradient or pattern"] += 1
         contrast, alpha = _colour(style, "fill", "black", state.alpha)
         rule = style.get("clip-rule" if "clip-path" in style else "fill-rule", "nonzero")
         fill = contrast, 0.0 if _tag(element) == "line" else alpha, rule != "evenodd"

@@ -198,11 +198,12 @@ def _goes_on(hinge: Float, gap: Float, corner: Int, end: int, walls: _Walls) -> 
     return bool(on and back) and not len(walls.near(between, predicate="intersects"))
 
 
-def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
+def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:
     """Clip segments (n, 4) at doorways: nothing stands in a door that stands open.
 
-    Returns the pieces (k, 4), the index (k,) of each piece's segment, and how many were cut: lines
-    of tiles and thresholds, and walls that their author did not break behind a door.
+    Returns the pieces (k, 4), the index (k,) of each piece's segment, which segments were cut, and
+    the area of all doorways. Lines of tiles and thresholds are cut, and walls that their author did
+    not break behind a door.
     """
     walls = _Walls.of(segments)
     lines = as_lines(segments)
@@ -219,7 +220,7 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, int]:
         line = np.delete(line, first)
     parts, number = shapely.get_parts(lines, return_index=True)
     points, part = shapely.get_coordinates(parts, return_index=True)
-    return points.reshape(-1, 4), number[part[::2]], len(cut)
+    return points.reshape(-1, 4), number[part[::2]], cut, shapely.union_all(shut)
 
 
 def _doorway(door: Door, tips: Float, walls: _Walls) -> Any:

@@ -20,7 +20,7 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
-from lrf3d.recordings.formats.run_file import DAMAGES, read_arrays
+from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
@@ -65,7 +65,6 @@ def array_table(intake: Intake) -> Table:
     except DAMAGES as error:
         text = one_line(str(error) or type(error).__name__, 200)
         raise InputError(f"{path}: no file of arrays of numbers, or damaged ({text})") from None
-    intake.take(sum(array.size for array in arrays.values()), len(arrays), "array")
     return _named(intake, arrays, "arrays")
 
 
@@ -115,11 +114,10 @@ def records(intake: Intake) -> dict[str, Float]:
             continue
         try:
             row = _record(read(part), rows)
-        except (ValueError, RecursionError) as error:
+        except (ValueError, TypeError, RecursionError) as error:
             intake.refuse(number, one_line(str(error), 90), "record")
             continue
         rows.append(row)
-        intake.take(sum(value.size for value in row.values()), number, "record")
     if not rows:
         raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
     return _columns(rows, intake.notes)

@@ -27,9 +27,7 @@ from lrf3d.laser.range_finder import CENTRE
 from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
 from lrf3d.recordings.formats.units import MICRO, MILLI
 from lrf3d.recordings.log import (
-    A_MESSAGE,
     LARGEST_RANGE,
-    MOST_READINGS,
     UNTIMED,
     Intake,
     LaserLog,
@@ -77,7 +75,8 @@ SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 # What lines of such logs begin with.
 WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
-    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata )"
+    rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata "
+    rb"|[LO](?: -?[\d.]+){4,} *\r?$)"
 )
 
 # Unit of the bearings of a SICK telegram [°].
@@ -85,6 +84,12 @@ TELEGRAM_ANGLE = 1e-4
 
 # The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
+
+# Numbers of words of the lines of Carnegie Mellon's robot data: a pose, or two with 180 ranges.
+CMU_WORDS = (5, 188)
+
+# A centimetre [m], the unit of these lines.
+CENTI = 1e-2
 
 # Least number of words of a message of Player.
 PLAYER_WORDS = 15
@@ -117,11 +122,9 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     reading = _Reading(intake)
     for number, line in intake.lines():
         try:
-            size = reading.take(line.split())
+            reading.take(line.split())
         except ValueError as error:
             intake.refuse(number, error)
-        else:
-            intake.take(size, number)
     if not reading.rows:
         raise InputError(
             f"{intake.path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines"
@@ -141,11 +144,11 @@ def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path:
     inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
     if not inside.any():
         raise InputError(f"{path}: no scan within the time of the poses from {name}")
+    ahead = Pose(log.odometry.laser_offset, 0.0, 0.0)
+    mounts = {mount: ahead if mount == CENTRE else mount for mount in {s.mount for s in log.scans}}
     rows = zip(log.scans, track.at(log.times).tolist(), inside, strict=True)
     scans = [
-        replace(scan, pose=Pose(*pose) if scan.mount == CENTRE else Pose(*pose) @ scan.mount)
-        for scan, pose, known in rows
-        if known
+        replace(scan, pose=Pose(*pose) @ mounts[scan.mount]) for scan, pose, known in rows if known
     ]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
@@ -158,11 +161,28 @@ def _translated(words: list[bytes]) -> list[bytes]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
     if words[:1] == [b"ODOM"] and len(words) == 5:
         return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
+    if words[:1] in ([b"L"], [b"O"]) and len(words) in CMU_WORDS:
+        return _of_cmu(words)
     if len(words) >= PLAYER_WORDS and words[3] in (b"laser", b"position2d"):
         return _of_player(words)
     if words[1:2] == [b"LMDscandata"] and b"DIST1" in words:
         return _of_telegram(words, words.index(b"DIST1"))
     return words
+
+
+def _of_cmu(words: list[bytes]) -> list[bytes]:
+    """A line of Carnegie Mellon's robot data: poses and ranges in centimetres, the stamp last."""
+    numbers = [float(word) for word in words[1:]]
+    x, y, theta, *rest = numbers
+    robot = [CENTI * x, CENTI * y, theta]
+    if words[0] == b"O":
+        return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
+    laser = [CENTI * rest[0], CENTI * rest[1], rest[2]]
+    ranges = [CENTI * each for each in rest[3:-1]]
+    start, step = front_fan(len(ranges))
+    fan = [0.0, start, pi, step, 0.0, 0.0, 0.0, len(ranges)]
+    found = [*fan, *ranges, 0.0, *laser, *robot, *[0.0] * 5, numbers[-1]]
+    return [b"ROBOTLASER1", *(b"%.9g" % each for each in found), b"", words[-1]]
 
 
 def _of_player(words: list[bytes]) -> list[bytes]:
@@ -207,7 +227,7 @@ def _by_name(
         place += 1
         if name in ("n", "m"):
             count = _number(found, name, "the number of readings")
-            if not 2 * (name == "n") <= count <= MOST_READINGS or count != int(count):
+            if count < 2 * (name == "n") or count != int(count):
                 raise ValueError(f"{count:g} readings, expected a whole number from 2")
             found[name] = words[place : place + int(count)]
             place += int(count)
@@ -303,8 +323,8 @@ class _Reading:
         self._kinds = dict[int, tuple[bytes, int]]()
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
-    def take(self, words: list[bytes]) -> int:
-        """Read a message; returns its memory in readings, raises ValueError if it is invalid."""
+    def take(self, words: list[bytes]) -> None:
+        """Read a message; raises ValueError if it is invalid."""
         words = _translated(words)
         name = words[0] if words else b"#"
         if words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
@@ -313,29 +333,26 @@ class _Reading:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self._offset = offset
         elif name in TRACKS or name == b"Odometry":
-            return self._take_pose(words)
+            self._take_pose(words)
         elif _laser_of(name)[1]:
-            return self._take_scan(words)
+            self._take_scan(words)
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
-        return 0
 
-    def _take_pose(self, words: list[bytes]) -> int:
+    def _take_pose(self, words: list[bytes]) -> None:
         found, _ = _by_name(words, words[0], 0)
         self._pose = _pose(found)
         self._placed = True
-        if words[0] not in TRACKS:
-            return 0
-        self._stamped[TRACKS[words[0]]].append((_number(found, "time"), self._pose))
-        return A_MESSAGE // 2
+        if words[0] in TRACKS:
+            self._stamped[TRACKS[words[0]]].append((_number(found, "time"), self._pose))
 
-    def _take_scan(self, words: list[bytes]) -> int:
+    def _take_scan(self, words: list[bytes]) -> None:
         """Read a scan, unless scans of another kind came first."""
         kind, laser = _laser_of(words[0])
         first, lacking = self._kinds.get(laser, (kind, None))
         if first != kind:
             if first not in RAW or kind in RAW:
-                return 0
+                return
             # Scans with poses replace the earlier ones without poses.
             self.rows = [row for row in self.rows if row.laser != laser]
             lacking = None
@@ -360,7 +377,6 @@ class _Reading:
         self._counts[laser] = self._counts[laser] + 1
         self._kinds[laser] = (kind, lacking)
         self._placed |= kind not in RAW
-        return len(ranges) + A_MESSAGE
 
     def _farthest(self, found: Mapping[str, list[bytes]]) -> float:
         """Least reading of a message that means no return [m]; the user's limit may be nearer."""
@@ -410,17 +426,19 @@ class _Reading:
             lines = ", ".join(f"{count} of {name}" for name, count in sorted(unknown.items()))
             self._note(f"left out: scans of lasers with unknown mounts ({lines})")
         self.rows = [row for row in self.rows if row.laser in mounts]
-        # Scans of a laser in the middle of its robot stay as they are.
-        scans = [
-            row.scan if mounts[row.laser] == CENTRE else replace(row.scan, mount=mounts[row.laser])
-            for row in self.rows
-        ]
+        scans = [self._on(mounts[row.laser], row) for row in self.rows]
         if len(known := {scan.laser: scan.mount for scan in scans}) > 1:
             self._offset = 0.0
             places = [f"{name} at {x:.3g}, {y:.3g} m, {degrees(turn):.0f}°"
                       for name, (x, y, turn) in known.items()]  # fmt: skip
             self._note(f"{len(known)} lasers: {'; '.join(places)}")
         return scans
+
+    def _on(self, mount: Pose, row: _Row) -> LaserScan:
+        """A scan with its mount, in the middle of its robot as it is; raw ones have its pose."""
+        raw = self._kinds[row.laser][0] in RAW
+        pose = row.scan.pose @ mount if raw else row.scan.pose
+        return row.scan if mount == CENTRE else replace(row.scan, pose=pose, mount=mount)
 
     def _mounts(self) -> dict[int, Pose]:
         """The mounts of the lasers on their robot, where they are known.
@@ -431,8 +449,10 @@ class _Reading:
         first, *others = mounts
         if not others or mounts[first] is None:
             odometry = self._stamped["odom"]
-            own = mounts[first] if odometry and self._kinds[first][0] != b"FLASER" else None
-            return {first: own or Pose(0.0 if odometry else self._offset, 0.0, 0.0)}
+            kind = self._kinds[first][0]
+            own = mounts[first] if odometry and kind != b"FLASER" else None
+            ahead = self._offset if kind in RAW or not odometry else 0.0
+            return {first: own or Pose(ahead, 0.0, 0.0)}
         return {laser: mount for laser, mount in mounts.items() if mount is not None}
 
     def _mount(self, laser: int) -> Pose | None:

@@ -1,10 +1,9 @@
 """Writing CARMEN logs, which `carmen` reads: runs, and the scans of logs.
 
-A run is written as four messages for each scan: the true pose, the odometry (the same, unless the
-run knows what its wheels measured), the scan with its angles and range_max, and, if its fan is that
-of FLASER messages, the scan again for tools that read only those. Numbers have all their digits, so
-a log that is read back is the same bit for bit, as far as the format can express it. A beam without
-return is written as range_max, one below range_min as 0.
+A run is written as three messages for each scan: the true pose, the odometry (the same, unless the
+run knows what its wheels measured), and the scan with its angles and range_max. Numbers have all
+their digits, so a log that is read back is the same bit for bit, as far as the format can express
+it. A beam without return is written as range_max, one below range_min as 0.
 """
 
 import gzip
@@ -21,7 +20,6 @@ from lrf3d.base.files import replacing
 from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.recordings.formats.text.fans import even_angles, front_fan
 from lrf3d.recordings.log import LARGEST_RANGE, LaserLog
 
 if TYPE_CHECKING:
@@ -35,9 +33,6 @@ MOST_LASERS = 9
 
 # Share of a step by which the beams of a log may differ from an even fan: files round.
 UNEVEN = 1e-3
-
-# Largest difference [rad] of angles that count as equal.
-SAME = 1e-9
 
 
 def write_carmen(run: "Run", path: Path) -> None:
@@ -103,10 +98,7 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
             robot = " ".join(map(repr, scan.robot))
             end = f"{scan.time!r} {HOST} {scan.time!r}"
             scan = replace(scan, range_max=min(scan.range_max, unknown))
-            yield from _scan_messages(
-                scan, names.index(scan.laser), robot, robot if wheels is None else odometry,
-                "0.0 0.0", end,
-            )  # fmt: skip
+            yield _scan_message(scan, names.index(scan.laser), robot, "0.0 0.0", end)
 
 
 def _messages(run: "Run") -> Iterator[str]:
@@ -125,13 +117,11 @@ def _messages(run: "Run") -> Iterator[str]:
         yield f"TRUEPOS {robot} {odometry} {end}"
         yield f"ODOM {odometry} {v!r} {w!r} 0.0 {end}"
         for laser, scan in enumerate(run.scans_at(index)):
-            yield from _scan_messages(scan, laser, robot, odometry, f"{v!r} {w!r}", end)
+            yield _scan_message(scan, laser, robot, f"{v!r} {w!r}", end)
 
 
-def _scan_messages(
-    scan: LaserScan, laser: int, robot: str, odometry: str, speeds: str, end: str
-) -> Iterator[str]:
-    """The messages of a scan; the first laser is that in front, the second that at the rear."""
+def _scan_message(scan: LaserScan, laser: int, robot: str, speeds: str, end: str) -> str:
+    """The message of a scan; the first laser is that in front, the second that at the rear."""
     pose = " ".join(map(repr, scan.pose))
     readings = np.clip(scan.ranges, 0.0, scan.range_max)
     ranges = " ".join(map(repr, readings.tolist()))
@@ -139,11 +129,7 @@ def _scan_messages(
     stop = float(scan.angles[-1])
     count = len(scan.angles)
     step = (stop - start) / (count - 1) if count > 1 else 0.0
-    yield (
+    return (
         f"ROBOTLASER{laser + 1} 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"
         f" {count} {ranges} 0 {pose} {robot} {speeds} 0.0 0.0 0.0 {end}"
     )
-    # FLASER and RLASER messages have a fan by the number of their beams.
-    fan = even_angles(count, *front_fan(count)) if count > 1 else start + 1.0
-    if laser < 2 and (np.abs(scan.angles - fan) <= SAME).all():
-        yield f"{'FR'[laser]}LASER {count} {ranges} {pose} {odometry} {end}"

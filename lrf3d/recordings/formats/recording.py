@@ -26,10 +26,11 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
-from lrf3d.recordings.formats.run_file import DAMAGES, load_run, read_arrays, run_arrays, write_npz
+from lrf3d.recordings.formats.npz import DAMAGES, read_arrays, write_npz
+from lrf3d.recordings.formats.run_file import load_run, run_arrays
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.loop import Simulation, Step
-from lrf3d.simulation.recorder import Snapshots, fill_row, row_type
+from lrf3d.simulation.recorder import Snapshots, fill_row, measured_in, row_type
 from lrf3d.simulation.run import Run
 
 # Ending of the auxiliary file that stands next to a run until it is complete.
@@ -155,6 +156,8 @@ def fingerprint_of(simulation: Simulation) -> str:
         "mapper": name_of(simulation.mapper),
         "odometry and IMU": [each and name_of(each) for each in simulation.motion_sensors],
     }
+    if [*simulation.clouds.sensors]:
+        parts["lidars and depth cameras"] = simulation.clouds.sensors.as_dict()
     return json.dumps({name: digest(part)[:16] for name, part in parts.items()}, sort_keys=True)
 
 
@@ -163,7 +166,8 @@ class Journal:
 
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
         wheels = simulation.motion_sensors[0] is not None
-        fields = row_type(simulation.world, simulation.lasers, wheels)
+        lidars = len(simulation.clouds.sensors.lidars)
+        fields = row_type(simulation.world, simulation.lasers, wheels, lidars)
         self.path = path
         self._rng = simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(
@@ -188,8 +192,7 @@ class Journal:
 
     def add(self, step: Step) -> None:
         """Append a scan, and the state of the random numbers after it."""
-        measured = step.time, step.pose, step.scans, step.true_scans, step.odometry
-        fill_row(self._fields, 0, *measured)
+        fill_row(self._fields, 0, *measured_in(step))
         self._row["number"], self._row["rng"] = self.scans + 1, _rng_state(self._rng)
         self._file.write(self._row.tobytes())
         self.scans += 1

@@ -105,7 +105,7 @@ def meaning(name: str) -> tuple[str, str]:
     name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
     if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
         return f"q{quaternion[1]}", ""
-    if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS:
+    if (last := re.split("[./]", name)[-1]) in MESSAGE_FIELDS:
         return MESSAGE_FIELDS[last], "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
     if FOREIGN.intersection(words):
@@ -155,6 +155,8 @@ class Table:
     def log(self) -> LaserLog:
         """The log of this table."""
         ranges = self.values["ranges"]
+        if not ranges.size:
+            raise InputError(f"{self.intake.path}: ranges {ranges.shape}: no scan in it")
         if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
             # Each scan has angles of its own.
             self.gather(np.arange(0, ranges.size + 1, ranges.shape[1]), ranges.ravel())
@@ -203,6 +205,8 @@ class Table:
         for role, values in self.values.items():
             if len(values) == len(angles):
                 self.values[role] = values[begins[kept]]
+            elif len(values) == len(sizes):
+                self.values[role] = values[kept]
         self.clockwise |= whole and "quality" in self.values
         self.values["ranges"] = ranges
         self.values["angles"] = np.asarray(low + step * np.arange(beams))
@@ -288,7 +292,9 @@ class Table:
         if nanosec is not None:
             seconds = self.values.get("stamp")
             self.units["stamp"] = "ns" if seconds is None else "s"
-            self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
+            # Stamps with a fraction are whole: nanoseconds beside them say the same once more.
+            if seconds is None or not (seconds % 1.0).any():
+                self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

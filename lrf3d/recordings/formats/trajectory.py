@@ -20,9 +20,11 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.files import read_text, replacing
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
-from lrf3d.recordings.log import MOST_LINES
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
+
+# Largest number of a line that a relation names.
+LAST_LINE = 10_000_000
 
 # Units that stamps above a number have, since they are counted from 1970.
 UNITS = {"nano": 1e17, "micro": 1e14, "milli": 1e12}
@@ -31,9 +33,9 @@ UNITS = {"nano": 1e17, "micro": 1e14, "milli": 1e12}
 def load_relations(path: str | Path) -> Relations:
     """Read relations from a text file."""
     rows = []
-    expected = f"two line numbers, of at most {MOST_LINES:,}, dx, dy, dtheta and perhaps"
+    expected = f"two line numbers, of at most {LAST_LINE:,}, dx, dy, dtheta and perhaps"
     for place, row in _rows(path, f"{expected} 0 or 1", (5, 6)):
-        if not all(0.0 <= value <= MOST_LINES and value == int(value) for value in row[:2]):
+        if not all(0.0 <= value <= LAST_LINE and value == int(value) for value in row[:2]):
             raise InputError(f"{place}: expected {expected} 0 or 1")
         rows.append([*row, 1.0][:6])
     if not rows:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import LATE, SURE, Recording
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN
@@ -31,14 +31,14 @@ def find(recording: Recording) -> Lag | None:
     if not recording.log.placed:
         return None
     path = recording.path
-    lags = fitted_lag(recording.turns, path, recording.places, recording.purpose.sure)
+    lags = fitted_lag(recording.turns, path, recording.exact_places, recording.purpose.sure)
     first, last = (path.interval * lags[[0, -1]]).tolist()
     if not lags.any() or max(abs(first), abs(last)) < recording.purpose.least_lag:
         return None
     return Lag(lags, (first, last))
 
 
-def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -> Float:
+def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = SURE) -> Float:
     """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
 
     They are the same for all scans, or change evenly where two clocks drift apart.

@@ -27,7 +27,7 @@ WHOLE = np.pi
 
 def find(recording: Recording) -> bool | None:
     """Whether the laser turns clockwise, by the turns between its scans."""
-    steps = np.diff(recording.path.at(recording.places), axis=0)
+    steps = np.diff(recording.path.at(recording.exact_places), axis=0)
     mirrored = _is_mirrored(recording.turns, steps[:, 2])
     _warn_of_another_plane(recording, steps)
     return mirrored or None

@@ -16,6 +16,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.recordings.log import LaserLog
 from lrf3d.recordings.repair import Applied, Repair
+from lrf3d.recordings.repair.judging import explained, is_clear, pairs_along
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
@@ -30,6 +31,15 @@ SURE = 1.3
 
 # Least share of odometry lines with a stamp of their own; below it the stamps are not used.
 STAMPED = 0.25
+
+
+# Interval of odometry lines [s] from which on scans lie between two of them by their stamps, not at
+# the last one: a robot turns by ten degrees meanwhile.
+COARSE = 0.3
+
+# Least share of scans whose stamps lie between those of the lines before and after them, so that
+# both have one clock.
+ONE_CLOCK = 0.9
 
 
 class Purpose(NamedTuple):
@@ -78,13 +88,31 @@ class Recording:
     def turns(self) -> Float:
         """Turns (k − 1,) [rad] from each scan to the next, by matching them; NaN where unknown."""
         if self.seen_turns is None:
-            return turns_between(self.converter, self.scans, self.path, self.places)
+            return turns_between(self.converter, self.scans, self.path, self.exact_places)
         return self.seen_turns
+
+    @cached_property
+    def exact_places(self) -> Float:
+        """The places (k,) of scans by their stamps, where odometry is coarse; else `places`."""
+        places = self.places.astype(np.float64)
+        if len(self.times) < 2 or self.path.interval < COARSE:
+            return places
+        before = self.times[self.places]
+        after = self.times[np.minimum(self.places + 1, len(self.times) - 1)]
+        since = np.array([scan.time for scan in self.scans]) - before
+        share = since / np.where(after > before, after - before, np.inf)
+        inside = (since >= 0.0) & (share <= 1.0)
+        return places + np.where(inside, share, 0.0) if inside.mean() > ONE_CLOCK else places
+
+    @property
+    def moments(self) -> Float:
+        """The places (k,) at which scans were taken, by their stamps and their lag."""
+        return self.exact_places - self.lags
 
     @property
     def increments(self) -> list[Float] | list[None]:
         """Motion (k, 3) of the robot to each scan by odometry; a list of None without odometry."""
-        steps = self.path.increments(self.places - self.lags)
+        steps = self.path.increments(self.moments)
         return list(steps) if self.log.placed else [None] * len(steps)
 
     @property
@@ -94,16 +122,33 @@ class Recording:
         return [sentence for sentence in said if sentence and sentence not in self.log.notes]
 
     def repaired(self, repair: Repair) -> "Recording":
-        """The recording after a repair; unchanged if that is left out or finds nothing."""
+        """The recording after a repair; unchanged if that is left out or finds nothing.
+
+        A repair with which scans explain each other clearly worse, all over the drive, is taken
+        back: what proposed it was a local sign.
+        """
         finding = None if repair.name in self.purpose.left_out else repair.find(self)
         if finding is None:
             return self
         after: Recording = repair.apply(self, finding)
+        if self._is_worse(after):
+            return self
         return replace(after, found={**after.found, repair.name: Applied(repair, finding, self)})
+
+    def _is_worse(self, after: "Recording") -> bool:
+        """Whether scans explain each other clearly worse after a repair that keeps their number."""
+        if len(after.scans) != len(self.scans) or not after.log.placed:
+            return False
+        pairs = pairs_along(self.path.at(self.moments))
+        shares = [
+            explained(each.converter, each.scans.__getitem__, each.path.at(each.moments), pairs)
+            for each in (self, after)
+        ]
+        return is_clear(shares[0] - shares[1])
 
     def shown_share(self, least: Float | float = 0.0) -> float:
         """Median share of the robot's turns above a least one [rad] that scans show; or inf."""
-        turned = np.abs(np.diff(self.path.at(self.places)[:, 2]))
+        turned = np.abs(np.diff(self.path.at(self.exact_places)[:, 2]))
         known = np.isfinite(self.turns) & (turned > LEAST_TURN) & (turned > least)
         if known.sum() < LEAST_PAIRS:
             return np.inf
@@ -111,9 +156,9 @@ class Recording:
 
     def placed_scans(self) -> list[LaserScan]:
         """The scans with the poses at which they were taken, corrected for their lag."""
-        if not self.lags.any():
+        if not self.lags.any() and not (self.exact_places % 1.0).any():
             return self.scans
-        robots = self.path.at(self.places - self.lags)
+        robots = self.path.at(self.moments)
         return [
             replace(scan, pose=Pose(*compose(robot, np.array(scan.mount)).tolist()))
             for scan, robot in zip(self.scans, robots, strict=True)
@@ -126,8 +171,7 @@ class Recording:
         the clock of the laser, since they are compared with the laser's measurements.
         """
         numbers = np.arange(len(self.poses))
-        lags = np.broadcast_to(self.lags, self.places.shape)
-        wheels = self.path.at(numbers - np.interp(numbers, self.places, lags))
+        wheels = self.path.at(numbers + np.interp(numbers, self.places, self.moments - self.places))
         known, last = np.unique(self.places[::-1], return_index=True)
         # The difference between odometry and scans is spread in proportion to the motion, plus a
         # little for each line, also where the robot stands.

@@ -4,7 +4,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
-from lrf3d.laser import doubtful_ranges
+from lrf3d.laser import doubtful_ranges, doubtful_unit
 from lrf3d.recordings.log import LaserLog
 
 # Largest stamp [s]: larger ones are nanoseconds, and a float rounds two of these to one.
@@ -15,17 +15,20 @@ LEAST_BEAMS = 3
 
 
 def refuse_useless(log: LaserLog) -> None:
-    """Refuse a log without scans, or with stamps in nanoseconds."""
+    """Refuse a log without scans, with stamps in nanoseconds, or with ranges in millimetres."""
     if not log.scans:
         raise InputError("a log without scans; expected at least one")
     latest = np.abs(np.concatenate([log.odometry.times, log.times])).max()
     if latest > LATEST_STAMP:
         raise InputError(f"a stamp of {latest:g} s; expected seconds")
+    # A map of millimetres would fill the memory.
+    if doubt := doubtful_unit(np.concatenate([scan.ranges[scan.hits] for scan in log.scans])):
+        raise InputError(doubt)
 
 
 def refuse_unplaced(log: LaserLog) -> None:
-    """Refuse a log whose scans have no poses, for a mapper."""
-    if not log.placed:
+    """Refuse a log whose scans have no poses, for a mapper; one scan alone needs none."""
+    if not log.placed and len(log.scans) > 1:
         bad = [f"; {counted(log.bad_count, 'bad message')}, {line}" for line in log.bad_lines[:1]]
         raise InputError(f"no poses in it ({log.source}{''.join(bad)}); lrf3d slam finds them")
 

@@ -12,6 +12,7 @@ from typing import Any
 from lrf3d.base.errors import InputError, check_names, each_of
 from lrf3d.recordings.log import LaserLog
 from lrf3d.recordings.repair.angles import ANGLES
+from lrf3d.recordings.repair.body import BODY
 from lrf3d.recordings.repair.copies import COPIES
 from lrf3d.recordings.repair.fan import FAN
 from lrf3d.recordings.repair.jumps import JUMPS
@@ -28,9 +29,11 @@ from lrf3d.recordings.repair.turns import CLEARLY
 # Repairs that are made on a recording, in their order.
 RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, SWEEP)
 
-# All repairs. The first is made as a log is read, the second before the scans of several lasers
-# are joined.
-REPAIRS = (NO_RETURN, ANGLES, *RECORDINGS)
+# Repairs that are made on a log, before the scans of several lasers are joined.
+LOGS = (ANGLES, BODY)
+
+# All repairs. The first is made as a log is read.
+REPAIRS = (NO_RETURN, *LOGS, *RECORDINGS)
 
 # SLAM makes all repairs.
 SOLVING = Purpose()
@@ -63,8 +66,9 @@ def repair(log: LaserLog, purpose: Purpose, without: Sequence[str] = ()) -> list
     purpose = purpose._replace(left_out=(*purpose.left_out, *names))
     try:
         refuse_useless(log)
-        if ANGLES.name not in names and (scans := ANGLES.find(log)):
-            log = ANGLES.apply(log, scans)
+        for each in LOGS:
+            if each.name not in names and (finding := each.find(log)):
+                log = each.apply(log, finding)
         recordings = recordings_of(log, purpose)
         for each in RECORDINGS:
             recordings = [recording.repaired(each) for recording in recordings]

@@ -5,22 +5,20 @@ different turn rates agree better once both are unrolled, and worse if they are 
 opposite sense.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import Float, usual_step
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
-from lrf3d.laser.unrolling import unrolled
-from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.judging import MOST_PAIRS, WIDEST, explained, is_clear
 from lrf3d.recordings.repair.lag import fitted_again
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
+from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE
 
 # Longest revolution of a mirror [s]: lasers that take longer are turned as a whole.
 LONGEST = 0.25
@@ -28,81 +26,65 @@ LONGEST = 0.25
 # Number of scans from the first to the second of a pair, in which the turn rate can change.
 APART = 4
 
-# Largest number of pairs that are compared: more take longer and prove no more.
-MOST_PAIRS = 120
-
 # Least difference between the turn rates of the two scans of a pair [rad per scan].
 LEAST_CHANGE = 0.03
 
-# Largest turn from the first to the second of a pair [rad], so that both see the same walls.
-WIDEST = 1.0
 
-# Information of the window in which the second scan of a pair is matched.
-INFORMATION = np.asarray(np.linalg.inv(PAIR), dtype=np.float64)
+class Sweep(NamedTuple):
+    """Scans with the motion during each, in a sense: 1 for that of the beams in the log, −1, or 0.
 
-# Number of standard errors that gain and loss must reach; lasers with a mirror reach 4 to 9 and
-# 4 to 13.
-SURE = 3.0
+    If the log ``declared`` how long a scan takes, the sense is not the one that it declared.
+    """
+
+    scans: list[LaserScan]
+    sense: int
+    declared: bool
 
 
-def find(recording: Recording) -> list[LaserScan] | None:
+def find(recording: Recording) -> Sweep | None:
     """The scans with the motion during each, if they agree clearly better with it."""
-    interval = _interval(recording)
-    if not interval:
+    scans = recording.scans
+    interval = usual_step(np.array([scan.time for scan in scans]))
+    declared = any(scan.motion is not None for scan in scans)
+    if not recording.log.placed or recording.log.parts or not 0.0 < interval <= LONGEST:
         return None
-    places = recording.places - recording.lags
-    pairs = _uneven_pairs(recording.path.at(places))
+    places = recording.moments
+    poses = recording.path.at(places)
+    pairs = _uneven_pairs(poses)
     if len(pairs) < LEAST_PAIRS:
         return None
-    rolled = partial(_rolled, recording, places, interval, usual_step(places))
-    agreement = partial(_agreement, recording, places, pairs)
-    still = agreement(partial(rolled, 0))
-    gains = {sense: agreement(partial(rolled, sense)) - still for sense in (1, -1)}
-    sense = max(gains, key=lambda sense: float(gains[sense].mean()))
-    sure = SURE / np.sqrt(len(pairs))
-    for change in (gains[sense], -gains[-sense]):
-        if change.mean() < sure * change.std():
-            return None
-    return [rolled(sense, number) for number in range(len(recording.scans))]
-
-
-def _interval(recording: Recording) -> float:
-    """The time between scans [s] if beams may be spread over it without times; else 0."""
-    scans = recording.scans
-    said = any(scan.time_increment or scan.motion is not None for scan in scans)
-    interval = usual_step(np.array([scan.time for scan in scans]))
-    followed = recording.log.placed and not recording.log.parts
-    return interval if followed and not said and interval <= LONGEST else 0.0
+    rolled = partial(_rolled, recording, places, interval)
+    senses = (0, 1, -1)
+    shares = {
+        sense: explained(recording.converter, partial(rolled, sense), poses, pairs)
+        for sense in senses
+    }
+    sense = max(senses, key=lambda sense: float(shares[sense].mean()))
+    # What a log declares is the case to beat, as scans of a moment are where it declares nothing;
+    # then the opposite of what is found must be as clearly worse.
+    gains = [shares[sense] - shares[declared]]
+    if not declared:
+        gains.append(shares[0] - shares[-sense])
+    if not all(map(is_clear, gains)):
+        return None
+    return Sweep([rolled(sense, number) for number in range(len(scans))], sense, declared)
 
 
 def _rolled(
-    recording: Recording, places: Float, interval: float, lines: float, sense: int, number: int
+    recording: Recording, places: Float, interval: float, sense: int, number: int
 ) -> LaserScan:
-    """A scan with its motion, for a mirror that turns once in an interval [s], or in [lines]."""
+    """A scan with its motion in a sense, for as long as declared, or a turn in an interval [s]."""
     scan = recording.scans[number]
+    declared = abs(scan.duration)
     if not sense:
+        return replace(scan, motion=None, time_increment=0.0) if declared else scan
+    if sense > 0 and scan.motion is not None:
         return scan
-    share = float(abs(scan.angles[-1] - scan.angles[0])) / (2.0 * np.pi)
-    motion = between(*recording.path.at(places[number] + np.array([0.0, sense * share * lines])))
+    share = declared / interval or float(abs(scan.angles[-1] - scan.angles[0])) / (2.0 * np.pi)
+    lines = sense * share * usual_step(places)
+    motion = between(*recording.path.at(places[number] + np.array([0.0, lines])))
     increment = share * interval / max(len(scan.ranges) - 1, 1)
     return replace(scan, motion=motion, time_increment=increment)
-
-
-def _agreement(
-    recording: Recording,
-    places: Float,
-    pairs: list[list[int]],
-    rolled: Callable[[int], LaserScan],
-) -> Float:
-    """Share of the second scan of each pair (p,) that the first explains, with both unrolled."""
-    explained = []
-    for pair in pairs:
-        check()
-        before, after = (recording.converter.candidate(unrolled(rolled(k))) for k in pair)
-        step = between(*recording.path.at(places[pair]))
-        match = Submap([before], np.zeros((1, 3))).match(after, step, INFORMATION)
-        explained.append(match.explained if match else 0.0)
-    return np.array(explained)
 
 
 def _uneven_pairs(poses: Float) -> list[list[int]]:
@@ -117,16 +99,24 @@ def _uneven_pairs(poses: Float) -> list[list[int]]:
     return pairs
 
 
-def longest(scans: list[LaserScan] | None) -> float:
+def longest(sweep: Sweep | None) -> float:
     """The time [s] that the longest of the scans takes."""
-    return max((scan.duration for scan in scans or ()), default=0.0)
+    return max((scan.duration for scan in sweep.scans), default=0.0) if sweep else 0.0
+
+
+def sentence(sweep: Sweep) -> str:
+    """How long scans take, or what of a log is contradicted."""
+    if not sweep.declared:
+        return f"walls bend in turns, as a scan takes {longest(sweep):.3f} s: unrolled"
+    found = "beams go out last first" if sweep.sense else "all beams are of one moment"
+    return f"walls bend in turns by the declared times of beams: {found}"
 
 
 SWEEP = Repair(
     "sweep",
     find,
     # Unrolled scans show other turns, so that the lag is fitted again.
-    lambda recording, scans: fitted_again(replace(recording, scans=scans)),
-    lambda scans: f"walls bend in turns, as a scan takes {longest(scans):.3f} s: unrolled",
-    lambda scans: {"sweep": longest(scans)},
+    lambda recording, sweep: fitted_again(replace(recording, scans=sweep.scans)),
+    sentence,
+    lambda sweep: {"sweep": longest(sweep)},
 )

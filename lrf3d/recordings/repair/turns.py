@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter
@@ -35,7 +35,7 @@ CLEARLY = 3.0
 
 
 def turns_between(
-    converter: ScanConverter, scans: Sequence[LaserScan], path: WheelPath, places: Int
+    converter: ScanConverter, scans: Sequence[LaserScan], path: WheelPath, places: Float
 ) -> Float:
     """Turn (k − 1,) from each of scans (k,) to the next [rad] as they show it; NaN where unknown.
 

@@ -27,7 +27,9 @@ from lrf3d.slam.closures import (
     fixed,
 )
 from lrf3d.slam.front_end import CERTAIN_SHARE, refined
-from lrf3d.slam.places.place_search import EVEN, Found, KnownPlaces, PlaceSearch
+from lrf3d.slam.places.known_keys import KnownKeys
+from lrf3d.slam.places.known_places import KnownPlaces
+from lrf3d.slam.places.place_search import Found, PlaceSearch
 from lrf3d.slam.pose_graph import edges_of, optimised
 from lrf3d.slam.revisits import OFF
 
@@ -75,11 +77,12 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     Raises:
         InputError: The second drive is nowhere on the map of the first with certainty.
     """
-    places = KnownPlaces.from_run(run)
+    places = KnownKeys.from_run(run)
     numbers = slam.key_scans
-    search = PlaceSearch(places)
+    search = PlaceSearch(KnownPlaces.from_run(run))
     for key, number in zip(slam.closer.keys, numbers.tolist(), strict=True):
         search.see(number, key, poses[number])
+    search.search()
     sure = [each for each in search.found if each.path]
     nodes, ties = _tied(places, slam, poses, sure) if sure else (places.poses, [])
     if not ties:
@@ -109,7 +112,7 @@ def _best(sure: list[Found]) -> Found:
 
 
 def _tied(
-    places: KnownPlaces, slam: Slam, poses: Float, sure: list[Found]
+    places: KnownKeys, slam: Slam, poses: Float, sure: list[Found]
 ) -> tuple[Float, list[Closure]]:
     """Tie a drive to a map where it is found; returns the key poses (k, 3) of both, and the ties.
 
@@ -139,11 +142,11 @@ def _tied(
     return nodes, list(ties.values())
 
 
-def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:
+def _tie(places: KnownKeys, key: Key, guess: Float, number: int) -> Closure | None:
     """The tie of a key scan, by its number among all, to the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
     found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
-    if found is None or found.evidence < EVEN or found.match.explained < CERTAIN_SHARE:
+    if found is None or found.evidence < 0.0 or found.match.explained < CERTAIN_SHARE:
         return None
     pose = found.match.pose
     near = places.around(key, guess).tolist()
@@ -157,7 +160,7 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
     return Closure(old, number, between(places.poses[old], pose), information)
 
 
-def _graph(places: KnownPlaces) -> Records:
+def _graph(places: KnownKeys) -> Records:
     """The edges within a map: from each key scan to the next, and to an earlier one nearby."""
     poses = places.poses
     driven = _driven(places.poses)

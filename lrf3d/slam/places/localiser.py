@@ -5,6 +5,8 @@ an increment; the correction uses pairs of lines, as in the localisation for whi
 build their map. The pose that is stored in a scan is never used.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -118,7 +120,7 @@ class PoseEstimate(Value):
         object.__setattr__(self, "pose", as_pose(self.pose))
         object.__setattr__(self, "covariance", covariance)
 
-    def moved(self, step: Float, noise: Float) -> "PoseEstimate":
+    def moved(self, step: Float, noise: Float) -> PoseEstimate:
         """The estimate after an odometry increment (3,) whose noise has a covariance (3, 3)."""
         pose = np.array(self.pose)
         after = compose(pose, np.asarray(step))
@@ -130,7 +132,7 @@ class PoseEstimate(Value):
         np.fill_diagonal(covariance, covariance.diagonal().clip(0.0))
         return PoseEstimate(Pose(*after.tolist()), covariance)
 
-    def corrected(self, pairs: Innovation) -> "tuple[PoseEstimate, Bool]":
+    def corrected(self, pairs: Innovation) -> tuple[PoseEstimate, Bool]:
         """The estimate after pairs of lines (k,), and which of them (k,) it uses.
 
         Each pair is compared with the estimate that the prediction and all other pairs give. While

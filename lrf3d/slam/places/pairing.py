@@ -6,6 +6,8 @@ the distance p = n·(middle − position). Both are linear in the pose and indep
 origin.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -46,7 +48,7 @@ class LocalLines(NamedTuple):
     covariances: Float  # (m, 2, 2) of alpha and p.
 
     @classmethod
-    def from_scan(cls, scan: LaserScan, noise: RangeNoise) -> "LocalLines":
+    def from_scan(cls, scan: LaserScan, noise: RangeNoise) -> LocalLines:
         """The lines of a scan whose ranges have a noise, seen from the robot's centre.
 
         If alpha and p change by δα and δp, the line moves sideways by t·δα − δp at a point that is
@@ -103,13 +105,13 @@ class KnownLines(Value):
         self._hold("objects", dtype=np.int64)
 
     @classmethod
-    def from_world(cls, world: World) -> "KnownLines":
+    def from_world(cls, world: World) -> KnownLines:
         """The true walls of a world, visible from both sides."""
         expect(world, World, "world")
         return cls(world.segments, world.objects, np.zeros((len(world.segments), 2)), False)
 
     @classmethod
-    def from_map(cls, line_map: LineMap, *, deviation: float = 0.0) -> "KnownLines":
+    def from_map(cls, line_map: LineMap, *, deviation: float = 0.0) -> KnownLines:
         """A map that a LineMapper built; its segments have the laser on their left.
 
         The deviation [m] is that of the points that it was fitted to; 0 treats it as the truth.

@@ -1,198 +1,100 @@
 """Place search: global localisation on a known map, without an initial guess.
 
-The map enters as key scans, of a run or cast in a world; then key scans of a drive enter with their
-poses in a frame of its own. All free cells and headings are searched for places where a scan fits.
-These are hypotheses. Each scan weighs them against each other, and against no place: that the robot
-is beyond the map, in a room like those on it. The places that were certain leave.
+Key scans of a drive enter with their poses in a frame of its own. Every few of them, their hits are
+laid out as the robot drove and searched on the whole map. Whether the best place stands out is
+judged by what chance makes of the same hits: their mirror image has the same walls, gaps and noise,
+and is nowhere on the map. A place that stands out is followed. The places that were certain leave.
 """
 
-from collections import deque
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lrf3d.casting import PlanarCaster
-from lrf3d.geometry.lines import Float, Int
-from lrf3d.geometry.pose import between, compose, turned
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.matching.key_scans import Key, ScanConverter, same_place
-from lrf3d.matching.search import (
-    CELL,
-    FREE,
-    LOOSE,
-    Field,
-    Place,
-    Submap,
-    thin,
-    window_scores,
-)
-from lrf3d.planning.free_space import free_places
-from lrf3d.simulation.run import Run
-from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN
+from lrf3d.geometry.lines import Float, Records
+from lrf3d.geometry.pose import between, compose
+from lrf3d.matching.key_scans import Key
+from lrf3d.matching.likelihood import some
+from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
-from lrf3d.world import World
+from lrf3d.slam.places.known_places import KnownPlaces, is_same
 
-# Largest number of scans that are cast in a world: in a town they lie farther apart.
-MOST_SCANS = 3000
+# Distance [m] or turn [rad] after which a scan is used: nearer ones show the same.
+SPACING = np.array([0.4, 0.5])
 
-# Largest number of cells that are searched: in a town they lie farther apart.
-MOST_CELLS = 80_000
+# Number of scans of the first search.
+FIRST = 6
 
-# Step of the headings that are searched [rad].
-STEP = 0.04
+# Number of scans that are searched together, and after which the next search follows: short enough
+# that the front end lays them out rigidly.
+WINDOW = 12
 
-# Evidence at which a place and no place are equally likely. At right places it is 5.4 ± 1.0 in
-# offices; the best of all wrong places reaches 3.1 ± 1.0, and in the mean over ten scans 2.8.
-EVEN = 3.8
+# Number of scans that are laid out to follow a place.
+FOLLOWED = 6
 
-# Log odds of a new hypothesis.
-BEGIN = -3.0
+# Number of the best wrong places whose scores give the unit of chance.
+COMPARED = 11
 
-# Upper bound on the log odds, so that a kidnapped robot is noticed.
+# Log odds of a place to which a search by other scans leads, too: of some ten wrong ones that fit
+# about as well, it would lead to the same by chance once in ten times.
+AGREED = 2.3
+
+# Number of earlier searches with which one is compared: before, the drive has drifted.
+REMEMBERED = 5
+
+# Bounds on the log odds of a place that is followed, so that a kidnapped robot is noticed.
 MOST = 7.0
 
-# Log odds below which a hypothesis is dropped.
-LEAST = -6.0
+# Change of the log odds by a scan that fits, or does not: neighbouring ones show the same walls.
+GAIN = 0.6
 
-# Probability of the best hypothesis from which its place is certain.
+# Probability from which a place is certain, and its log odds.
 CERTAIN = 0.99
+ENOUGH = float(np.log(CERTAIN / (1.0 - CERTAIN)))
 
-# Number of earlier scans by which new hypotheses are weighed as well.
-REMEMBERED = 8
+# Least share of the hits at walls at a right place. It is 0.73 to 1 on maps of strangers; at a
+# wrong place that stood out, where hardly any hits fit anywhere, it was 0.61.
+LEAST_EXPLAINED = 0.65
 
-# Largest number of new hypotheses from one scan.
-TRIED = 12
+# Most hits of a scan, so that all count alike.
+SCAN_HITS = 60
 
-# Information of the step of a hypothesis, before it is matched: 0.1 m and 0.05 rad.
-STEP_INFORMATION = np.linalg.inv(np.diag(np.square([0.1, 0.1, 0.05])))
+# Most hits of a window.
+WINDOW_HITS = 400
 
+# Side [m] of the cells of which each gives one hit of a scan: near walls, which many beams meet, do
+# not outvote far ones.
+HIT_CELL = 0.1
 
-@dataclass(frozen=True, eq=False)
-class KnownPlaces:
-    """A known map: key scans (k,) at poses (k, 3), with their numbers (k,) in a run."""
-
-    name: str
-    keys: list[Key]
-    poses: Float = field(repr=False)
-    numbers: Int = field(default_factory=lambda: np.empty(0, np.int64))
-
-    @classmethod
-    def from_run(cls, run: Run) -> "KnownPlaces":
-        """The map of a run, at its poses, true or estimated."""
-        poses = run.trajectory.poses
-        chosen = [0]
-        for number in range(1, len(run)):
-            length, turn = size_of(between(poses[chosen[-1]], poses[number]))
-            if length >= KEY_DISTANCE or turn >= KEY_TURN:
-                chosen.append(number)
-        converter = ScanConverter()
-        keys = [converter.candidate(run.scans_at(number), number) for number in chosen]
-        return cls(run.world.name, keys, poses[chosen], np.array(chosen))
-
-    @classmethod
-    def from_world(cls, world: World) -> "KnownPlaces":
-        """The map of a world: full-circle scans that are cast in it, a metre apart."""
-        room = 0.25  # Distance from walls at which a robot may be [m].
-        places = free_places(world, room)
-        area = len(np.unique(np.floor(places), axis=0))
-        spacing = max(1.0, np.sqrt(area / MOST_SCANS))
-        _, first = np.unique(np.floor(places / spacing), axis=0, return_index=True)
-        poses = np.column_stack([places[first], np.zeros(len(first))])
-        beams = 720  # Beams of a scan that is cast.
-        reach = 30.0  # Their largest range [m].
-        lrf = LaserRangeFinder(-np.pi, np.pi - 2.0 * np.pi / beams, beams, range_max=reach)
-        caster = PlanarCaster(world)
-        converter = ScanConverter()
-        keys = [converter.candidate(caster.cast(lrf, pose)) for pose in poses]
-        return cls(world.name, keys, poses)
-
-    @cached_property
-    def _field(self) -> Field:
-        return Submap(self.keys, self.poses).field
-
-    @cached_property
-    def _free(self) -> Int:
-        """Columns and rows (s, 2) of the free cells that are searched."""
-        cells = self._field.cells == FREE
-        stride = int(np.ceil(max(2, np.sqrt(cells.sum() / MOST_CELLS))))
-        rows, columns = np.nonzero(cells[::stride, ::stride])
-        return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
-
-    def search(self, scan: Key) -> list[Place]:
-        """The places on the whole map where a scan fits, the best first."""
-        found: list[Place] = []
-        for peak in self._peaks(scan) if len(self._free) else []:
-            place = self.judged(scan, peak, LOOSE)
-            if place and not any(same_place(place.match.pose, each.match.pose) for each in found):
-                found.append(place)
-        return sorted(found, key=lambda each: -each.evidence)
-
-    def _peaks(self, scan: Key) -> list[Float]:
-        """The poses (3,) at which most hits of a scan lie in walls, the best first."""
-        field = self._field
-        cells = self._free
-        centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
-        parts = []
-        scored = []
-        heading_parts = 16  # Parts of the headings that are searched one after another.
-        most_peaks = 600  # Number of the best poses of each part that are kept.
-        for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
-            scores = window_scores(thin(scan.hits), field, centre, cells, headings)
-            most = min(most_peaks, scores.size)
-            best = np.argpartition(scores, scores.size - most, axis=None)[-most:]
-            a, s = np.unravel_index(best, scores.shape)
-            scored.append(scores[a, s])
-            parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
-        ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
-        peaks: list[Float] = []
-        most_matched = 80  # Largest number of poses that are matched.
-        next_peak = 0.7  # Least distance between them [m],
-        next_turn = 0.25  # or turn [rad].
-        while len(ranked) and len(peaks) < most_matched:
-            peak, *_ = ranked
-            peaks.append(peak)
-            x, y, turn = np.abs(between(peak, ranked)).T
-            ranked = ranked[(np.hypot(x, y) > next_peak) | (turn > next_turn)]
-        return peaks
-
-    @cached_property
-    def _seen(self) -> Float:
-        """The positions of the key scans, and the middles of their hits (k, 4) [m]."""
-        middles = [_middle(key, pose) for key, pose in zip(self.keys, self.poses, strict=True)]
-        return np.column_stack([self.poses[:, :2], np.array(middles)])
-
-    def around(self, scan: Key, pose: Float) -> Int:
-        """The indices of the key scans that see most of what a scan from a pose (3,) sees."""
-        apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
-        nearest_keys = 6  # Number of nearest key scans by which a place is judged.
-        return np.argsort(apart, kind="stable")[:nearest_keys]
-
-    def judged(self, scan: Key, guess: Float, prior: Float) -> Place | None:
-        """Match a scan near a guess (3,) and weigh the place; None if there is no match."""
-        near = self.around(scan, guess)
-        around = Submap([self.keys[k] for k in near.tolist()], self.poses[near])
-        match = around.match(scan, guess, prior)
-        return None if match is None else around.place(scan, match)
+# Range [m] up to which hits are used.
+REACH = 25.0
 
 
-def _middle(scan: Key, pose: Float) -> Float:
-    """The middle (2,) of the hits of a scan from a pose (3,)."""
-    x, y = (scan.hits[name].mean() if len(scan.hits) else 0.0 for name in "xy")
-    return compose(pose, np.array([x, y, 0.0]))[:2]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """A scan: its number, the pose (3,) of the robot in the frame of the drive, and its hits."""
+
+    number: int
+    pose: Float
+    hits: Records
 
 
 @dataclass(slots=True, eq=False)
 class Hypothesis:
-    """A pose (3,) where the robot may be, its log odds against no place, and its poses by scan.
+    """A pose (3,) where the robot may be, its log odds, and its poses by number of the scan.
 
-    ``sure`` is the number of the last scan that supported it.
+    ``at`` is the scan that the pose is of, ``sure`` the number of the last one that fits there.
     """
 
     pose: Float
-    log_odds: float = BEGIN
+    at: _Seen
+    log_odds: float
     path: dict[int, Float] = field(default_factory=dict)
     sure: int = -1
+
+    @property
+    def probability(self) -> float:
+        """The probability of the place, against all others and against no place."""
+        return float(1.0 / (1.0 + np.exp(-self.log_odds)))
 
 
 @dataclass(slots=True, eq=False)
@@ -205,125 +107,169 @@ class Found:
     last: int = 0
 
 
-@dataclass(slots=True, eq=False)
-class _Weighed:
-    """A scan with its number, its pose (3,) in the drive, and the best evidence at any place."""
-
-    number: int
-    scan: Key
-    pose: Float
-    best: float = -np.inf
-
-
 class PlaceSearch:
-    """Searches and weighs places on a known map, scan by scan."""
+    """Searches and follows places on a known map, scan by scan."""
 
     def __init__(self, places: KnownPlaces) -> None:
         self._places = places
-        self.hypotheses: list[Hypothesis] = []
         self.found: list[Found] = []
+        self._place: Hypothesis | None = None
+        self._is_followed = False
         self._moved = np.array([np.inf, np.inf])
         self._pose: Float | None = None
-        self._before: deque[_Weighed] = deque(maxlen=REMEMBERED)
-        self._count = 0
+        # The scans since the last place was lost, and the best places of the searches in them.
+        self._drive: list[_Seen] = []
+        self._searched: list[Hypothesis] = []
+        self._new = 0
+        self._number = 0
+
+    @property
+    def probability(self) -> float:
+        """The probability of the best place, against all others and against no place."""
+        return 0.0 if self._place is None else self._place.probability
 
     def see(self, number: int, scan: Key, pose: Float) -> None:
         """Take in a scan, by number, at a pose (3,) in a frame of the drive."""
         step = np.zeros(3) if self._pose is None else between(self._pose, pose)
         self._pose = pose
-        for each in self.hypotheses:
-            each.pose = compose(each.pose, step)
+        self._number = number
         self._moved += size_of(step)
-        # Distance [m] or turn [rad] after which hypotheses are weighed: nearer scans agree anyway.
-        judged = [0.4, 0.5]
-        if (self._moved >= judged).any() and len(scan.hits):
+        if (self._moved >= SPACING).any() and len(scan.hits):
             self._moved[:] = 0.0
-            self._weigh_all(number, scan, pose)
-        if place := self.place:
-            if not self.found or self.found[-1].place is not place:
-                self.found.append(Found(place))
-            found = self.found[-1]
-            found.probability = max(self.probability, found.probability)
-            found.path = {k: there for k, there in place.path.items() if k <= place.sure}
-            found.last = number if place.sure == max(place.path) else place.sure
+            self._drive.append(_Seen(number, pose, _used(scan.hits)))
+            self._new += 1
+            if self._is_followed:
+                self._follow()
+            elif self._new >= (WINDOW if self._searched else FIRST):
+                self.search()
+        self._keep()
 
-    def _weigh_all(self, number: int, scan: Key, pose: Float) -> None:
-        """Weigh all hypotheses by a scan, and search for new ones while no place is known."""
-        now = _Weighed(number, scan, pose)
-        self._weigh(self.hypotheses, now)
-        every = 3  # Interval between searches of the whole map, in scans that are weighed.
-        if self.probability < CERTAIN and self._count % every == 0:
-            found = self._places.search(scan)[:TRIED]
-            now.best = max([now.best, *(each.evidence for each in found)])
-            new = [Hypothesis(each.match.pose) for each in found]
-            for each, weighed in zip(new, found, strict=True):
-                _add(each, now, weighed.evidence)
-            self._remember(new, pose)
-            self.hypotheses += new
-        self._count += 1
-        self._before.append(now)
-        self._prune()
+    def search(self) -> None:
+        """Search the whole map for the last scans, unless the place is known."""
+        window = self._drive[-WINDOW:]
+        if self._is_followed or not self._new or len(window) < FIRST:
+            return
+        self._new = 0
+        middle = window[len(window) // 2]
+        now = self._judged(_laid_out(window, middle), middle)
+        if now is None:
+            return
+        now.sure = window[0].number
+        agreeing = sum(_agree(now, each) for each in self._searched[-REMEMBERED:])
+        self._searched.append(now)
+        # Each search is another chance to be wrong.
+        log_odds = now.log_odds + AGREED * agreeing - float(np.log(len(self._searched)))
+        # The halves of fewer scans show the same walls, and may agree on a wrong place.
+        if len(window) == WINDOW and ENOUGH - AGREED <= log_odds < ENOUGH:
+            log_odds += AGREED * self._halves_agree(window, now)
+        self._place = replace(now, log_odds=log_odds)
+        if log_odds >= ENOUGH:
+            self._begin(self._place)
 
-    def _prune(self) -> None:
-        """Drop unlikely hypotheses, and of those that have converged all but the best."""
-        most = max((each.log_odds for each in self.hypotheses), default=0.0)
-        ranked = sorted(self.hypotheses, key=lambda one: -one.log_odds)
-        self.hypotheses = []
-        for each in ranked:
-            each.log_odds -= max(most - MOST, 0.0)
-            met = any(same_place(each.pose, other.pose, 2.0) for other in self.hypotheses)
-            if each.log_odds > LEAST and not met:
-                self.hypotheses.append(each)
+    def _judged(self, hits: Records, at: _Seen) -> Hypothesis | None:
+        """The best place of hits, with log odds by its lead over all others and over chance."""
+        mirrored = hits.copy()
+        mirrored["y"] *= -1.0
+        here = self._places.search(hits)
+        chance = self._places.search(mirrored)
+        if not here or not chance:
+            return None
+        first, *others = here
+        wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
+        lead = (first.score - wrong[0]) / _spread(wrong[:COMPARED])
+        # Where most of what the laser saw is not on the map, it hardly matters which part is.
+        doubtful = self._places.explained(first.pose, hits) < LEAST_EXPLAINED
+        return Hypothesis(first.pose, at, min(lead, 0.0) if doubtful else lead)
 
-    def _remember(self, new: list[Hypothesis], pose: Float) -> None:
-        """Weigh new hypotheses by earlier scans, as far back as these support them.
+    def _halves_agree(self, window: list[_Seen], place: Hypothesis) -> bool:
+        """Whether each half of some scans, searched on its own, leads to a place."""
+        middle = len(window) // 2
+        for half in (window[:middle], window[middle:]):
+            first, *_ = self._places.search(_laid_out(half, place.at))
+            if not is_same(first.pose, place.pose):
+                return False
+        return True
 
-        Scans before those do not count against them: the robot may have been carried there since.
-        """
-        earlier = [Hypothesis(each.pose, each.log_odds, dict(each.path)) for each in new]
-        for before in reversed(self._before):
-            back = between(pose, before.pose)
-            for each, now in zip(earlier, new, strict=True):
-                each.pose = compose(now.pose, back)
-            self._weigh(earlier, before)
-            for each, now in zip(earlier, new, strict=True):
-                if each.log_odds > now.log_odds:
-                    now.log_odds = each.log_odds
-                    now.path = dict(each.path)
-                    now.sure = max(now.sure, each.sure)
+    def _begin(self, place: Hypothesis) -> None:
+        """Follow a new place to both ends of the drive, backward as far as scans support it."""
+        self._is_followed = True
+        begin = place.pose, place.at
+        middle = first = self._drive.index(place.at)
+        for k in reversed(range(middle)):
+            if self._step(place, k):
+                first = k
+            elif first - k > FOLLOWED:
+                break
+        place.path = {k: pose for k, pose in place.path.items() if k >= self._drive[first].number}
+        place.pose, place.at = begin
+        for k in range(middle, len(self._drive)):
+            self._step(place, k)
+        self._keep()
 
-    def _weigh(self, hypotheses: list[Hypothesis], now: _Weighed) -> None:
-        """Weigh hypotheses by a scan."""
-        worth = []
-        for each in hypotheses:
-            *_, heading = each.pose.tolist()
-            found = self._places.judged(now.scan, each.pose, turned(STEP_INFORMATION, heading))
-            worth.append(-np.inf if found is None else found.evidence)
-            each.pose = each.pose if found is None else found.match.pose
-        now.best = max([now.best, *worth])
-        for each, evidence in zip(hypotheses, worth, strict=True):
-            _add(each, now, evidence)
+    def _follow(self) -> None:
+        """Follow the place to a new scan, until it is lost."""
+        place = self._place
+        assert place is not None
+        gain = GAIN if self._step(place, len(self._drive) - 1) else -GAIN
+        place.log_odds = min(place.log_odds + gain, MOST)
+        if place.log_odds < 0.0:
+            self._is_followed = False
+            self._drive = [each for each in self._drive if each.number > place.sure]
+            self._new = len(self._drive)
+            self._searched = []
 
-    @property
-    def probability(self) -> float:
-        """The probability of the best hypothesis, against all others and against no place."""
-        odds = np.exp([each.log_odds for each in self.hypotheses])
-        return float(odds.max(initial=0.0) / (1.0 + odds.sum()))
+    def _step(self, place: Hypothesis, k: int) -> bool:
+        """Move a place along with the drive to one of its scans; returns whether that fits."""
+        scan = self._drive[k]
+        guess = compose(place.pose, between(place.at.pose, scan.pose))
+        around = self._drive[max(k - FOLLOWED, 0) : k + FOLLOWED]
+        [found] = self._places.climbed(guess[None], _laid_out(around, scan))
+        place.pose = found.pose
+        place.at = scan
+        place.path[scan.number] = found.pose
+        fits = self._places.fits(found.pose, scan.hits)
+        if fits:
+            place.sure = max(place.sure, scan.number)
+        return fits
 
-    @property
-    def place(self) -> Hypothesis | None:
-        """The best hypothesis; None while it is not certain."""
-        return self.hypotheses[0] if self.probability >= CERTAIN else None
+    def _keep(self) -> None:
+        """Keep the poses of a place that is certain, up to the present scan."""
+        place = self._place
+        if place is None or not self._is_followed or place.log_odds < ENOUGH:
+            return
+        if not self.found or self.found[-1].place is not place:
+            self.found.append(Found(place))
+        found = self.found[-1]
+        found.probability = max(place.probability, found.probability)
+        found.path = {k: pose for k, pose in place.path.items() if k <= place.sure}
+        found.last = self._number if place.sure == place.at.number else place.sure
 
 
-def _add(place: Hypothesis, now: _Weighed, evidence: float) -> None:
-    """Add a scan's evidence for the best place, less what this place falls short of it."""
-    # Largest change of the log odds against no place by one scan: neighbouring scans show the same
-    # walls, which may be those of a similar room. A place may fall short of the best by twice that.
-    most_gain = 1.5
-    gain = float(np.clip(now.best - EVEN, -most_gain, most_gain))
-    gain -= min(now.best - evidence, 2.0 * most_gain)
-    place.log_odds += gain
-    place.path[now.number] = place.pose
-    if gain > 0.0:
-        place.sure = max(place.sure, now.number)
+def _used(hits: Records) -> Records:
+    """The hits of a scan that are used."""
+    hits = hits[np.hypot(hits["x"], hits["y"]) < REACH]
+    cells = np.floor(np.column_stack([hits["x"], hits["y"]]) / HIT_CELL)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    return some(hits[np.sort(first)], SCAN_HITS)
+
+
+def _laid_out(scans: list[_Seen], middle: _Seen) -> Records:
+    """The hits of scans as the robot drove, in its frame at one of them."""
+    parts = (moved(each.hits, between(middle.pose, each.pose)) for each in scans)
+    return some(concatenated(parts), WINDOW_HITS)
+
+
+def _spread(scores: list[float]) -> float:
+    """The unit of chance: by it, the scores of the best of many wrong places are spread.
+
+    They fall off exponentially, so that a lead of n units is met by chance once in e^n.
+    """
+    *best, last = scores
+    return float(np.mean(best)) - last if best else np.inf
+
+
+def _agree(now: Hypothesis, before: Hypothesis) -> bool:
+    """Whether two searches by different scans found the same place, and it stood out in both."""
+    there = compose(now.pose, between(now.at.pose, before.at.pose))
+    apart = before.at.number < now.sure
+    return min(now.log_odds, before.log_odds) > 0.0 and apart and is_same(there, before.pose)

@@ -22,7 +22,8 @@ from lrf3d.simulation.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.offline import read
-from lrf3d.slam.places.place_search import KnownPlaces, PlaceSearch
+from lrf3d.slam.places.known_places import KnownPlaces
+from lrf3d.slam.places.place_search import PlaceSearch
 from lrf3d.world import World, load_world
 
 # A robot was carried if it is found farther than this [m] from where its steps lead.
@@ -124,6 +125,7 @@ def localise_log(
         search.see(number, slam.converter.candidate(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
+    search.search()
     front = np.array([tracked.pose for tracked in slam.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []

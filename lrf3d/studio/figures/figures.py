@@ -18,10 +18,13 @@ from matplotlib.figure import Figure
 from lrf3d.base.text import counted
 from lrf3d.casting.comparison import CrossCheck
 from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
+from lrf3d.robot.following import Patrol
 from lrf3d.simulation.run import Run
+from lrf3d.simulation.scenario import Scenario
 from lrf3d.studio.figures import plot
 from lrf3d.studio.figures.sheet import (
     FAINT,
@@ -35,6 +38,10 @@ from lrf3d.studio.figures.sheet import (
 )
 from lrf3d.studio.scene.stage.structures import Sight
 from lrf3d.world import World
+
+# Colours of the fields of view of lasers, and of dynamic obstacles.
+FIELDS = ("#3b7dd8", "#d97b29", "#3f9d5f", "#9a5bb5")
+OBSTACLE = "#7a4a9e"
 
 # Room around all panels, for labels, headline and legend [inches].
 AROUND = np.array([0.9, 1.6])
@@ -158,6 +165,44 @@ def draw_world(
         plot.scan(scan, ax, lrf=lrf)
     plot.trajectory(stops, ax)
     return finished(figure, [ax], path)
+
+
+def draw_scenario(
+    scenario: Scenario, path: str | Path | None = None, *, plan: PlanShown | None = None
+) -> Figure:
+    """Draw a world as `draw_world` does, with the start, the lasers and the obstacles in it."""
+    shown = scenario.poses
+    if shown is None and scenario.start is not None:
+        shown = np.array([scenario.start])
+    figure = draw_world(scenario.world, route=scenario.route, poses=shown, plan=plan)
+    ax = figure.axes[0]
+    for legend in figure.legends:
+        legend.remove()
+    for number, obstacle in enumerate(scenario.obstacles):
+        moves = obstacle.path
+        way = moves.route if isinstance(moves, Patrol) else moves.poses[:, :2]
+        outline = Pose(*moves.at(np.zeros(1))[0].tolist()).apply(obstacle.outline)
+        label = "_" if number else "obstacles"
+        ax.plot(*way.T, color=OBSTACLE, linewidth=1.0, linestyle=":", zorder=4)
+        ax.fill(*outline.T, color=OBSTACLE, zorder=4, label=label)
+    if shown is not None and len(shown):
+        _draw_fields(ax, scenario.lasers, shown[0])
+    return finished(figure, [ax], path)
+
+
+def _draw_fields(ax: Axes, lasers: Sequence[LaserRangeFinder], pose: Float) -> None:
+    """Draw the field of view of each laser of a robot at a pose (3,), small, in its place."""
+    # Radius of the fields, as a share of the narrower side of the axes.
+    share = 0.12
+    size = share * min(abs(np.diff(ax.get_xlim())[0]), abs(np.diff(ax.get_ylim())[0]))
+    for laser, colour in zip(lasers, cycle(FIELDS), strict=False):
+        radius = min(size, laser.range_max)
+        place = laser.placed(pose)
+        angles = np.linspace(laser.angle_min, laser.angle_max, 91) + place[2]
+        arc = place[:2] + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        field = np.vstack([place[:2], arc])
+        name = f"field of view: {laser.name}"
+        ax.fill(*field.T, facecolor=colour, edgecolor=colour, alpha=0.35, zorder=6, label=name)
 
 
 def _draw_plan(plan: PlanShown, ax: Axes) -> None:

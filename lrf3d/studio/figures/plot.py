@@ -1,5 +1,7 @@
 """Plots of values on matplotlib axes: the functions of :mod:`lrf3d.plot`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from io import BytesIO
 from textwrap import fill
@@ -16,7 +18,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 from shapely.plotting import patch_from_polygon
 
-from lrf3d.geometry.lines import Float, Int, lengths
+from lrf3d.base.errors import InputError, expect
+from lrf3d.geometry.lines import Float, Int, lengths, numbers
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tints import object_tints
@@ -90,8 +93,9 @@ def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: A
 
     What encloses one of the poses (k, 3) of robots is a room, and stays white.
     """
+    expect(world, World, "world")
+    robots = np.empty((0, 3)) if poses is None else _rows(poses, 3, "poses")
     ax = _axes(ax)
-    robots = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
     outlines = [patch_from_polygon(area).get_path() for area in _enclosed(world, robots)]
     ax.add_collection(PathCollection(outlines, facecolor=INSIDE, edgecolor="none", zorder=0.4))
     made_of = [
@@ -117,6 +121,7 @@ def map(
     Colours are chosen by the numbers (m,) of the objects, such as those of films,
     ``run.lasting_objects[-1]``. Names count these, or all numbers that they are ``among``.
     """
+    expect(line_map, LineMap, "map")
     ax = _axes(ax)
     if objects is None:
         objects = np.unique(line_map.objects, return_inverse=True)[1]
@@ -142,6 +147,7 @@ def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
 
     They do not widen the view: images behind mirrors lie far outside.
     """
+    points = _rows(points, 2, "points")
     ax = _axes(ax)
     if not len(points):
         return ax
@@ -164,6 +170,8 @@ def scan(
 
     With the range finder, beams without return are drawn up to its range.
     """
+    expect(scan, LaserScan, "scan")
+    expect(lrf, LaserRangeFinder | None, "range finder")
     ax = _axes(ax)
     hits = scan.points()
     here = np.array([scan.pose[:2]])
@@ -188,9 +196,9 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
 
     The path is broken at poses that are NaN.
     """
-    ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
-    poses = np.asarray(known, dtype=np.float64)
+    poses = _rows(known, 3, "trajectory")
+    ax = _axes(ax)
     if len(poses) <= FEW_POSES:
         _draw_robots(ax, poses, named=len(poses) > 1)
         return _shown(ax)
@@ -213,6 +221,7 @@ def estimate(
     estimate: EstimatedTrajectory, ax: Axes | None = None, *, closures: bool = True, **style: Any
 ) -> Axes:
     """Plot an estimated path with its ellipses of 95 % and, if asked, a line for each closure."""
+    expect(estimate, EstimatedTrajectory, "estimate")
     ax = _axes(ax)
     usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": believed(estimate), "zorder": 3.2}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
@@ -235,6 +244,7 @@ def estimate(
 
 def run(run: Run, ax: Axes | None = None) -> Axes:
     """Plot a run: its map, the robot's path and its estimate, over the true walls."""
+    expect(run, Run, "run")
     poses = run.trajectory.poses
     ax = world(Sight.of(run.world, poses[:, :2]).world, ax, poses=poses, **BELOW)
     if run.maps:
@@ -254,6 +264,7 @@ def paths(poses: Float, estimated: EstimatedTrajectory | None, ax: Axes) -> Axes
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:
     """A small picture of a value as a PNG file, which notebooks show for it; pyplot is not used."""
+    expect(value, World | LineMap | LaserScan | Run, "value")
     draw = next(function for kind, function in _PLOTS.items() if isinstance(value, kind))
     figure = sheet(PICTURE, PICTURE)
     ax = draw(value, dressed(figure.add_subplot()))
@@ -270,7 +281,16 @@ def png(value: World | LineMap | LaserScan | Run) -> bytes:
 _PLOTS: dict[type, Callable[..., Any]] = {World: world, LineMap: map, LaserScan: scan, Run: run}
 
 
+def _rows(values: Any, columns: int, name: str) -> Float:
+    """Rows (k, columns) of numbers, of which some may be NaN."""
+    rows: Float = np.asarray(numbers(values, name), dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != columns:
+        raise InputError(f"{name} of shape {rows.shape}: expected (k, {columns})")
+    return rows
+
+
 def _axes(ax: Axes | None) -> Axes:
+    expect(ax, Axes | None, "ax")
     if ax is not None:
         if ax.get_aspect() == "auto":
             ax.set_aspect("equal", adjustable="datalim")

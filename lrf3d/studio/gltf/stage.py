@@ -38,8 +38,8 @@ _STEP_INDOOR = 0.8
 # Largest number of pieces, which are larger where there would be more.
 _MOST_PIECES = 60_000
 
-# How far the ground goes past its picture [m].
-_HORIZON = 800.0
+# How far the ground goes past its picture, in the picture's longer side.
+_MARGIN = 0.25
 
 # Largest side of the picture of the ground [pixels]: old graphics cards take no larger ones.
 _LARGEST = 2048
@@ -95,10 +95,11 @@ def _add_ground(document: Document, stage: Stage) -> None:
         document.material(name, texture=document.texture(name, each, "JPEG"))
         for name, each in (("ground", dark), ("lit ground", seen))
     )
-    # Round the squares eight more reach to the horizon. None lies on another: far away viewers
+    # Round the squares eight more are a margin. None lies on another: far away viewers
     # cannot tell which is nearer.
     low, high = squares[[0, -1], [0, 2]]
-    nine = mesh(*np.array([low - _HORIZON, low, high, high + _HORIZON]).T).reshape(9, 6, 2)
+    margin = _MARGIN * float(np.max(high - low))
+    nine = mesh(*np.array([low - margin, low, high, high + margin]).T).reshape(9, 6, 2)
     around = np.delete(nine[:, [0, 1, 2, 5]], 4, axis=0)
     group = document.node("lit ground", document.root)
 

@@ -14,6 +14,7 @@ from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
+from lrf3d.simulation.sensor import Caster
 from lrf3d.studio.page.errand import Errand, planned_way
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
@@ -97,7 +98,9 @@ class HandDrive:
     # It is shown as fast as it drives.
     playback = 1.0
 
-    def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
+    def __init__(
+        self, scenario: Scenario, *, rng: int = 0, caster: Caster | str = "embree"
+    ) -> None:
         self.world = scenario.world
         self.obstacles = scenario.obstacles
         self.lasers = scenario.lasers
@@ -105,7 +108,7 @@ class HandDrive:
         self.radius = scenario.radius
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest = scenario.speed
-        self.robot = LiveRobot(scenario, rng=rng)
+        self.robot = LiveRobot(scenario, rng=rng, caster=caster)
         # Where a camera behind the robot looks [rad].
         self.facing = self.robot.pose.theta
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)

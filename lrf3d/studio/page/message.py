@@ -99,7 +99,7 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     setting = stage.structures.setting
     # The corners of two triangles for each quad.
     parts = {
-        "walls": _part("walls", *(each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])),
+        "walls": _part("walls", *(each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:4])),
         "ground": _part("ground", ground_of(ground, 6)),
         "sky": _part("sky", mesh(*[np.linspace(-1.0, 1.0, 11)] * 2)),
     }

@@ -29,6 +29,7 @@ from lrf3d.base.errors import InputError, OutputError, missing_extra
 from lrf3d.base.interrupts import asked, check
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
+from lrf3d.simulation.sensor import caster_of
 from lrf3d.studio.page.hand_drive import HandDrive
 from lrf3d.studio.page.message import stage_message
 from lrf3d.studio.page.session import PageSession, Wanted
@@ -41,6 +42,9 @@ MESSAGE_SIZE = 10_000
 
 # Least time between two answers to a page that drives [s].
 _STEP = 1.0 / 30.0
+
+# Number of pages that are worked for at a time: memory that one thread frees serves no other.
+_PAGES_AT_WORK = 4
 
 # Time that a page may take to load a file [s].
 _PATIENCE = 60.0
@@ -73,8 +77,11 @@ _MOMENTS = "/lrf3d/moments"
 # What pages load, by its path: its kind, and its bytes.
 Files = dict[str, tuple[str, bytes]]
 
-# Answers one page over its socket, by the path of that.
-Talks = dict[str, Callable[[Any], Coroutine[Any, Any, None]]]
+# Answers one page over its socket.
+Talk = Callable[[Any], Coroutine[Any, Any, None]]
+
+# What answers pages, by the path of their socket.
+Talks = dict[str, Talk]
 
 # Makes what one page shows: each has its own.
 Make = Callable[[], PageSession]
@@ -87,11 +94,13 @@ def run_view(run: Run, playback: float | None) -> Make:
 
 def world_view(scenario: Scenario, seed: int) -> Make:
     """What pages show of a world to drive in, with a route or poses to start at."""
-    drive = HandDrive(scenario, rng=seed)
+    # One for all pages: a page's own would stay in memory until the garbage collector finds it.
+    caster = caster_of("embree", scenario.world)
+    drive = HandDrive(scenario, rng=seed, caster=caster)
     # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
     stage = PageSession.driven(drive).scene.stage
-    return lambda: PageSession.driven(HandDrive(scenario, rng=seed), stage)
+    return lambda: PageSession.driven(HandDrive(scenario, rng=seed, caster=caster), stage)
 
 
 def serve(
@@ -109,7 +118,7 @@ def serve(
     Raises:
         MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
-    talks: Talks = {_MOMENTS: partial(show_moments, make)}
+    talks = {_MOMENTS: moments_talk(make)}
     serve_pages(
         lambda: page_files(make()), talks, door, host=host, browser=browser, started=started
     )
@@ -253,26 +262,37 @@ def page_text(setup: dict[str, Any]) -> str:
     )
 
 
-async def show_moments(make: Make, page: Any) -> None:
+def moments_talk(make: Make) -> Talk:
+    """What answers the pages of a run or a world, some of them at a time."""
+    return partial(_show, make, asyncio.Semaphore(_PAGES_AT_WORK))
+
+
+async def _show(make: Make, turns: asyncio.Semaphore, page: Any) -> None:
     """Answer each message of a page, until it leaves; an empty answer says that nothing changed."""
     from websockets.exceptions import ConnectionClosed
+    from websockets.protocol import State
 
     time = asyncio.get_running_loop().time
-    # In threads, so that one page's work holds up no other.
-    shown = await asyncio.to_thread(make)
+    shown: PageSession | None = None
     wanted = Wanted()
     last = time()
     with contextlib.suppress(ConnectionClosed):
         while True:
             before = wanted
             wanted = wanted.changed(await page.recv())
-            if wanted.drive != before.drive:
-                shown = await asyncio.to_thread(make)
+            # In threads, so that one page's work holds up no other. A page that left while it
+            # waited for its turn needs no answer.
+            async with turns:
+                if page.state is not State.OPEN:
+                    return
+                if shown is None or wanted.drive != before.drive:
+                    shown = await asyncio.to_thread(make)
+                seconds = time() - last
+                last = time()
+                answer = await asyncio.to_thread(shown.answer, wanted, seconds)
+            await page.send(answer or b"")
             if shown.drive is not None:
                 await asyncio.sleep(last + _STEP - time())
-            seconds = time() - last
-            last = time()
-            await page.send(await asyncio.to_thread(shown.answer, wanted, seconds) or b"")
 
 
 def is_own(name: str, host: str) -> bool:

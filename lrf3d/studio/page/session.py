@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,15 @@ from lrf3d.studio.page.hand_drive import DriveTimeline, HandDrive
 from lrf3d.studio.page.message import Part, Sender, part_of, times_part
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Camera, CameraPath, Look, PathCamera, SmoothPath
-from lrf3d.studio.scene.cameras import First, Story, behind, chase, margins, overview, top
+from lrf3d.studio.scene.cameras import First, behind, chase, overview, top
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.shapes import Lens, Seen
 from lrf3d.studio.scene.stage.stage import Stage
+from lrf3d.studio.scene.story import Story
 from lrf3d.studio.scene.timeline import Moment, Timeline
+from lrf3d.studio.scene.views import margins
 
 # A time [s] and a number of drives that no page gets to.
 _EVER = 1e9
@@ -97,6 +100,9 @@ class Wanted:
         return Wanted(view, **new) if within else self
 
 
+# How many times as fast as it is played what a story leaves out passes: at once.
+_SKIPPED = 1e9
+
 # The words of a panel for a moment and a look.
 Said = Callable[[Moment, Look], str]
 
@@ -130,7 +136,10 @@ class PageSession:
         """A run that is played."""
         scene = Scene(Timeline(run, playback=playback))
         place = scene.timeline, scene.structures
-        cameras: dict[str, Camera] = {"story": Story(*place), "follow": chase(*place)}
+        cameras: dict[str, Camera] = {
+            "story": Story(*place, scene.exposure),
+            "follow": chase(*place),
+        }
 
         def said(moment: Moment, view: Look) -> str:
             return panel(run, moment, view, playback).text[0]
@@ -166,6 +175,7 @@ class PageSession:
             "mode": "drives" if drive else "plays",
             "end": end,
             "story": [-before * timeline.playback, end + after * timeline.playback],
+            "rates": self._rates(),
             "speed": timeline.playback,
             "trail": _legend(look.TRAIL_COLOUR),
             "estimate": _legend(look.ESTIMATE_COLOUR),
@@ -173,6 +183,23 @@ class PageSession:
             "share": 100.0 * inset.bar / inset.width,
             "aspect": 1.0 / inset.aspect,
         }
+
+    def _rates(self) -> list[tuple[float, float, float]]:
+        """From when to when [s] a story passes faster than it is played, and how many times."""
+        story = self.cameras.get("story")
+        if not isinstance(story, Story):
+            return []
+        timeline = self.scene.timeline
+        found = []
+        for before, shot in pairwise(story.shots):
+            rate = (shot.end - shot.start) / (shot.length * timeline.playback)
+            found.append((before.end, shot.start, _SKIPPED))
+            found.append((shot.start, shot.end, rate))
+        return [
+            (begin - timeline.start, end - timeline.start, rate)
+            for begin, end, rate in found
+            if end > begin and rate > 1.0
+        ]
 
     def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
         """The message for a page that wants this, after some seconds; None if it has all."""

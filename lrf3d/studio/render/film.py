@@ -21,13 +21,14 @@ from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.scene import panel
-from lrf3d.studio.scene.cameras import make_camera, margins
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.look import SIZE, WHITE, scale
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import Label, Pixels
+from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.timeline import Timeline, smoothed
+from lrf3d.studio.scene.views import make_camera, margins
 from lrf3d.world.cameras import check_view
 
 # Time past its end at which a run can still be shown [s], as sums of steps are rounded.
@@ -110,7 +111,9 @@ class FilmOptions:
     size: tuple[int, int] = SIZE
     view: str | None = None
     playback: float | None = None
-    samples: int = 4
+    # How long a story takes [s].
+    length: float = LENGTH
+    samples: int = 1
     renderer: str | None = None
     panel: str = "short"
     # What is drawn over the scene.
@@ -127,13 +130,16 @@ class FilmOptions:
         """
         expect(run, Run, "run")
         view = run.film.view if self.view is None else self.view
-        playback = run.playback if self.playback is None else self.playback
+        playback = self.playback
+        if playback is None:
+            # A story shows parts of a long run, and those no faster.
+            playback = run.film.playback_of(0.0) if view == "story" else run.playback
         paired = isinstance(self.size, tuple | list) and len(self.size) == 2
         _check(paired, "size", self.size, "width and height [pixels]")
         _check(isinstance(view, str), "view", view, "the name of a camera")
         check_view(view, run.world.cameras)
-        sampled = is_finite(self.samples) and self.samples in (0, 4)
-        _check(sampled, "samples", self.samples, "0 or 4")
+        sampled = is_finite(self.samples) and self.samples in (0, 1, 4)
+        _check(sampled, "samples", self.samples, "0, 1 or 4")
         _check(self.panel in panel.PANELS, "panel", self.panel, f"one of {', '.join(panel.PANELS)}")
         limits = {"least": _SMALLEST, "most": _LARGEST}
         width, height = (whole_number(side, "size", **limits) for side in self.size)
@@ -142,6 +148,7 @@ class FilmOptions:
             size=(width, height),
             view=view,
             playback=number(playback, "playback", positive=True),
+            length=number(self.length, "length", least=SHORTEST, most=LONGEST),
             renderer=choose_renderer(self.renderer),
             layers=frozenset(self.layers),
             goal=self._checked_goal(),
@@ -194,7 +201,7 @@ class Film:
             from lrf3d.studio.render.plain import PlainRenderer
 
             self.renderer = PlainRenderer(self.scene.stage, chosen.size)
-        self.camera = make_camera(str(chosen.view), self.timeline, self.scene.structures)
+        self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"

@@ -32,7 +32,8 @@ def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
     # Shaders know constants of the look by their names.
     named = sorted(set(re.findall(r"\b[A-Z][A-Z_]+\b", common + own)))
     values = {each: getattr(look, each) for each in named if hasattr(look, each)}
-    for constant, value in {**values, "COOL": setting.cool, "NIGHT_HIGH": setting.night}.items():
+    values |= {"COOL": setting.cool, "NIGHT_HIGH": setting.night, "TOP_LIT": setting.top}
+    for constant, value in values.items():
         parts = np.ravel(value).tolist()
         kind = f"vec{len(parts)}" if len(parts) > 1 else "float"
         lines.append(f"const {kind} {constant} = {kind}({', '.join(map(repr, parts))});\n")

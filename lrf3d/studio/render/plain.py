@@ -74,7 +74,8 @@ class PlainRenderer:
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
         self._scale = look.scale(size, look.LEAST_SCALE)
-        self._corners = single(stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
+        quads = np.concatenate(stage.faces[:4], axis=2)
+        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 13))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         setting = stage.structures.setting
@@ -84,6 +85,8 @@ class PlainRenderer:
             *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
             np.array([look.HAZE, look.ZENITH, setting.night, setting.cool]),
+            setting.top,
+            np.inf,
         )
         times = stage.exposure.texels
         self._mirrors = stage.mirrors
@@ -102,7 +105,7 @@ class PlainRenderer:
         if seen.cut != self._cut:
             self._cut, corners = seen.cut, self._corners.copy()
             corners[..., 2] = np.minimum(corners[..., 2], seen.cut)
-            self._surfaces = self._surfaces._replace(corners=corners)
+            self._surfaces = self._surfaces._replace(corners=corners, cut=seen.cut)
             self._rays = TriangleRays(single(corners[..., :3]))
         canvas = self._look(seen, lens, ways, None)
         for reflection in reflections(seen, self._mirrors):

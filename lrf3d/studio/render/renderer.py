@@ -20,6 +20,7 @@ from lrf3d.studio.render.buffers import (
     make_current,
 )
 from lrf3d.studio.render.glsl import columns_of, ground_of, mesh
+from lrf3d.studio.render.smooth import smooth_edges
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import (
     Inset,
@@ -40,7 +41,7 @@ from lrf3d.studio.scene.stage.stage import Stage
 class Renderer:
     """Draws the scenes of a stage into RGBA pictures of a size [pixels].
 
-    With 4 samples a pixel edges are smooth, with 0 they are not.
+    With 4 samples a pixel edges are smooth, and with 1 they are smoothed; with 0 they are neither.
     """
 
     def __init__(self, stage: Stage, size: tuple[int, int], samples: int) -> None:
@@ -52,18 +53,20 @@ class Renderer:
         self._frame, self._targets = _framebuffer(size, 0)
         self._sampled: int | None = None
         self._samples_taken: list[int] = []
-        if samples:
+        self._smooths = samples == 1
+        if samples > 1:
             self._sampled, self._samples_taken = _framebuffer(size, samples)
             self._resolving = self._filled(
                 "resolve", np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
             )
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
+        self._bright = np.zeros((size[1], size[0]), np.int16)
         self._scale = look.scale(size, look.LEAST_SCALE)
         self._camera = CameraBlock()
         self._parts = _Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
-        self._walls = self._filled("walls", *stage.faces[:3])
+        self._walls = self._filled("walls", *stage.faces[:4])
         ground = stage.ground
         self._ground = self._filled("ground", ground_of(ground, 1))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
@@ -112,6 +115,8 @@ class Renderer:
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)
         GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
+        if self._smooths:
+            smooth_edges(self._picture, self._picture.copy(), self._bright)
         return self._picture
 
     def close(self) -> None:
@@ -142,7 +147,9 @@ class Renderer:
         self._tints.bind()
         GL.glEnable(GL.GL_DEPTH_TEST)
         GL.glDepthFunc(GL.GL_LEQUAL)
-        GL.glBlendFunc(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA)
+        # What is blended takes opacity from the picture: its soft edges are not smoothed again.
+        left = GL.GL_ZERO, GL.GL_ONE_MINUS_SRC_ALPHA
+        GL.glBlendFuncSeparate(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA, *left)
         GL.glEnable(GL.GL_PROGRAM_POINT_SIZE)
         # The picture is drawn turned over, which turns the sense of its triangles too.
         GL.glFrontFace(GL.GL_CW)

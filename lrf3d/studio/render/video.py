@@ -16,11 +16,11 @@ from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.film import SLACK, FilmOptions
 from lrf3d.studio.render.workers import Job, draw
-from lrf3d.studio.scene.cameras import margins
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.views import film_times, margins
 
 # Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller.
 _EFFORT = 4
@@ -52,10 +52,11 @@ def render_video(
         options: ``size``, width and height [pixels] (1280, 720), both even for .mp4;
             ``playback``, seconds of the run in a second of the film; ``view``, the camera:
             ``story``, ``chase``, ``first``, ``orbit``, ``overview``, ``top`` or one of the world's;
-            ``samples`` a pixel against jagged edges, 4, or 0 for none; ``renderer``, ``gl``, or
-            ``embree`` which needs no OpenGL and takes longer; ``panel``, ``short`` for three facts
-            or ``full`` for all numbers. If not given, the run has its own view and playback, and
-            OpenGL draws where it is there.
+            ``length``, how long a story takes [s] (15), which shows parts of a longer run;
+            ``samples`` a pixel: 1, whose edges are smoothed, 4, or 0 for jagged edges;
+            ``renderer``, ``gl``, or ``embree`` which needs no OpenGL and takes longer; ``panel``,
+            ``short`` for three facts or ``full`` for all numbers. If not given, the run has its own
+            view and playback, and OpenGL draws where it is there.
 
     Raises:
         InputError: An argument is out of its range.
@@ -113,7 +114,11 @@ def _frame_times(
         limit if e is None else e for e, limit in zip(part, (-np.inf, np.inf), strict=True)
     )
     timeline = Timeline(run, playback=options.playback)
-    times = timeline.frame_times(fps, margins(str(options.view)))
+    view = str(options.view)
+    if low == -np.inf and high == np.inf:
+        return film_times(view, timeline, fps, options.length)
+    # A part is shown without gaps.
+    times = timeline.frame_times(fps, margins(view))
     chosen = times[(times >= low - SLACK) & (times <= high + SLACK)]
     if not len(chosen):
         raise InputError(

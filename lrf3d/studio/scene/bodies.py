@@ -4,6 +4,7 @@ All have a pose: they are triangles in their own frames, and shadows and darts w
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,7 +99,7 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
 
     Another robot has another colour (3,).
     """
-    mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
+    mesh = _robot_mesh()
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
     x, z, y = mesh.vertices.T
@@ -113,6 +114,12 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
     off = np.abs(colours - ROBOT).max(axis=1)
     colours = np.where((off == off.min())[:, None], colour, colours)
     return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
+
+
+@cache
+def _robot_mesh() -> Any:
+    # Meshes of trimesh are cycles, of which each would wait for the garbage collector.
+    return trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
 
 
 def _lit(colours: Float, normals: Float) -> Float:

@@ -1,12 +1,5 @@
-"""The cameras of a film by name: with the robot, fixed, of the whole, and one that tells a story.
+"""The cameras of a film: with the robot, fixed, and of the whole."""
 
-The story shows a run in shots of some seconds. It opens at the robot in the dark, and rises to show
-its first scan as a wave of light; then come the chase, a rising shot, a look from near and one from
-high up, again and again in long runs; at the end the whole is seen, and what the robot never saw
-becomes glass.
-"""
-
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -14,7 +7,7 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry.lines import Float
-from lrf3d.studio.scene.camera import AIM, STEP, Camera, CameraPath, Look, PathCamera, SmoothPath
+from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothPath
 from lrf3d.studio.scene.look import SECTION, Rig
 from lrf3d.studio.scene.stage.stage import STREET
 from lrf3d.studio.scene.stage.structures import Structures
@@ -66,7 +59,7 @@ _TOP_FIELD = float(np.radians(3.0))
 _SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
 
 # Angular speed of an overview [rad/s of the film].
-_DRIFT = np.radians(1.2)
+DRIFT = np.radians(1.2)
 
 # Time before and after its middle for which an overview goes round [s of the film]: long films do
 # not end at the back.
@@ -89,67 +82,6 @@ _CALM = 12.5
 
 # Least share of the angle that is left, so that the robot stays in sight when it is far off.
 _NARROWEST = 0.15
-
-# Time for which a story shows the robot before the run starts [s of the film].
-OPENING = 1.6
-
-# Time for which a story shows the whole after the run has ended [s of the film].
-CLOSING = 6.0
-
-# Time for which the finished map and its card are held at the end [s of the film].
-HELD = 3.2
-
-# Least share of glass at the end: what is lit is seen from both sides from its first picture on.
-_FIRST_GLASS = 1e-3
-
-# Shots of the run, in their order.
-SHOTS = ("chase", "rise", "close", "high")
-
-# About how long each shot is [s of the film].
-_SHOT = 4.8
-
-# Time after the start in which the first scan is seen [s of the film].
-_FIRST = 2.6
-
-# Largest share of the run for which the first scan is shown.
-_FIRST_SHARE = 0.4
-
-# The camera in the dark.
-_DARK = Rig(2.9, 13.0, shift=-0.25)
-
-# Angle by which that camera turns round the robot [rad].
-_DARK_TURN = 0.7
-
-# When that camera begins to rise, as a share of the opening before the run starts.
-_RISES = 0.3
-
-# When that camera has risen, as a share of the time in which the first scan is seen.
-_RISEN = 0.6
-
-# How much steeper the eye looks down on its way to where the whole is seen from [rad]: into
-# streets, over the houses beside the robot.
-_INTO_STREETS = np.radians(25.0)
-
-# The camera at the end of a rising shot, over the robot.
-_ABOVE = Rig(92.0, 66.0, 40.0)
-
-# Share of the robot's turns that a rising shot follows.
-_ABOVE_TURN = 0.5
-
-# Speed of a rising shot, in that which would take all its time: it ends at rest.
-_ABOVE_SPEED = 1.15
-
-# Largest distance of shots from above, as a share of that from which the whole is seen.
-_SHARE = 0.6
-
-# The camera of a shot from near.
-_CLOSE = Rig(4.6, 20.0, 42.0, -0.35)
-
-# Number of sides from which a shot from near may begin.
-_CLOSE_SIDES = 6
-
-# The camera of a shot from high up.
-_HIGH = Rig(64.0, 68.0, 34.0)
 
 
 def chase(timeline: Timeline, structures: Structures) -> PathCamera:
@@ -226,8 +158,9 @@ def overview(
     structures: Structures,
     free_below: float = _FREE_BELOW,
     at: float | None = None,
+    drift: float = DRIFT,
 ) -> PathCamera:
-    """Looks at the whole world from one side, and drifts slowly round it.
+    """Looks at the whole world from one side, and drifts [rad/s of the film] slowly round it.
 
     It stands at that side at a time [s] of a story, or else in the middle of the run.
     """
@@ -242,7 +175,7 @@ def overview(
         # From the side from which the whole is as large as from any.
         tracks = [_fit(corners, times[:1], side, *shape) for side in _SIDES]
         side = min(tracks, key=lambda track: float(track.aways.min())).turns
-        return _fit(corners, times, side + _DRIFT * passed, *shape)
+        return _fit(corners, times, side + drift * passed, *shape)
 
     return PathCamera(track, {"cuts": True, "shot": "whole"})
 
@@ -314,135 +247,3 @@ def _fit(
         np.full(len(turns), each) for each in (steep, field, free_below - _FREE_ABOVE)
     )
     return CameraPath(times, np.column_stack(place), turns, steeps, aways, fields, shifts)
-
-
-class Story:
-    """Shows a run in shots."""
-
-    def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._timeline = timeline
-        self._structures = structures
-        self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
-        self._path = SmoothPath.of(timeline)
-        end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
-        self._whole = overview(timeline, structures, CARD, at=end)
-        followed = chase(timeline, structures)
-        self._chase = followed.track(1.0)
-        self._cuts_near = followed.shown["cuts"]
-        turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
-        self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]
-        self._length = (timeline.end - timeline.start) / timeline.playback
-        first = min(_FIRST, _FIRST_SHARE * self._length)
-        count = max(1, round((self._length - first) / _SHOT))
-        self._shots = ["opening", *(SHOTS[shot % len(SHOTS)] for shot in range(count)), "end"]
-        self._cuts = np.array(
-            [-OPENING, *np.linspace(first, self._length, count + 1), self._length + CLOSING]
-        )
-        self._track = cache(self._made)
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run, also before its start and after its end."""
-        passed = (time - self._timeline.start) / self._timeline.playback
-        # The end begins when the run has ended.
-        last = len(self._shots) - 1 - (passed <= self._length)
-        number = int(np.clip(np.searchsorted(self._cuts, passed, "right") - 1, 0, last))
-        shot = self._shots[number]
-        track = self._track(number, aspect)
-        if shot == "opening":
-            return track.look(time, cuts=True, opens=passed > 0.0, shot="wave")
-        if shot == "end":
-            glass = max(float(_eased((passed - self._length) / (CLOSING - HELD))), _FIRST_GLASS)
-            return track.look(time, cuts=True, glass=glass, shot=shot)
-        cuts = shot != "chase" or self._cuts_near
-        return track.look(time, cuts=cuts, opens=shot in ("rise", "high"), shot=shot)
-
-    def _made(self, number: int, aspect: float) -> CameraPath:
-        """The looks of a shot by its number."""
-        begin, end = self._cuts[number : number + 2]
-        passed = np.arange(begin, end + STEP, STEP)
-        times = self._timeline.start + self._timeline.playback * passed
-        near = self._chase.at(times)
-        whole = self._whole.track(aspect).at(times)
-        shot = self._shots[number]
-        path = self._path
-        places = interpolated(times, path.times, path.places)
-        ahead, *_ = near.turns
-        side, *_ = whole.turns
-        farthest, *_ = whole.aways
-
-        def above(turns: Float, rig: Rig) -> CameraPath:
-            away = min(rig.away, _SHARE * float(farthest))
-            return CameraPath.along(
-                SmoothPath(times, places, turns), turns, rig._replace(away=away)
-            )
-
-        if shot == "opening":
-            turns = ahead + _DARK_TURN * (1.0 - _eased((passed - begin) / (end - begin)))
-            # The smoothed path of a fast film begins ahead of the robot.
-            poses = self._timeline.poses(np.maximum(times, self._timeline.start))
-            places = poses[:, :2] - self._timeline.origin
-            dark = CameraPath.along(SmoothPath(times, places, turns), turns, _DARK)
-            dark = dark.past_walls(self._structures, places)
-            rises = _RISES * begin
-            shown = _eased((passed - rises) / (_RISEN * end - rises))
-            return self._between(dark, above(turns, self._structures.setting.wave), shown)
-        if shot == "end":
-            last = self._track(number - 1, aspect).at(times)
-            return self._between(last, whole, _eased((passed - begin) / (CLOSING - HELD)))
-        if shot == "rise":
-            far = above(ahead + _ABOVE_TURN * (near.turns - ahead), _ABOVE)
-            return self._between(near, far, _eased(_ABOVE_SPEED * (passed - begin) / (end - begin)))
-        if shot == "close":
-            # The side from which it has the most room, and low walls hide the least.
-            sides = [track.at(times) for track in self._close]
-            return max(sides, key=lambda track: (track.aways.min(), -track.steeps.max()))
-        return above(np.full(len(times), side), _HIGH) if shot == "high" else near
-
-    def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
-        """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""
-        # The distance grows by the same factor in each second; steps in and down come last.
-        aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
-        gap = far.aways - near.aways
-        moved = (aways - near.aways) / np.where(gap == 0.0, 1.0, gap)
-        # The short way round as seen half-way, and for the whole shot: else the eye would leap.
-        turned = far.turns - near.turns
-        turned -= 2.0 * np.pi * np.round(turned[np.argmin(np.abs(share - 0.5))] / (2.0 * np.pi))
-        down = np.sqrt(share)
-        fields = near.fields + share * (far.fields - near.fields)
-        # Seen from above, the robot would soon leave a picture that is moved up.
-        steeps, shifts = (
-            a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
-        )
-        steeps += np.sin(np.pi * down) * self._into_streets
-        middles = near.middles + moved[:, None] * (far.middles - near.middles)
-        return CameraPath(
-            near.times, middles, near.turns + share * turned, steeps, aways, fields, shifts
-        )
-
-
-def _eased(shares: Float | float) -> Float:
-    """Shares that leave 0 and reach 1 at rest."""
-    shares = np.clip(shares, 0.0, 1.0)
-    return np.asarray(shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2))
-
-
-CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
-    "chase": chase,
-    "first": First,
-    "orbit": orbit,
-    "overview": overview,
-    "story": Story,
-    "top": top,
-}
-
-
-def margins(view: str) -> tuple[float, float]:
-    """How long a film goes on before the run starts and after it has ended [s of the film]."""
-    return (OPENING, CLOSING) if view == "story" else (0.0, 0.0)
-
-
-def make_camera(view: str, timeline: Timeline, structures: Structures) -> Camera:
-    """Make the camera of a name, of every world or a fixed one of this, for a run."""
-    if view in CAMERAS:
-        return CAMERAS[view](timeline, structures)
-    return Fixed(next(c for c in timeline.run.world.cameras if c.name == view), timeline)

@@ -82,6 +82,15 @@ EMBER_SHARE = (0.45, 0.16, 0.72)
 # Time in which a place becomes lit [s of the film].
 DAWN = 0.6
 
+# Height of a storey of a house [m].
+STOREY = 3.1
+
+# Height of a shelf of a rack [m].
+SHELF = 0.78
+
+# Width of the edge of light, in the share of how surely places were seen.
+RIM = 0.32
+
 # How light fades with the height [1/m]: that of a lamp so low does not reach high walls.
 FALL = 0.04
 
@@ -225,6 +234,8 @@ class Setting(NamedTuple):
     land: int
     # How far the loss of light next to walls reaches [m].
     shade: float
+    # Share of light of roofs beside a wall that was seen: in rooms they are cut through.
+    top: float
     # The camera behind the robot.
     chase: Rig
     # The camera that goes round the robot.
@@ -237,13 +248,13 @@ class Setting(NamedTuple):
 
 TOWN = Setting(
     night=rgb("#263349"), cool=(1.02, 1.10, 1.24), haze=190.0, beams=42.0, cell=0.25,
-    before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2,
+    before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2, top=0.0,
     chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3), wave=Rig(44.0, 62.0),
     steep=float(np.radians(42.0)),
 )  # fmt: skip
 ROOMS = Setting(
     night=rgb("#1f2a3e"), cool=(0.74, 0.82, 0.95), haze=120.0, beams=14.0, cell=0.08,
-    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=96, shade=0.25,
+    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=96, shade=0.25, top=0.62,
     chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0), wave=Rig(11.0, 60.0),
     steep=float(np.radians(56.0)),
 )  # fmt: skip

@@ -6,10 +6,10 @@ A run and a moment of it enter, lines of text leave.
 from functools import partial
 
 import numpy as np
-import shapely
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
+from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look
@@ -38,23 +38,23 @@ _REFLECTION_TIME = 4.0
 # Least number of dropped walls that it mentions.
 _DROPPED = 3
 
-# Largest distance of the map from a wall that it has [m].
-_FOUND = 0.1
-
-# Share of the length of a wall that the map has if the wall counts as found.
-_FOUND_SHARE = 0.5
-
 # Share of glass at the end of a story from which on its card is seen.
 _CARD_FROM = 0.9
 
 # Seconds in a minute; times of ten minutes and more are said in minutes.
 _MINUTE = 60.0
 
+# Shots whose caption says what has entered the map.
+_NEAR = ("chase", "close")
+
+# Time over which it counts that [s of the film].
+_NEWS_TIME = 2.0
+
 # Shots whose caption counts walls.
 _WALLS = ("rise", "whole", "end")
 
 # All shots of the film's own cameras.
-_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
+_SHOTS = ("wave", *_NEAR, *_WALLS)
 
 # Number of letters of the longest line.
 _LINE_LENGTH = 60
@@ -75,19 +75,15 @@ def _caption(run: Run, moment: Moment, shot: str) -> str:
 def _mapped(run: Run, moment: Moment, shot: str) -> str:
     """Words on the map, for shots that show it."""
     line_map = run.map_after(moment.mapped)
-    if shot in ("chase", "close"):
-        return _reflected(run, moment)
+    if shot in _NEAR:
+        return _reflected(run, moment) or _entered(run, moment)
     if shot in _WALLS and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
-    if shot == "high" and len(line_map):
-        return f"{counted(line_map.object_count, 'object')}, each in its own colour"
     return ""
 
 
 def _measured(run: Run, moment: Moment, shot: str) -> str:
-    """Words on the laser: what it has measured, or its beams and how often they are sent."""
-    if shot == "close":
-        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
+    """Words on the laser: its beams, and how often they are sent."""
     beams = f"{len(run.ranges.T)} laser beams"
     if shot == "wave":
         return f"{beams} light up what they reach"
@@ -101,12 +97,25 @@ def _reflected(run: Run, moment: Moment) -> str:
     line_map = run.map_after(moment.mapped)
     if "mirror" not in line_map.kinds:
         return ""
-    then = moment.time - _REFLECTION_TIME * run.playback
-    earlier = max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
+    earlier = _scan_before(run, moment, _REFLECTION_TIME)
     most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
     dropped = most - len(line_map)
     said = f"The room in the mirror is a reflection: {dropped} walls dropped"
     return said if dropped >= _DROPPED else ""
+
+
+def _entered(run: Run, moment: Moment) -> str:
+    """Words on the walls that have entered the map in the last seconds, if there are some."""
+    earlier = _scan_before(run, moment, _NEWS_TIME)
+    new = len(run.map_after(moment.mapped)) - len(run.map_after(earlier))
+    seconds = moment.time - run.trajectory.times[earlier]
+    return f"{counted(new, 'new wall')} in {seconds:.0f} s" if new > 0 and seconds >= 1.0 else ""
+
+
+def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
+    """The newest scan some seconds of the film before a moment."""
+    then = moment.time - seconds * run.playback
+    return max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
 
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
@@ -118,7 +127,7 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
         said = _numbers(run, moment, playback)
         counts = [run.map_after(moment.mapped).counts if run.maps else ""]
     else:
-        said = [_passed(run, moment, playback, head)]
+        said = [_passed(run, moment, playback, head, view.shot)]
         counts = []
     others = [*((words, _PALE) for words in said), *_trails(run, moment.scan)]
     return _label(
@@ -127,11 +136,12 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
     )
 
 
-def _passed(run: Run, moment: Moment, playback: float, head: str) -> str:
+def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
     """How much time has passed, how fast, and how many walls are mapped, if the head is silent."""
     seconds = moment.time - run.trajectory.times.min()
     words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
-    if playback > 1.0:
+    # What the camera rises over passes faster than all else.
+    if playback > 1.0 and shot != "rise":
         words += f" at {playback:.2g} × speed"
     walls = counted(len(run.map_after(moment.mapped)), "wall")
     if run.maps and walls not in head:
@@ -153,22 +163,13 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 
 
 def _card(run: Run) -> Label:
-    """What was found in the end: of the walls of the world, if they are known."""
+    """What was found in the end: of the walls that were in sight, if they are known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):
         return _label([(f"{counted(len(run.map), 'wall')}, {objects}", _INK)], _SIZE)
-    # A wall is found that has a segment of the map along most of its length.
-    walls, mapped = (
-        shapely.linestrings(each.segments.reshape(-1, 2, 2)) for each in (run.world, run.map)
-    )
-    near = shapely.union_all(shapely.buffer(mapped, _FOUND, cap_style="flat"))
-    shapely.prepare(near)
-    along = shapely.length(shapely.intersection(walls, near))
-    found = int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
-    count = len(walls)
-    share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    return _label([(share, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
+    found = found_words(score_run(judged_part(run)).as_dict())
+    return _label([(found, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:

@@ -6,7 +6,8 @@ footprints that touch are dissolved into blocks, with only their outer walls.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -18,13 +19,14 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely.geometry import shape
 
+from lrf3d.base.balance import Balance
 from lrf3d.base.errors import WorldError, shown
+from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, is_finite
 from lrf3d.world.materials import Material, material_of
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import (
     Part,
-    check_crossings,
     from_corner,
     groups,
     members_of,
@@ -49,9 +51,6 @@ STRAIGHT = 0.01
 # A full turn, and the latitude of a pole [°].
 TURN = 360.0
 POLE = 90.0
-
-# Largest number of times that an outline crosses itself; surveyors let it cross once or twice.
-MOST_CROSSINGS = 200
 
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
@@ -80,6 +79,18 @@ FLAT = frozenset(
     " power place parking public_transport".split()
 )
 
+# Values of ``building`` of what is not there yet, or no more.
+ABSENT = ("proposed", "planned", "demolished", "razed")
+
+# Width [m] of a door in the wall of a room, where nothing is given.
+DOOR = 0.9
+
+# Distance [m] from an opening within which it opens a wall.
+SIDE = 0.05
+
+# Distance [m] within which the walls of two rooms are one wall.
+SHARED = 1e-3
+
 # Properties of what is built.
 STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
 
@@ -94,8 +105,12 @@ class Feature:
     colour: tuple[float, float, float] | None = None
     number: int | None = None
     material: Material | None = None
-    # Whether it is a road, water or land, on which nothing stands.
-    flat: bool = False
+    # Why it is left out.
+    left_out: str = ""
+    # Whether it is a room, whose outline is walls, or an opening in walls.
+    role: str = ""
+    # The storeys on which it is; none where it names none.
+    levels: tuple[str, ...] = ()
 
     @property
     def lines(self) -> Float:
@@ -135,22 +150,118 @@ def feature_of(item: object) -> Feature:
         properties = {**properties["tags"], **properties}
     held = {key for key, value in properties.items() if value not in (None, "", "no", False)}
     if held & FLAT and not held & STANDS:
-        return Feature((), flat=True)
+        return Feature((), left_out="feature of roads, water and land")
+    if properties.get("building") in ABSENT:
+        return Feature((), left_out=f"building: {properties['building']}")
     number = properties.get("object")
     name = properties.get("name")
     colours = (properties.get(key) for key in ("colour", "building:colour", "color"))
+    geometry = item if bare else item.get("geometry")
+    role = room_role(properties)
+    shapes = tuple(_shapes(geometry, points=role == "opening"))
+    kind = geometry["type"] if geometry else "nothing"
     return Feature(
-        tuple(_shapes(item if bare else item.get("geometry"))),
+        shapes,
         _height(properties),
         name if isinstance(name, str) else "",
         next(filter(None, map(parse_colour, colours)), None),
         number if type(number) is int and 0 <= number <= MOST_OBJECTS else None,
         material_of(properties.get("material", properties.get("building:material"))),
+        "" if shapes else f"feature without a wall: {str(kind)[:40]}",
+        role,
+        levels_of(properties.get("level_id", properties.get("level"))),
     )
 
 
-def _shapes(geometry: Any) -> Iterator[Any]:
-    """The polygons and lines of a geometry, checked; points, such as trees, are left out."""
+def room_role(properties: Mapping[str, Any]) -> str:
+    """Whether properties are those of a room or of an opening in its walls.
+
+    They are those of OpenStreetMap's Simple Indoor Tagging, or of IMDF.
+    """
+    kind = properties.get("feature_type")
+    leads = properties.get("door") not in (None, "", "no")
+    if kind == "opening" or (
+        leads and not {"building", "building:part", "barrier"} & set(properties)
+    ):
+        return "opening"
+    unit = kind == "unit" or {"category", "level_id"} <= set(properties)
+    return "room" if unit or properties.get("indoor") in ("room", "corridor", "area") else ""
+
+
+def levels_of(value: object) -> tuple[str, ...]:
+    """The storeys in a value such as 1, "0;1" or "-1-2".
+
+    >>> levels_of(1), levels_of("0;2"), levels_of("-1-1"), levels_of(None)
+    (('1',), ('0', '2'), ('-1', '0', '1'), ())
+    """
+    found = list[str]()
+    for text in re.split(r"[;,]", "" if value is None else str(value)[:100]):
+        span = re.fullmatch(r"\s*(-?\d{1,3})\s*-\s*(-?\d{1,3})\s*", text)
+        if span:
+            found += map(str, range(int(span[1]), int(span[2]) + 1))
+        elif text.strip():
+            found.append(re.sub(r"\.0+$", "", text.strip()))
+    return tuple(found)
+
+
+def with_rooms(
+    features: Sequence[Feature], level: str | None, balance: Balance
+) -> tuple[list[Feature], str]:
+    """Features in metres with the walls of rooms on one storey, and what was assumed.
+
+    Rooms become the lines of their outlines, each once, which openings divide. Without a level the
+    storey is the ground floor, or that of most rooms.
+    """
+    known = Counter(each for f in features if f.role == "room" for each in f.levels[:1])
+    chosen = level or ("0" if "0" in known or not known else known.most_common(1)[0][0])
+    if level is not None and level not in {each for f in features for each in f.levels}:
+        raise WorldError(f"has no level {shown(level)}; levels are {', '.join(sorted(known)[:20])}")
+    here = list[Feature]()
+    for feature in features:
+        # Buildings name a level, too, on which their entrance is.
+        if feature.levels and chosen not in feature.levels and (feature.role or level):
+            balance.used -= 1
+            balance.leave(f"feature of another level: {', '.join(feature.levels[:3])}")
+        else:
+            here.append(feature)
+    rooms = [f for f in here if f.role == "room"]
+    openings = [f for f in here if f.role == "opening"]
+    if not rooms:
+        balance.used -= len(openings)
+        balance.leave("opening without a room", len(openings))
+    found = [f for f in here if not f.role] + _walls_of_rooms(rooms, openings)
+    others = ", ".join(sorted(known)[:20])
+    said = f"level {chosen} of {others} is read; --level chooses" if len(known) > 1 else ""
+    return found, f"{counted(len(rooms), 'indoor room')}; {said}".strip("; ") if rooms else ""
+
+
+def _walls_of_rooms(rooms: list[Feature], openings: list[Feature]) -> list[Feature]:
+    """The walls of rooms that touch, as one feature each."""
+    if not rooms:
+        return []
+    # A wall of no area may divide a room, too.
+    areas = shapely.make_valid(np.array(shapes_of(rooms), dtype=object))
+    outlines = [each.boundary if each.area else each for each in areas]
+    lines = shapely.union_all(outlines, grid_size=SHARED)
+    open_ = [
+        each.buffer(0.5 * DOOR)
+        if each.geom_type == "Point"
+        else each.buffer(SIDE, cap_style="flat")
+        for each in shapes_of(openings)
+    ]
+    lines = shapely.line_merge(lines.difference(shapely.union_all(open_)))
+    houses = shapely.get_parts(shapely.union_all(shapely.buffer(areas, SHARED)))
+    parts = shapely.get_parts(lines)
+    house, line = shapely.STRtree(parts).query(houses, predicate="intersects")
+    height = next((room.height for room in rooms if room.height), DEFAULT_HEIGHT)
+    return [
+        Feature(tuple(parts[np.unique(line[house == number])]), height)
+        for number in np.unique(house)
+    ]
+
+
+def _shapes(geometry: Any, points: bool = False) -> Iterator[Any]:
+    """The polygons and lines of a geometry, checked; points are left out unless asked for."""
     if geometry is None:
         return
     if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
@@ -165,6 +276,8 @@ def _shapes(geometry: Any) -> Iterator[Any]:
         raise WorldError(f"{kind}: expected finite coordinates of at most {LARGEST_COORDINATE:g} m")
     # A collection may hold several polygons in one.
     for part in shapely.get_parts(shapely.get_parts([whole])):
+        if points and part.geom_type == "Point" and not part.is_empty:
+            yield part
         if part.geom_type in ("LineString", "Polygon") and not part.is_empty:
             _check_shape(part, kind)
             yield shapely.remove_repeated_points(part)
@@ -179,9 +292,8 @@ def _check_shape(part: Any, kind: str) -> None:
 
 
 def encloses(polygon: Any) -> bool:
-    """Whether a polygon encloses anything; one that crosses itself time and again is an error."""
+    """Whether a polygon encloses anything."""
     if not shapely.is_valid(polygon):
-        check_crossings(polygon, MOST_CROSSINGS, "lines of one outline")
         polygon = shapely.make_valid(polygon)
     return bool(polygon.area > 0.0)
 
@@ -315,8 +427,6 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     # Labels are numbered by their first members, so blocks keep the order of the source.
     for members in members_of(groups(*pairs_within(local, CLOSING, "footprints"), len(local))):
         rings = []
-        if len(members) > 1:
-            check_crossings(local[members], 100 * MOST_CROSSINGS, "footprints")
         for index, points in _rings(local[members]):
             # Corners that came from the source, and not from closing a gap, are as in the source.
             gaps, nearest = map(np.asarray, source.query(points))

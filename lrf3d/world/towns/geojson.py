@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from lrf3d.base.balance import Balance
 from lrf3d.base.errors import Lrf3dNote, WorldError, missing_extra, shown
 from lrf3d.base.files import own_name, read_text, write_text
-from lrf3d.base.text import counted
 from lrf3d.geometry.lines import is_finite
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
@@ -41,6 +41,7 @@ from lrf3d.world.towns.features import (
     looks_geographic,
     moved,
     shapes_of,
+    with_rooms,
     world_of_features,
 )
 
@@ -51,22 +52,24 @@ DEGREES = {"4326", "4258", "4269"}
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
 
 
-def read_geojson(path: Path) -> World:
+def read_geojson(path: Path, level: str | None = None) -> World:
     """Read a world: Polygons are dissolved into blocks, each an object; lines follow after them.
 
     A wall of a block has the height of its footprint. Each feature of lines is an object; if all
-    have an integer property ``object``, it is the number of the object.
+    have an integer property ``object``, it is the number of the object. Rooms of OpenStreetMap or
+    IMDF are not dissolved: their outlines are walls, on one level.
     """
     data = _parse(path)
     features = list(_features(data))
-    flat = sum(feature.flat for feature in features)
-    if not any(feature.shapes for feature in features):
-        what = "that stands" if flat else "at all"
-        raise WorldError(f"holds no Polygon and no LineString {what}, so there is no wall")
-    if flat:
-        left = counted(flat, "feature") + " of roads, water and land"
-        warnings.warn(f"{path}: left out: {left}", Lrf3dNote, stacklevel=2)
+    balance = Balance("feature", _held(data), sum(not each.left_out for each in features))
+    for feature in features:
+        balance.leave(feature.left_out or "feature", bool(feature.left_out))
+    if not any(feature.shapes for feature in features if feature.role != "opening"):
+        held = f"; it holds {balance.words()}" if balance.left_out else ""
+        raise WorldError(f"holds no Polygon and no LineString, so there is no wall{held}")
     features, place = _placed(features, data, path)
+    features, said = with_rooms(features, level, balance)
+    balance.note(path, said)
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     world = world_of_features(features, name, place=place)
     free = FreeCells.from_dict(data["free"]) if "free" in data else None
@@ -94,6 +97,11 @@ def _placed(
     return features, found or place
 
 
+def _held(data: dict[str, Any]) -> int:
+    """The number of features in a file."""
+    return len(data["features"]) if data.get("type") == "FeatureCollection" else 1
+
+
 def _features(data: dict[str, Any]) -> Iterator[Feature]:
     """The features of a FeatureCollection, of a Feature or of a bare geometry."""
     items: Any = data.get("features") if data.get("type") == "FeatureCollection" else [data]
@@ -118,16 +126,27 @@ def _parse(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         data = json.loads(text, object_pairs_hook=_unique)
-    except RecursionError:
-        raise WorldError("nested too deeply for a world file") from None
     except ValueError as error:
-        raise WorldError(f"not JSON: {error}") from None
+        data = _of_lines(text)
+        if data is None:
+            raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):
         raise WorldError(f"expected a GeoJSON object, found a JSON {type(data).__name__}")
     kind = data.get("type", "elements" if "elements" in data else None)
     if isinstance(kind, str) and kind in _FOREIGN:
         raise WorldError(_FOREIGN[kind])
     return data
+
+
+def _of_lines(text: str) -> dict[str, Any] | None:
+    """The collection of features that stand in a line each, or None."""
+    lines = [line.strip("\x1e ") for line in text.splitlines() if line.strip()]
+    try:
+        items = [json.loads(line, object_pairs_hook=_unique) for line in lines[1:] and lines]
+    except (ValueError, RecursionError):
+        return None
+    features = [isinstance(item, dict) and item.get("type") == "Feature" for item in items]
+    return {"type": "FeatureCollection", "features": items} if all(features) and items else None
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

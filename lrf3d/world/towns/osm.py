@@ -5,13 +5,14 @@ closed ways and relations with a tag ``building``; their height is ``height``, o
 each of ``building:levels``. Where a ``building:part`` stands on the ground it takes the place of
 its building, with its own height. Elements that an extract of Overpass holds twice, as ``out body``
 and ``out skel``, are merged; places may stand in the ways (``out geom``). Where they are asked for,
-nodes ``natural=tree`` become trunks, slender blocks of bark as high as the tree. Tags are free
-text, which OpenStreetMap's wiki defines; a value that cannot be read counts as not given.
+nodes ``natural=tree`` become trunks, slender blocks of bark as high as the tree. Ways
+``barrier=wall`` or ``fence`` are walls, and so are the outlines of indoor rooms on one level, which
+doors open. Tags are free text, which OpenStreetMap's wiki defines; a value that cannot be read
+counts as not given. An element with tags is used, or left out and counted.
 """
 
-import warnings
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,14 +21,16 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import shapely
 
-from lrf3d.base.errors import Lrf3dNote, WorldError
+from lrf3d.base.balance import Balance
+from lrf3d.base.errors import WorldError
 from lrf3d.base.files import own_name
 from lrf3d.geometry.lines import Float
 from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
-from lrf3d.world.pieces import MOST_PAIRS, pairs_within
+from lrf3d.world.pieces import pairs_within
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.towns.features import (
+    ABSENT,
     LEVEL_HEIGHT,
     POLE,
     TURN,
@@ -35,8 +38,11 @@ from lrf3d.world.towns.features import (
     encloses,
     laid_flat,
     lay_flat,
+    levels_of,
     metres_of,
+    room_role,
     shapes_of,
+    with_rooms,
     world_of_features,
 )
 
@@ -53,17 +59,25 @@ Place = tuple[float, float]
 Node = int | Place
 
 
-def read_osm(path: Path, *, trees: bool = False) -> World:
+# Values of ``barrier`` of what stands as a wall.
+BARRIERS = ("wall", "fence", "city_wall", "retaining_wall")
+
+
+def read_osm(path: Path, *, trees: bool = False, level: str | None = None) -> World:
     """Read the buildings of an OpenStreetMap extract in XML, and the trunks of its trees if asked.
 
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
     """
     extract = _read(path)
-    left_out = Counter[str]()
-    features = [feature for feature in _buildings(extract, left_out) if feature.shapes]
-    if not features:
-        raise WorldError("holds no whole building, so there is no wall")
+    fates = dict[int, str]()
+    features = [each for each in _buildings(extract, fates) if each.shapes]
+    features += [*_lines(extract, fates), *_rooms(extract, fates)]
+    if not any(feature.role != "opening" for feature in features):
+        held = _balance(extract, fates, trees).words()
+        raise WorldError(
+            f"holds no whole building, so there is no wall; it holds {held or 'nothing'}"
+        )
     features, centre, extent = laid_flat(features)
     # Farther apart the projection is too inaccurate.
     if extent > 2.0:
@@ -71,9 +85,9 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     if trees and extract.trees:
         places, tags = zip(*extract.trees.values(), strict=True)
         features += trunks(lay_flat(np.array(places), centre), tags, shapes_of(features))
-    if left_out:
-        words = ", ".join(f"{number} {what}" for what, number in left_out.items())
-        warnings.warn(f"{path}: buildings left out: {words}", Lrf3dNote, stacklevel=2)
+    balance = _balance(extract, fates, trees)
+    features, said = with_rooms(features, level, balance)
+    balance.note(path, said)
     return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
 
 
@@ -83,6 +97,10 @@ class _Extract:
     def __init__(self) -> None:
         self.nodes = dict[Node, Place]()
         self.trees = dict[int, tuple[Place, Tags]]()
+        # The tags of the nodes that have some.
+        self.points = dict[int, Tags]()
+        # The kind and the number of each element with tags, as the file has them.
+        self.held = set[tuple[str, str]]()
         self.ways = dict[int, tuple[list[Node], Tags]]()
         self.relations = dict[int, tuple[list[tuple[int, str]], Tags]]()
 
@@ -92,6 +110,8 @@ class _Extract:
         number = int(element.get("id", ""))
         if element.tag == "node":
             place = self.nodes[number] = _place(element)
+            if tags:
+                self.points[number] = tags
             if tags.get("natural") == "tree" and tags.get("location") != "underground":
                 self.trees[number] = place, tags
         elif element.tag == "way":
@@ -159,6 +179,8 @@ def _add(extract: _Extract, element: Element) -> None:
     """Add an element that is not marked as deleted."""
     if element.get("visible") == "false" or element.get("action") == "delete":
         return
+    if element.find("tag") is not None:
+        extract.held.add((element.tag, element.get("id", "")))
     try:
         extract.add(element)
     except ValueError as error:
@@ -173,24 +195,86 @@ def _place(element: Element) -> Place:
     return place
 
 
-def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
-    """The buildings, in degrees of longitude and latitude; counts those that are left out."""
-    found, outlines = _of_relations(extract)
+def _balance(extract: _Extract, fates: dict[int, str], trees: bool) -> Balance:
+    """What becomes of each element that has tags; the total comes from the file."""
+    balance = Balance("element", len(extract.held))
+    nodes = [*extract.points.values()]
+    fates |= {id(tags): "" for _, tags in extract.trees.values() if trees}
+    ways = [tags for _, tags in (*extract.ways.values(), *extract.relations.values()) if tags]
+    for tags in nodes + ways:
+        key = next((each for each in MAIN if each in tags), next(iter(tags)))
+        reason = fates.get(id(tags), key)
+        balance.used += not reason
+        balance.leave(reason, bool(reason))
+    return balance
+
+
+# Keys that say what an element is, the first of which counts.
+MAIN = (
+    "building building:part barrier indoor door entrance highway railway waterway aeroway natural"
+    " landuse leisure amenity shop power man_made boundary place public_transport route type"
+).split()
+
+
+def _lines(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
+    """The walls and fences, where their places are known, in degrees."""
+    for nodes, tags in extract.ways.values():
+        if (kind := tags.get("barrier", "no")) == "no" or id(tags) in fates:
+            continue
+        runs = [list(run) for known, run in groupby(nodes, extract.nodes.__contains__) if known]
+        places = [[extract.nodes[n] for n in run] for run in runs]
+        lines = [shapely.LineString(each) for each in places if len({*each}) > 1]
+        stands = kind in BARRIERS and lines
+        fates[id(tags)] = "" if stands else f"barrier: {kind}"
+        if stands:
+            yield Feature(tuple(lines), tag_height(tags), tags.get("name", ""))
+
+
+def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
+    """The rooms and the doors of Simple Indoor Tagging, in degrees."""
+    for number, (nodes, tags) in extract.ways.items():
+        role = "" if id(tags) in fates else room_role(tags)
+        if role == "room":
+            closed = extract.is_ring(number)
+            fates[id(tags)] = "" if closed else "incomplete indoor room"
+            if closed:
+                area = shapely.Polygon([extract.nodes[n] for n in nodes])
+                yield Feature(
+                    (area,), tag_height(tags), role=role, levels=levels_of(tags.get("level"))
+                )
+        elif role == "opening" and extract.is_whole(number):
+            fates[id(tags)] = ""
+            line = shapely.LineString([extract.nodes[n] for n in nodes])
+            yield Feature((line,), role=role, levels=levels_of(tags.get("level")))
+    for number, tags in extract.points.items():
+        if room_role(tags) == "opening":
+            fates[id(tags)] = ""
+            place = shapely.Point(extract.nodes[number])
+            yield Feature((place,), role="opening", levels=levels_of(tags.get("level")))
+
+
+def _buildings(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
+    """The buildings, in degrees of longitude and latitude; notes what becomes of each."""
+    found, outlines = _of_relations(extract, fates)
+    fates |= {id(extract.ways[n][1]): "" for n in outlines}
     for number, (refs, tags) in extract.ways.items():
         if number not in outlines and _kind(tags):
             closed = extract.is_ring(number)
-            left_out["that are not whole"] += not closed
+            fates[id(tags)] = "" if closed else "incomplete building"
             if closed:
                 found.append((tags, shapely.Polygon([extract.nodes[n] for n in refs])))
     for tags, area in _with_parts(found):
-        if is_building(tags):
+        stands = is_building(tags)
+        absent = tags.get("building") in ABSENT
+        reason = f"building: {tags.get('building')}" if absent else "building open at the ground"
+        fates[id(tags)] = "" if stands else reason
+        if stands:
             yield _feature(tags, area)
-        elif "building" in tags:
-            left_out["that leave the ground open"] += 1
-    left_out += Counter()  # Counts of 0 go.
 
 
-def _of_relations(extract: _Extract) -> tuple[list[tuple[Tags, Any]], set[int]]:
+def _of_relations(
+    extract: _Extract, fates: dict[int, str]
+) -> tuple[list[tuple[Tags, Any]], set[int]]:
     """The tags and areas of buildings that are relations, and the ways that outline them."""
     outlines = set[int]()
     found = list[tuple[Tags, Any]]()
@@ -207,6 +291,7 @@ def _of_relations(extract: _Extract) -> tuple[list[tuple[Tags, Any]], set[int]]:
             # A way within that has tags of its own is a building in the courtyard.
             outlines |= {n for n, _ in members if n in outer or ways[n][1] == building}
         if building is not None:
+            fates[id(tags)] = ""
             area = shapely.difference(extract.enclosed(outer), extract.enclosed(inner))
             found.append((building, area))
     return found, outlines
@@ -220,11 +305,8 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
         if "building" not in tags and encloses(area)
     ]
     tree = shapely.STRtree([area for _, area in parts])
-    pairs = 0
     for tags, area in found:
         own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
-        if (pairs := pairs + len(own)) > MOST_PAIRS:
-            raise WorldError(f"more than {MOST_PAIRS:,} parts in buildings; remove repeated ones")
         if len(own) and encloses(area):
             area = shapely.make_valid(area)
             stands = shapely.union_all([parts[n][1] for n in own if is_building(parts[n][0])])
@@ -256,7 +338,7 @@ def _kind(tags: Tags) -> str:
 
 def is_building(tags: Tags) -> bool:
     """Whether tags describe a building whose walls reach the ground."""
-    if _kind(tags) in ("", "roof", "carport") or tags.get("location") == "underground":
+    if _kind(tags) in ("", "roof", "carport", *ABSENT) or tags.get("location") == "underground":
         return False
     above = metres_of(tags.get("min_height", ""))
     # The robot passes under what is higher.

@@ -1,6 +1,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -153,7 +154,9 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("world shaw", "did you mean 'world show'?"),
         ("run", "required: WORLD"),
         ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
-        ("run city --foo", "there is no '--foo'; see lrf3d run -h"),
+        ("run city --speed 2", "did you mean '--set robot.speed=VALUE'?"),
+        ("run city --beam 91", "did you mean '--set laser.beams=VALUE'?"),
+        ("run city --xyzzy", "there is no '--xyzzy'; see lrf3d run -h"),
         ("run city --mode best", "--mode: 'best': expected robust or paper"),
         ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
         ("run city --scans 0", "--scans: '0': expected a whole number from 1"),
@@ -269,3 +272,42 @@ def test_what_libraries_warn_of_does_not_reach_the_terminal(room, tmp_path):
     named = ("--mapper", "warner.py:Mapper", "--no-video", "--scans", 2)
     done = lrf3d("run", room, *named, cwd=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
+
+
+def test_the_next_command_can_be_typed_whatever_the_folder_is_called(room, tmp_path):
+    out = tmp_path / "it's mine"
+    done = lrf3d("run", room, "--no-video", "--scans", 2, "--out", out)
+    words = shlex.split(done.stdout.splitlines()[-1])
+    assert words == ["next", "lrf3d", "render", str(out)]
+
+
+def test_a_warning_stands_once_and_a_start_in_a_box_is_called_so(tmp_path):
+    box = "[[object]]\npoints = [[4, 3], [6, 3], [6, 5], [4, 5]]\nclosed = true\n\n[robot]"
+    world = ROOM.replace("[robot]", box).replace(
+        "route = [[2, 2], [8, 2], [8, 6]]", "start = [5, 4, 0]"
+    )
+    (tmp_path / "w.toml").write_text(world)
+    done = lrf3d("run", "w.toml", "--no-video", "--scans", 2, "-o", "out", cwd=tmp_path)
+    assert done.stderr.count("(5, 4) is inside a closed shape of 2.0 m by 2.0 m") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["re"], ["render"]),
+        (["run", "city", "--sc"], ["--scale", "--scans"]),
+        (["world", "sh"], ["show"]),
+        (["world", "show", "city", "--tr"], ["--trees"]),
+        (["run", "--mode", "p"], ["paper"]),
+    ],
+)
+def test_a_shell_completes_commands_options_and_choices(words, expected):
+    script = lrf3d("completion", "bash").stdout
+    typed = f"COMP_WORDS=(lrf3d {' '.join(words)}); COMP_CWORD={len(words)}; _lrf3d"
+    command = ["bash", "-c", f'{script}{typed}; echo "${{COMPREPLY[@]}}"']
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert sorted(done.stdout.split()) == expected
+
+
+def test_a_wrong_share_of_the_noise_names_the_noise(room):
+    assert ": noise: drop-outs: share 2.0" in refused("run", room, "--set", "noise.drop_outs=2")

@@ -255,3 +255,14 @@ def test_a_file_replaces_no_installed_module_and_imports_files_next_to_it(folder
     (folder / "own_mapper.py").write_text(text)
     with pytest.raises(InputError, match="another module is called own_mapper; rename the file"):
         load_plugin("mapper", "own_mapper.py:Mine")
+
+
+def test_a_controller_that_expects_one_scan_of_several_lasers_is_told(tmp_path):
+    class Ahead:
+        def command(self, time, pose, scan):
+            return scan.ranges.min(), 0.0
+
+    lasers = [LaserRangeFinder(name="front"), LaserRangeFinder(name="rear")]
+    with pytest.raises(AttributeError) as caught:
+        next(iter(Simulation(BOX, Ahead(), lasers, start=(1, 1, 0))))
+    assert caught.value.__notes__ == ["controller: its scan is a tuple of 2, one of each laser"]

@@ -1,5 +1,6 @@
 """What the page is sent: the scene's arrays, once each."""
 
+import gc
 import json
 from dataclasses import replace
 
@@ -10,9 +11,11 @@ from test_glb import one_beam_run
 from test_render import city_run
 from yard import OBSTACLE, YARD, hand
 
+from lrf3d import load_scenario
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.robot import Trajectory
 from lrf3d.studio.page.message import Sender, part_of, stage_message
+from lrf3d.studio.page.server import world_view
 from lrf3d.studio.page.session import PageSession, Wanted
 from lrf3d.studio.scene.shapes import Lines, Points, Soft
 from lrf3d.studio.scene.stage.stage import stage_of
@@ -201,3 +204,12 @@ def test_malformed_messages_are_ignored(sent):
 def test_a_message_changes_what_is_wanted():
     sent = '{"view": "top", "forward": 1, "turn": -0.5}'
     assert Wanted(time=3.0).changed(sent) == Wanted("top", 3.0, forward=1.0, turn=-0.5)
+
+
+def test_a_page_that_leaves_takes_its_memory_with_it():
+    # What is in a cycle waits for the garbage collector, which many pages do not call.
+    make = world_view(load_scenario("paper_room").with_route(), 0)
+    make().answer(Wanted(forward=1.0), 0.03)
+    gc.collect()
+    make().answer(Wanted(forward=1.0), 0.03)
+    assert gc.collect() == 0

@@ -9,6 +9,7 @@ from test_render import SIZE, city_run, room_run
 from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
 from lrf3d.mapping import LineMap
+from lrf3d.scoring.map_score import found_words, score_run
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.timeline import Timeline
@@ -51,9 +52,8 @@ def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
     run = make()
     found, rest = said(run, "end", glass=1.0)
     assert rest.endswith(counted(run.map.object_count, "object"))
-    # Of all walls of the world, also of those that were never in sight.
-    seen, count = len(run.map), len(run.world.segments)
-    assert found == f"{seen} of {count} walls found, {100 * seen / count:.0f} %"
+    # The sentence of the console and the summary.
+    assert found == found_words(score_run(run).as_dict())
 
 
 def test_before_the_start_nothing_is_known():

@@ -1,8 +1,7 @@
 """The messages in files of ROS bags: MCAP, SQLite, and the .bag of ROS 1.
 
 Files are read from their beginning, without an index, so that a file that a killed recorder or a
-full disk cut short is read up to its last whole record, also within a chunk. Unpacking stops at a
-limit: a few kilobytes may unpack to gigabytes.
+full disk cut short is read up to its last whole record, also within a chunk.
 """
 
 import bz2
@@ -20,15 +19,11 @@ from typing import Any, NamedTuple
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
-from lrf3d.base.formats import MCAP, ROS_1, SQLITE, ZSTD, by_name
-from lrf3d.base.interrupts import check
+from lrf3d.base.formats import MCAP, ROS_1, ROS_1_OLD, SQLITE, ZSTD, by_name
 
-# Largest size [bytes] of a record, and of what one unpacks to: recorders write chunks of a
-# megabyte, some of a hundred.
-MOST_UNPACKED = 1 << 28
-
-# Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20.
-MOST_TIMES = 200
+# Largest size [bytes] of a record: recorders write chunks of a megabyte, some of a hundred, so that
+# the length of a larger one is damaged.
+LARGEST_RECORD = 1 << 28
 
 # Bytes that are unpacked at a time of a packed file: of a file that is cut, the last are lost.
 BLOCK = 1 << 16
@@ -41,9 +36,15 @@ class BagTopic(NamedTuple):
     kind: str
     packing: str
 
+    @classmethod
+    def of(cls, name: str, kind: str, packing: str) -> "BagTopic":
+        """The topic of a name, which may lack its slash, and of a type as ROS 1 or 2 names it."""
+        new = re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)
+        return cls("/" + name.removeprefix("/"), new, packing)
+
 
 # A message: its topic, when it was received [ns], and its bytes; None announces a topic.
-Packet = tuple[BagTopic, int, bytes | None]
+Packet = tuple[BagTopic, int, Any]
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -80,7 +81,7 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
             return
         is_mcap = head.startswith(MCAP)
-        if not is_mcap and not head.startswith(ROS_1):
+        if not is_mcap and not head.startswith((ROS_1, ROS_1_OLD)):
             raise InputError("none of a known kind" if head else "an empty file")
         end = file.seek(0, 2)
         if is_mcap:
@@ -109,13 +110,9 @@ def unpacked(packing: str, data: bytes) -> bytes:
         "bz2": bz2.BZ2Decompressor,
     }
     parts = []
-    left = MOST_UNPACKED
     while data:
-        check()
         unpacker = kinds[packing]()
-        parts.append(unpacker.decompress(data, max_length=left + 1))
-        left -= len(parts[-1])
-        _check_size(MOST_UNPACKED - left)
+        parts.append(unpacker.decompress(data))
         data = unpacker.unused_data or b"" if unpacker.eof else b""
     return b"".join(parts)
 
@@ -126,22 +123,13 @@ def _zstd() -> Any:
 
 
 def _check_size(size: int) -> None:
-    if size > MOST_UNPACKED:
-        raise InputError(
-            f"a chunk or a message of more than the {MOST_UNPACKED // 1000**2} MB that are unpacked"
-            " at a time; record in smaller chunks"
-        )
+    if size > LARGEST_RECORD:
+        raise InputError(f"a record of {size / 1e6:,.0f} MB; record in smaller chunks")
 
 
 def _unpack(path: Path, whole: Any) -> None:
-    left = MOST_UNPACKED + MOST_TIMES * path.stat().st_size
     with suppress(EOFError), _zstd().open(path) as stream:
-        while part := stream.read(BLOCK):
-            check()
-            left -= len(part)
-            if left < 0:
-                raise InputError(f"a packed file unpacks to more than {MOST_TIMES} times its size")
-            whole.write(part)
+        shutil.copyfileobj(stream, whole, BLOCK)
     if not whole.tell():
         raise InputError("cut short, so that nothing in it is whole")
     whole.seek(0)
@@ -157,7 +145,6 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
             note(f"{path.name} was not closed: what is whole in {journal.name} was read, too")
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             for part in (path, journal):
-                check()
                 shutil.copyfile(part, folder / part.name)
             uri = (folder / path.name).as_uri()
         database = stack.enter_context(closing(sqlite3.connect(uri, uri=True)))
@@ -167,14 +154,15 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
         topics = {}
         columns = "id, name, type, serialization_format"
         for number, *words in database.execute(f"SELECT {columns} FROM topics"):
-            topics[number] = BagTopic(*map(str, words))
+            topics[number] = BagTopic.of(*map(str, words))
             yield topics[number], 0, None
         # Messages keep the order of their rows: sorted by a clock that was set back, they would mix
         # two drives.
         rows = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
         for number, received, data in database.execute(rows):
+            # Converters write no time, or one with a fraction.
             if isinstance(data, bytes):
-                yield topics[number], received, data
+                yield topics[number], int(received or 0), data
 
 
 # Code of MCAP records that hold the name of a type of messages.
@@ -212,7 +200,7 @@ def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, BagTopic]) 
             schemas[own] = _text(data, 2)[0]
         elif head[0] == CHANNEL:
             name, place = _text(data, 4)
-            topics[own] = BagTopic(name, _new(schemas.get(other, "")), _text(data, place)[0])
+            topics[own] = BagTopic.of(name, schemas.get(other, ""), _text(data, place)[0])
             yield topics[own], 0, None
         else:
             yield topics[own], int.from_bytes(data[6:14], "little"), data[22:]
@@ -226,6 +214,12 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 
 # Code of ROS 1 records that hold a message.
 OLD_MESSAGE = 2
+
+# Code of ROS 1 records that hold an index, whose length recorders of 2010 wrote wrongly.
+OLD_INDEX = 4
+
+# Bytes of an entry of such an index, by its version.
+INDEX_ENTRY = {0: 16, 1: 12}
 
 # Code of ROS 1 records that hold packed records.
 OLD_CHUNK = 5
@@ -242,11 +236,20 @@ def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
             inner = io.BytesIO(unpacked(fields[b"compression"].decode(), _block(stream)))
             yield from _of_ros1(inner, topics)
             continue
+        if kind == OLD_INDEX:
+            version, count = (int.from_bytes(fields[name], "little") for name in (b"ver", b"count"))
+            stream.seek(4 + INDEX_ENTRY[version] * count, 1)
+            continue
         data = _block(stream)
-        if kind == OLD_CONNECTION:
+        if kind == OLD_MESSAGE and b"conn" not in fields:
+            # Version 1.2 names the topic in each message.
+            topic = BagTopic.of(fields[b"topic"].decode(), fields[b"type"].decode(), "ros1")
+            sec, nanosec = (int.from_bytes(fields[name], "little") for name in (b"sec", b"nsec"))
+            yield topic, sec * 1_000_000_000 + nanosec, data
+        elif kind == OLD_CONNECTION:
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
-            topics[fields[b"conn"]] = BagTopic(name, _new(of_type), "ros1")
+            topics[fields[b"conn"]] = BagTopic.of(name, of_type, "ros1")
             yield topics[fields[b"conn"]], 0, None
         elif kind == OLD_MESSAGE:
             sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
@@ -267,8 +270,3 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
     while each := _block(stream):
         name, _, fields[name] = each.partition(b"=")
     return fields
-
-
-def _new(kind: str) -> str:
-    """The name in ROS 2 of a type of messages."""
-    return re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)

@@ -1,5 +1,6 @@
 """The contents of a bag, and the poses of its scans: by which robot's odometry and which clock."""
 
+import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,9 +16,9 @@ from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
 from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
-from lrf3d.recordings.formats.text.fans import WIDEST_FAN
+from lrf3d.recordings.formats.text.fans import WHOLE_TURN, WIDEST_FAN
 from lrf3d.recordings.formats.units import NANO
-from lrf3d.recordings.log import A_MESSAGE, A_POSE, Intake, LaserLog
+from lrf3d.recordings.log import Intake, LaserLog
 
 # The types of messages of scans; where a beam has several echoes, the first one counts.
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -84,6 +85,11 @@ class ScanStream:
                 f"the beams of {self.topic} end at {last:.3g} rad, its angle_max is {high:.3g}"
             )
             self.fans = ((low, high),)
+        elif abs(high - last) > 0.5 * abs(step) and high - low < WHOLE_TURN:
+            self.note = (
+                f"the angle_max of {self.topic} is {(high - last) / step:.2g} angle_increment past"
+                " its last beam: beams lie an increment apart"
+            )
         # A range finder whose range_max is infinite does not measure such ranges either.
         scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
         if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
@@ -116,12 +122,12 @@ class Contents:
         found = self.by_frame.values()
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
 
-    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> int:
-        """Take a message, and return its size in readings; an error says why it is of no use."""
+    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> None:
+        """Take a message; an error says why it is of no use."""
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
             for each in message.transforms:
                 self._take_transform(topic, each, received, number)
-            return A_POSE * len(message.transforms)
+            return
         stamp = _stamp(message), received, number
         if kind in SCANS:
             if kind == ECHOES:
@@ -131,14 +137,13 @@ class Contents:
             stream = self.by_frame.get((topic, frame)) or ScanStream(topic, frame)
             stream.add(message, *stamp)
             self.by_frame[topic, frame] = stream
-            return len(message.ranges) + A_MESSAGE
+            return
         pose = message.pose if kind == POSE else message.pose.pose
         child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
         # Of several robots on one topic, each has a track.
         name = topic if self.children.get(topic, child) == child else f"{topic} of {child}"
         self.tracks[name].add_pose(pose.position, pose.orientation, *stamp)
         self.children[name] = child
-        return A_POSE
 
     def _take_transform(self, topic: str, message: Any, received: int, number: int) -> None:
         above = _frame(message.header.frame_id)
@@ -329,6 +334,12 @@ class _Robot:
         child = self._children[source] or base
         if frames.carries(child, frame):
             return child, source
+        path = self._contents.intake.path
+        if frame not in frames and re.search(r"_[1-9]\d*\.(db3|mcap)$", path.name):
+            raise InputError(
+                f"{path}: a later part of a recording, without its /tf_static, which says where"
+                f" {frame} is mounted; read the folder of all parts, or the first one"
+            )
         middle = f"the laser in the middle of {child} for want of a transform"
         return base, f"{source}, with {middle if base == frame else f'{base} taken for {child}'}"
 

@@ -21,14 +21,22 @@ Only messages of the types in `poses.TYPES` are unpacked, by rosbags (extra ``ro
 definitions.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.base.formats import ZSTD
-from lrf3d.base.interrupts import check
+from lrf3d.base.isolation import check_memory
 from lrf3d.messages.ros import SCAN, TRANSFORMS
-from lrf3d.recordings.formats.bags.files import BagTopic, bag_files, packets, unpacked
+from lrf3d.recordings.formats.bags.files import (
+    BagTopic,
+    Packet,
+    bag_files,
+    packets,
+    unpacked,
+)
+from lrf3d.recordings.formats.bags.json_lines import is_messages, json_messages, message_of
 from lrf3d.recordings.formats.bags.poses import (
     OLD_TRANSFORMS,
     SCANS,
@@ -41,6 +49,9 @@ from lrf3d.recordings.log import Intake, LaserLog
 # The type of point clouds, which are not read.
 CLOUD = "sensor_msgs/msg/PointCloud2"
 
+# The packing of messages that are text.
+JSON = "json"
+
 
 def load_bag(
     intake: Intake, *, poses: str = "auto", scan_topic: str | None = None, part: int | None = None
@@ -49,6 +60,30 @@ def load_bag(
     path = intake.path
     contents = Contents(intake)
     number = 0
+    topics = set[BagTopic]()
+    deserialized: Mapping[str, Callable[[Any, str], Any]] = {JSON: message_of}
+    messages = _of_json(intake) if is_messages(path) else None
+    if messages is None:
+        messages = _of_files(intake)
+        deserialized = _deserializers(path)
+    for number, (topic, received, data) in enumerate(_wanted(messages, scan_topic, topics), 1):
+        try:
+            message = deserialized[topic.packing](data, topic.kind)
+            contents.take(topic.name, topic.kind, message, received, number)
+        except Exception as error:
+            # A damaged message may raise any exception.
+            intake.refuse(number, _short(error), "message")
+    scans = sorted(
+        {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
+    )
+    if scan_topic not in (None, *scans) or not contents.by_frame:
+        raise InputError(f"{path}: {_lacking(intake, topics, scans, scan_topic)}")
+    contents.scan_topics = scans
+    return log_of(contents, poses, part)
+
+
+def _deserializers(path: Path) -> dict[str, Callable[[Any, str], Any]]:
+    """What unpacks the messages of bags, by the name of their packing."""
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
@@ -57,25 +92,7 @@ def load_bag(
     old = get_typestore(Stores.ROS1_NOETIC)
     for name in (TRANSFORMS, OLD_TRANSFORMS):
         old.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
-    deserialized = {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
-    topics = set[BagTopic]()
-    for number, (topic, received, data) in enumerate(_wanted(intake, scan_topic, topics), 1):
-        check()
-        try:
-            message = deserialized[topic.packing](data, topic.kind)
-            size = contents.take(topic.name, topic.kind, message, received, number)
-        except Exception as error:
-            # A damaged message may raise any exception.
-            intake.refuse(number, _short(error), "message")
-        else:
-            intake.take(size, number, "message")
-    scans = sorted(
-        {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
-    )
-    if scan_topic not in (None, *scans) or not contents.by_frame:
-        raise InputError(f"{path}: {_lacking(intake, topics, scans, scan_topic)}")
-    contents.scan_topics = scans
-    return log_of(contents, poses, part)
+    return {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
 
 
 def _lacking(
@@ -96,22 +113,38 @@ def _lacking(
 
 
 def _wanted(
-    intake: Intake, scan_topic: str | None, topics: set[BagTopic]
-) -> Iterator[tuple[BagTopic, int, bytes]]:
+    messages: Iterable[Packet], scan_topic: str | None, topics: set[BagTopic]
+) -> Iterator[Packet]:
     """The messages of the types that are read; scans of one topic alone, if it is given."""
+    for topic, received, data in messages:
+        topics.add(topic)
+        unwanted = topic.kind in SCANS and scan_topic not in (None, topic.name)
+        if data is not None and topic.kind in TYPES and not unwanted:
+            yield topic, received, data
+
+
+def _of_json(intake: Intake) -> Iterator[Packet]:
+    """The messages of a text of JSON."""
+    for name, kind, received, message in json_messages(line for _, line in intake.lines()):
+        yield BagTopic.of(name, kind, JSON), received, message
+
+
+def _of_files(intake: Intake) -> Iterator[Packet]:
+    """The messages of the files of a bag, unpacked."""
     files = bag_files(intake.path)
+    found = False
     for file in files:
         try:
             for topic, received, data in packets(file, intake.notes.append):
-                topics.add(topic)
-                unwanted = topic.kind in SCANS and scan_topic not in (None, topic.name)
-                if data is not None and topic.kind in TYPES and not unwanted:
-                    yield topic, received, unpacked("zstd" if data.startswith(ZSTD) else "", data)
+                found = True
+                if data is not None and topic.kind in TYPES:
+                    data = unpacked("zstd" if data.startswith(ZSTD) else "", data)
+                yield topic, received, data
         except Exception as error:
             # A damaged file may raise any exception; what comes before is whole.
-            if not topics and file == files[-1]:
-                found = f"not a ROS bag or damaged: {_short(error)}"
-                raise InputError(f"{intake.path}: {found}") from None
+            if not found and file == files[-1]:
+                text = f"not a ROS bag or damaged: {_short(error)}"
+                raise InputError(f"{intake.path}: {text}") from None
             intake.notes.append(f"{file.name} is damaged ({_short(error)}): read up to there")
 
 
@@ -121,5 +154,6 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
 
 
 def _short(error: Exception) -> str:
-    """The message of a library's error in one line."""
+    """The message of a library's error in one line; a full memory is no damage of the file."""
+    check_memory(error)
     return one_line(" ".join(str(error).split()) or type(error).__name__, 150)

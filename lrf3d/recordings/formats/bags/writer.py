@@ -5,8 +5,9 @@ written as nested dicts and made by the definitions of rosbags.
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, OutputError
 from lrf3d.base.files import replacing, unfinished_folder, writing
-from lrf3d.geometry.pose import Pose
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserRangeFinder, Stamp
+from lrf3d.messages import clouds
 from lrf3d.messages.ros import (
     BASE,
     MAP,
@@ -26,15 +29,18 @@ from lrf3d.messages.ros import (
     WORLD,
     Fields,
     beam_truth,
+    header_fields,
     imu_fields,
     line_marker,
     made,
     occupancy_grid,
     odometry,
+    pose_fields,
     time_fields,
     transform,
 )
 from lrf3d.recordings.formats.bags.reader import missing_rosbags
+from lrf3d.robot.odometry import OdometryBelief, WheelOdometry, twist_of
 from lrf3d.simulation.run import Run
 from lrf3d.world import World
 
@@ -42,6 +48,9 @@ from lrf3d.world import World
 CLOCK = "/clock"
 GRID = "/map"
 LINES = "/map_objects"
+
+# The topic of estimated poses, at the scans at which their covariances are known.
+ESTIMATE = "/pose"
 
 # The topics of a bag and their types, but for those of the lasers.
 TOPICS = {
@@ -51,6 +60,7 @@ TOPICS = {
     CLOCK: "rosgraph_msgs/msg/Clock",
     "/tf": TRANSFORMS,
     "/odom": ODOMETRY,
+    ESTIMATE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     "/ground_truth": ODOMETRY,
     "/imu": "sensor_msgs/msg/Imu",
 }
@@ -102,6 +112,7 @@ def _fill(run: Run, folder: Path) -> None:
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     mapped = bool(run.maps) and len(run.map) > 0
     missing = ["/imu"] * (run.imu is None) + [GRID, LINES] * (not mapped)
+    missing += [ESTIMATE] * (run.estimate is None)
     kinds = {topic: kind for topic, kind in TOPICS.items() if topic not in missing}
     # The type of what each beam met; its topics are those of the scans under `/ground_truth`.
     beam_truth = "std_msgs/msg/Float64MultiArray"
@@ -109,6 +120,7 @@ def _fill(run: Run, folder: Path) -> None:
         kinds[scan_topic(run, lrf)] = SCAN
         if _is_simulated(run):
             kinds[f"/ground_truth{scan_topic(run, lrf)}"] = beam_truth
+    kinds |= {f"/{topic}": kind for topic, kind in clouds.cloud_topics(run.cloud_sensors).items()}
     with bag:
         topics = {
             topic: bag.add_connection(
@@ -141,6 +153,7 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     here = Pose(0.0, 0.0, 0.0)
     start = Stamp.of(float(times[0]))
     fixed = [transform(start, BASE, each.name, each.mount, each.height) for each in run.lasers]
+    fixed += clouds.mount_transforms(run.cloud_sensors, start)
     if run.estimate is None and run.wheels is None:
         fixed.append(transform(start, MAP, WORLD, here))
     yield STATIC_FRAMES, start, {"transforms": fixed}
@@ -151,13 +164,19 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     snapshots = dict(zip(run.snapshot_scans, range(len(run.maps)), strict=True))
     simulated = _is_simulated(run)
     inertial = 0
+    variances = (0.0, 0.0) if run.imu is None else run.imu.variances
+    covariances, twists = _wheel_covariances(run, steps)
+    known = {}
+    if run.estimate is not None:
+        known = dict(zip(run.estimate.known_scans.tolist(), count(), strict=False))
     rows = zip(times.tolist(), run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
     for number, (time, wheels, speed, step) in enumerate(rows):
         while run.imu is not None and inertial < len(run.imu.times):
             if (at := float(run.imu.times[inertial])) > time:
                 break
             values = run.imu.turn_rates[inertial], *run.imu.accelerations[inertial]
-            yield "/imu", Stamp.of(at), imu_fields(Stamp.of(at), *map(float, values))
+            imu = imu_fields(Stamp.of(at), [*map(float, values)], variances)
+            yield "/imu", Stamp.of(at), imu
             inertial += 1
         stamp = Stamp.of(time)
         measured = Pose(*wheels.tolist())
@@ -168,17 +187,51 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
             estimated = Pose(*run.estimate.poses[number].tolist())
             moved.append(transform(stamp, MAP, WORLD, estimated @ measured.inverse()))
         yield "/tf", stamp, {"transforms": moved}
-        yield "/odom", stamp, odometry(stamp, measured, speed.tolist())
+        if run.estimate is not None and number in known:
+            pose = pose_fields(estimated, run.estimate.covariances[known[number]])
+            yield ESTIMATE, stamp, {"header": header_fields(stamp, MAP), "pose": pose}
+        sure = (covariances[number], twists[number])
+        yield "/odom", stamp, odometry(stamp, measured, speed.tolist(), covariances=sure)
         truth = Pose(*run.trajectory.poses[number].tolist())
-        yield "/ground_truth", stamp, odometry(stamp, truth, speed.tolist())
+        yield "/ground_truth", stamp, odometry(stamp, truth, speed.tolist(), frame=MAP)
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             topic = scan_topic(run, lrf)
             yield topic, stamp, scan.as_ros(lrf.name, scan_time=step)
             if simulated:
                 yield f"/ground_truth{topic}", stamp, beam_truth(run, number, laser)
+        for topic, fields in clouds.cloud_messages(*run.clouds(number), stamp):
+            yield f"/{topic}", stamp, fields
         if mapped and number in snapshots:
             shown = run.maps[snapshots[number]].segments, run.lasting_objects[snapshots[number]]
             yield LINES, stamp, {"markers": [line_marker(*shown, stamp)]}
+
+
+def _wheel_covariances(run: Run, steps: Float) -> tuple[Sequence[Float | None], ...]:
+    """Covariances (3, 3) of the pose and of the twist at each scan; None where they are exact.
+
+    They are those of usual wheels, larger or smaller by what the increments are off, where the
+    truth is known.
+    """
+    poses = run.odometry
+    if run.wheels is None and (run.estimate is None or not len(run.estimate.odometry)):
+        return [None] * len(run), [None] * len(run)
+    wheels = WheelOdometry()
+    belief = OdometryBelief(wheels)
+    increments = between(poses[:-1], poses[1:])
+    twists = twist_of(increments)
+    found = [(belief.covariance, np.zeros((3, 3)))]
+    for pose, increment, twist, step in zip(poses, increments, twists, steps, strict=False):
+        belief.drive(pose, increment)
+        found.append((belief.covariance, belief.twist_covariance(twist / step, step)))
+    factor = 1.0
+    if run.knows_truth:
+        off = twists - twist_of(between(run.trajectory.poses[:-1], run.trajectory.poses[1:]))
+        usual = np.array([wheels.noise(*twist) for twist in twists.tolist()])
+        usual = np.einsum("nii->ni", usual)[:, [0, 2]]
+        drives = (usual > 0.0).all(axis=1)
+        shares = off[drives][:, [0, 2]] ** 2 / usual[drives]
+        factor = float(shares.mean()) if drives.any() else 1.0
+    return [factor * pose for pose, _ in found], [factor * twist for _, twist in found]
 
 
 def _latched(topic: str) -> list[Any]:

@@ -50,6 +50,18 @@ MOST_JUMPS = 0.1
 # Least share of the other readings whose bearings go the same way.
 LEAST_ALIKE = 0.9
 
+# Largest step of the bearings of a scan of pairs, in usual ones: what met nothing may be left out.
+UNEVEN = 30.0
+
+# What stands before such pairs without a header, by the number of columns.
+LEADING = {1: "stamp", 3: "x y theta", 4: "stamp x y theta"}
+
+# Number of first columns of ranges among which there may be stamps or counts of encoders.
+FIRST_COLUMNS = 40
+
+# Factor by which numbers that only rise differ from ranges, where they are no beam.
+OTHER_SCALE = 5.0
+
 # A column of readings has more different numbers than this.
 VARIED = 10
 
@@ -251,15 +263,58 @@ def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[
     return found
 
 
+def _by_pairs(form: Form) -> Layout | None:
+    rows = [values_of(words) for words in form.sample if len(words) > 2 * FEWEST_COUNTED]
+    for place in range(MOST_BEFORE_COUNT if 2 * len(rows) > len(form.sample) else 0):
+        if all(_are_pairs(row[place:]) for row in rows):
+            roles = [meaning(name) for name in form.header[:place]]
+            roles = roles or [(name, "") for name in LEADING.get(place, "").split()]
+            layout = Layout(paired=True)
+            for k, (role, unit) in enumerate(roles):
+                if role:
+                    layout.name(role, k, unit)
+            layout.name("ranges", place)
+            return layout
+    return None
+
+
+def _are_pairs(row: Float) -> bool:
+    """Whether every other number is a bearing, which go on evenly, through a turn at most."""
+    bearings = row[::2]
+    if len(row) % 2 or len(row) < 2 * FEWEST_COUNTED or not np.isfinite(bearings).all():
+        return False
+    steps = np.diff(bearings)
+    wide = float(np.ptp(bearings))
+    one_way = bool((steps > 0.0).all() or (steps < 0.0).all())
+    even = np.abs(steps).max() < UNEVEN * np.median(np.abs(steps))
+    return one_way and even and LEAST_SWEEP < wide <= LARGEST_SWEEP * TURNS[1]
+
+
 def _by_length(form: Form) -> Layout | None:
     stamp = ["stamp"] if rises(form.sample, 0) else []
     for names in (stamp, [*stamp, "x", "y", "theta"]):
         place = len(names)
-        if form.is_steady and form.length - place in FANS:
+        if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
             if names == stamp or _are_headings(form, place - 1):
                 columns = {name: k for k, name in enumerate([*names, "ranges"])}
                 return Layout(columns, None, form.length)
     return None
+
+
+def _counts_up(form: Form, place: int) -> bool:
+    """Whether a column before the ranges never falls, as stamps and encoders, unlike those after.
+
+    Such columns would be taken for the first beams.
+    """
+    rows = [words for words in form.sample if len(words) == form.length]
+    table = np.array([values_of(words[place : place + FIRST_COLUMNS]) for words in rows])
+    # Readings that are missing rise no more than they fall.
+    table = np.where(np.isfinite(table), table, 0.0)
+    steps = np.diff(table, axis=0)
+    rising = (steps >= 0.0).all(axis=0) & (steps > 0.0).any(axis=0)
+    usual = np.median(table)
+    apart = np.abs(np.log(np.maximum(np.abs(table[-1]), 1e-9) / max(usual, 1e-9)))
+    return len(rows) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
 
 
 def _are_headings(form: Form, place: int) -> bool:
@@ -272,6 +327,11 @@ GUESSES = [
         "the header",
         "Names say what columns hold; `range_0 … range_180` are a scan, and may be bearings.",
         _by_header,
+    ),
+    Guess(
+        "pairs of a bearing and a range",
+        "Bearings and ranges stand by turns, after a stamp and a pose, if any.",
+        _by_pairs,
     ),
     Guess(
         "a count",

@@ -2,8 +2,8 @@
 
 import re
 from array import array
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.lines import texts_of
 from lrf3d.recordings.formats.text.words import is_number, mostly_numbers, named, parsed
-from lrf3d.recordings.log import A_VALUE, Intake
+from lrf3d.recordings.log import Intake
 
 # Matches a column of a format: its name, its unit, how many columns it takes, and where it is.
 COLUMN = re.compile(r"([a-z]+|-)(?::([a-z]+))?(?:\*(\d+))?(?:@(.+))?").fullmatch
@@ -36,6 +36,8 @@ class Layout:
         clockwise: Whether the beams go clockwise.
         bearings: The bearings of the beams, where names of columns give them.
         unused: Names of columns that are not used.
+        paired: Whether the columns of ranges hold a bearing and a range by turns.
+        skips: Whether lines that leave a column blank are left out: they are of another topic.
     """
 
     columns: dict[str, int] = field(default_factory=dict)
@@ -46,11 +48,18 @@ class Layout:
     clockwise: bool = False
     bearings: Float | None = None
     unused: Words = field(default_factory=list)
+    paired: bool = False
+    skips: bool = False
 
     def name(self, role: str, place: int, unit: str = "") -> None:
         """Enter the column of a role, and its unit if it is known."""
         self.columns[role] = place
         self.units |= {role: unit} if unit else {}
+
+    def with_settings(self, other: "Layout") -> "Layout":
+        """This layout with the settings of another one."""
+        clockwise = self.clockwise or other.clockwise
+        return replace(self, settings={**self.settings, **other.settings}, clockwise=clockwise)
 
     def settle(self, table: Table) -> None:
         """Enter the units, settings and bearings that are known into a table."""
@@ -65,21 +74,43 @@ class Layout:
         self.settle(table)
         ranges = list[Float]()
         rows = {role: array("d") for role in self.columns}
+        bearings = list[Float]()
         # A line may hold a single reading with its bearing, not a whole scan.
         single = self.beams == 1 and "angles" in self.columns
+        begun = False
         for number, words in _rows(form, table.intake):
+            # A line before the first numbers is another header.
+            if not begun and not mostly_numbers([*filter(None, words)]):
+                continue
+            if self.skips and self.lacks(words, self.columns):
+                continue
             try:
                 found = self._values(words)
             except ValueError as error:
                 table.intake.refuse(number, error)
                 continue
+            if self.paired:
+                bearings.append(found["ranges"][::2])
+                found["ranges"] = found["ranges"][1::2]
             if not single and "ranges" in found:
                 ranges.append(found.pop("ranges"))
             for role, values in found.items():
                 rows[role].append(values[0])
-            table.intake.take(len(words) + A_VALUE * len(self.columns), number)
+            begun = True
         table.values |= {role: np.array(each) for role, each in rows.items() if len(each)}
+        if bearings:
+            table.values["angles"] = np.concatenate(bearings)
         return ranges
+
+    def lacks(self, words: Words, roles: Iterable[str]) -> bool:
+        """Whether a line leaves the column of a role blank."""
+        places = [self.columns[role] for role in roles]
+        return any(place >= len(words) or not words[place].strip() for place in places)
+
+    def only(self, roles: Container[str], keep: bool) -> "Layout":
+        """The layout of lines that hold these roles alone, or all others, and a stamp."""
+        columns = {k: v for k, v in self.columns.items() if (k in roles) == keep or k == "stamp"}
+        return replace(self, columns=columns, length=None, skips=True)
 
     def _values(self, words: Words) -> dict[str, Float]:
         if self.length not in (None, len(words)):
@@ -101,15 +132,13 @@ class Layout:
 def _rows(form: Form, intake: Intake) -> Iterator[tuple[int, Words]]:
     """The numbers of the lines of scans, and their words.
 
-    Repeated headers, as in files that were joined, are left out, and lines before the first
-    numbers.
+    Repeated headers, as in files that were joined, are left out.
     """
     for number, text in texts_of(intake):
         if text.startswith("#") or not text:
             continue
         for words in form.dialect.rows(text):
-            begun = intake.readings > 0
-            if form.has(words) and named(words) != form.header and (begun or mostly_numbers(words)):
+            if form.has(words) and named(words) != form.header:
                 yield number, words
 
 

@@ -15,6 +15,7 @@ columns and settings, such as
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,9 @@ PARTNERS = "motors robot odometry odom poses pose trajectory groundtruth gt".spl
 
 SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 
+# Roles of columns of odometry, which stand in lines of their own where topics are merged.
+MOVING = set("x y theta dx dy dtheta left right qx qy qz qw".split())
+
 # Columns of files of poses without a header, by the number of columns: TUM files, tables, and
 # odometry as `ros2 topic echo --csv` prints it, with covariances of its pose and its speed.
 POSES = {
@@ -49,19 +53,34 @@ def text_table(intake: Intake, format: str | None) -> Table:
     table = Table(intake, {})
     spec, _, partner = (format or "").partition(";")
     layout = described(spec, form.header) if spec else layout_of(form, intake)
+    if spec and not layout.columns:
+        # Settings alone leave the columns to be found.
+        layout = layout_of(form, intake).with_settings(layout)
     if "ranges" not in layout.columns:
         raise InputError(f"--format: {shown(spec)}: no column of ranges; expected 'ranges'")
+    poses = layout.only(MOVING, keep=True)
+    scans = [words for words in form.sample if not layout.lacks(words, ["ranges"])]
+    merged = len(poses.columns) > 1 and all(poses.lacks(words, poses.columns) for words in scans)
+    if merged:
+        layout = layout.only(MOVING, keep=False)
     ranges = layout.read(form, table)
     if not ranges and "ranges" not in table.values:
         expected = f"no scan in it, expected a scan of numbers a line{intake.first_bad}"
         raise InputError(f"{intake.path}: {expected}")
-    if "angles" in layout.columns:
+    if layout.paired:
+        table.gather(np.cumsum([0, *map(len, ranges)]), np.concatenate(ranges))
+    elif "angles" in layout.columns:
         _gather(table, np.concatenate(ranges) if ranges else table.values["ranges"])
     else:
         _stack(table, ranges)
     if table.values["ranges"].shape[1] < 2:
         one = "one beam in each scan; name the columns of ranges by --format"
         raise InputError(f"{intake.path}: {one}")
+    if merged:
+        other = Table(Intake(intake.path), {})
+        # Lines of poses are short.
+        poses.read(replace(form, least=0), other)
+        _take_poses(table, other, "its own lines")
     if partner:
         add_partner(table, partner)
     return table
@@ -99,16 +118,20 @@ def add_partner(table: Table, spec: str = "") -> None:
     if partner is None or {"x", "dx", "left"} & table.values.keys():
         notes += [f"no odometry: there is no {(*names, 'file')[0]} beside it"] if spec else []
         return
-    other = _partner_table(partner, spec)
+    _take_poses(table, _partner_table(partner, spec), partner.name)
+
+
+def _take_poses(table: Table, other: Table, name: str) -> None:
+    """Enter the poses of another table at the stamps of the scans, or note why there are none."""
     placed = _at_scans(table, other, other.poses())
     if isinstance(placed, str):
-        notes.append(f"{partner.name} beside it {placed}: not used")
+        table.intake.notes.append(f"{name} beside it {placed}: not used")
         return
     for role, column in zip(("x", "y", "theta"), placed.T, strict=True):
         table.values[role] = column
         table.units[role] = next(iter(ROLES[role]))
     table.settings |= other.settings
-    notes.append(f"odometry from {partner.name}")
+    table.intake.notes.append(f"odometry from {name}")
 
 
 def _partner_table(path: Path, spec: str) -> Table:

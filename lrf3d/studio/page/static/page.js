@@ -88,11 +88,17 @@ function take(header, block) {
 function frame(now) {
   const seconds = Math.min(LONGEST, (now - last) / 1000);
   last = now;
-  if (playing) move(time + seconds * speed);
+  if (playing) move(later(seconds * speed));
   if (playing && time >= limits()[1]) play(false);
   ask();
   if (scene.stale) scene.render();
   requestAnimationFrame(frame);
+}
+
+// The time after some seconds of the run: a story leaves out parts of it, and passes others quickly.
+function later(seconds) {
+  const [, end, rate] = (view === "story" && setup.rates.find(([from, to]) => time >= from && time < to)) || [0, Infinity, 1];
+  return Math.min(time + rate * seconds, end);
 }
 
 // From when to when there is something to see: a story begins before the run and ends after it.

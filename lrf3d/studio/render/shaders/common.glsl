@@ -48,18 +48,21 @@ float age(vec4 when, vec2 clock) {
 // How much of the light a place has got by an age.
 float lit(vec4 when, float age) {
     float share = clamp(age / DAWN, 0.0, 1.0);
-    return when.g * share * share * (3.0 - 2.0 * share);
+    // The picture of times is smooth, so that where it is half is an edge finer than its cells.
+    float sure = clamp(0.5 + (when.g - 0.5) / RIM, 0.0, 1.0);
+    return sure * share * share * (3.0 - 2.0 * share);
 }
 
-// A colour in the light of the laser: dark before it came, aglow with it, cool and bright after.
-vec3 exposed(vec3 day, float on, float age, float height) {
+// A colour in the light of the laser: dark before it came, aglow with it, cool and bright after. In
+// the dark the bare colour is seen, without what is on it.
+vec3 exposed(vec3 day, vec3 bare, float on, float age, float height) {
     float bright = grey(day);
     // Light of a lamp so low fades up high walls.
     float share = on * max(1.0 - FALL * height, LEAST_FALL);
     float hot = on / (1.0 + 2.0 * age * age);
     vec3 cool = day * COOL * (1.0 - EMBER_SHARE.x * hot);
     vec3 seen = cool + EMBER * (hot * (EMBER_SHARE.y + EMBER_SHARE.z * bright));
-    return mix(mix(NIGHT_LOW, NIGHT_HIGH, bright), seen, share);
+    return mix(mix(NIGHT_LOW, NIGHT_HIGH, grey(bare)), seen, share);
 }
 
 #if defined(MIRRORED) && !defined(VERTEX)

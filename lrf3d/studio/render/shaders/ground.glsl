@@ -38,7 +38,7 @@ void main() {
     colour = vec4(mix(EXPLORED, EMBER, 0.55 / (1.0 + 2.0 * since * since)), on);
 #else
     vec3 day = texture(picture, uv, -GROUND_SHARPNESS).rgb;
-    vec3 seen = hazed(exposed(day, on, since, 0.0));
+    vec3 seen = hazed(exposed(day, day, on, since, 0.0));
 #ifdef MIRRORED
     seen *= REFLECTED;
 #endif

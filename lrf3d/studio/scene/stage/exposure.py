@@ -1,17 +1,26 @@
 """First-seen times: when beams first passed each cell of the ground, and when the map covered it.
 
 The scans of a run enter; one picture of times leaves, which every renderer compares with now. The
-ground takes its own cell, a wall the cell before it. Light comes from measured ranges, at the poses
-that the robot had to go by: where its estimate is wrong, so is the light.
+ground takes its own cell, a wall the cell before it. Light goes as far as the true ranges where
+they are known, as it ends at walls, else as far as the measured ones, at the poses that the robot
+had to go by: where its estimate is wrong, so is the light.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
-from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter, minimum_filter
+from scipy.ndimage import (
+    binary_dilation,
+    binary_erosion,
+    distance_transform_edt,
+    gaussian_filter,
+    maximum_filter,
+    minimum_filter,
+)
 
 from lrf3d.geometry.lines import Bool, Float, Int, Records, Single, lengths
 from lrf3d.geometry.pose import as_pose
@@ -121,7 +130,7 @@ class Exposure:
         """How far from a wall a segment of the map may lie to be that wall [m]."""
         return _TOLERANCE * self.cell
 
-    def clock(self, time: float, playback: float) -> tuple[float, float]:
+    def clock(self, time: Any, playback: float) -> tuple[Any, float]:
         """A time of the run [s] in lengths of it, and the film's seconds in one length."""
         return (time - self.start) / self.length, self.length / playback
 
@@ -130,6 +139,15 @@ class Exposure:
         cells = np.floor((places - self.corner) / self.cell).astype(int)
         columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
         return np.asarray(self.times[rows, columns])
+
+    def walls(self, structures: Structures) -> Bool:
+        """Which cells (h, w) walls stand in that let no light pass."""
+        picture = Image.new("1", self.times.shape[::-1])
+        draw = ImageDraw.Draw(picture)
+        opaque = structures.segments[~structures.glass]
+        for ends in ((opaque - np.tile(self.corner, 2)) / self.cell - 0.5).tolist():
+            draw.line(ends, fill=1)
+        return np.asarray(picture) > 0
 
     def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
         """Paint a value into a picture where the beams of a scan in the film's frame pass."""
@@ -201,7 +219,9 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     mirrors = structures.segments[structures.mirrors]
     # From the last scan to the first: what was seen first lies on top.
     for number in range(0, len(poses), 1 + (len(poses) - 1) // _MOST_SCANS)[::-1]:
-        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
+        for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
+            if run.knows_truth:
+                scan = run.true_scan(number, laser=laser)
             placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
             if not run.knows_truth:
                 # Recorded beams without a return may have met what is black or clear.
@@ -213,7 +233,7 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     share = (times - start) / length
     cells["seen"] = gaussian_filter(share[scans].astype(np.float32), _SOFT)
     # Beyond the picture nothing is seen.
-    cells["sure"][1:-1, 1:-1] = soft_rim(seen)[1:-1, 1:-1]
+    cells["sure"][1:-1, 1:-1] = soft_rim(seen, exposure.walls(structures))[1:-1, 1:-1]
     covered = Image.new("I", size)
     draw = ImageDraw.Draw(covered)
     for number, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
@@ -270,7 +290,9 @@ class LiveExposure:
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
         part.fan(scan, self._structures.segments[self._structures.mirrors], picture, 255)
-        cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
+        cover = soft_rim(
+            (np.asarray(picture) > 0) | (times["sure"] > 0.5), part.walls(self._structures)
+        )
         first = (cover > 0.0) & (times["sure"] == 0.0)
         times["seen"][first] = time
         times["mapped"][first] = time + _GAP
@@ -293,10 +315,18 @@ def _box(low: Int, high: Int) -> tuple[slice, ...]:
     return tuple(slice(*ends) for ends in zip(low[::-1].tolist(), high[::-1].tolist(), strict=True))
 
 
-def soft_rim(seen: Bool) -> Float:
-    """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, the rim is blurred."""
+def soft_rim(seen: Bool, walls: Bool) -> Float:
+    """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, the rim is blurred.
+
+    Gaps are not closed through walls (h, w), and a wall takes the light of its brighter side.
+    """
     within = slice(_AROUND, -_AROUND)
-    closed = binary_closing(np.pad(seen, _AROUND), iterations=_CLOSED)[within, within]
+    open_ = np.pad(~walls, _AROUND, constant_values=True)
+    lit = np.pad(seen, _AROUND) & open_
+    grown = binary_dilation(lit, iterations=_CLOSED, mask=open_)
+    # What is beyond a wall does not shrink what is before it.
+    closed = (binary_erosion(grown | ~open_, iterations=_CLOSED) & open_ | lit)[within, within]
+    closed |= walls & maximum_filter(closed, 3)
     soft = gaussian_filter(closed.astype(np.float32), _RIM)
     return np.asarray(np.clip(_RIM_STEEP * soft - _RIM_LOW, 0.0, 1.0))
 

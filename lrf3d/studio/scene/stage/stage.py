@@ -12,13 +12,29 @@ import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Float, Int, directions, lengths
+from lrf3d.geometry.lines import LEFT, Float, Int, Single, directions, lengths
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
 from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.studio.scene.stage.structures import Structures, filled_between
+
+# What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. To the
+# number of a wall of a room 1 is added where its first end is free, and 2 where its last one is.
+PLAIN = 0.0
+FACADE = 1.0
+ROOM_WALL = 2.0
+FURNITURE = 6.0
+
+# Height from which on houses have windows [m].
+_WINDOWS_FROM = 3.5
+
+# Inverse of the golden ratio, whose multiples are far apart for neighbours.
+_GOLDEN = 0.6180339887
+
+# Largest number of an object's own.
+_OWN = 0.9
 
 # Length over which two walls at one place are one [m].
 _TOGETHER = 0.05
@@ -164,6 +180,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         single(np.dstack([level, high])),
         single(light[..., None] * structures.colours[number, None]),
         single(before),
+        _skins(structures, number, segments),
         structures.objects[number],
     )
     corners, owner = triangles(structures.solids)
@@ -176,6 +193,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         single(np.dstack([level, high])),
         single(np.repeat(light * structures.solid_colours[owner, None], 4, axis=1)),
         np.zeros((count, 4, 3), np.float32),
+        np.zeros((count, 4, 4), np.float32),
         objects,
     )
     if count:
@@ -185,6 +203,38 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         roofs.before[..., :2] = middles[order[first][np.searchsorted(among, objects)], None]
     columns: zip[Any] = zip(walls, roofs, strict=True)
     return Painted(*map(np.concatenate, columns))
+
+
+def _skins(structures: Structures, number: Int, segments: Float) -> Single:
+    """What the walls of numbers (n,) show, of which segments (n, 4) are parts: see `Painted`."""
+    whole = structures.segments[number]
+    along = directions(segments)
+    # From that end of the whole wall which comes first along the part.
+    ends = whole.reshape(-1, 2, 2)
+    turned = (directions(whole) * along).sum(axis=1) < 0.0
+    ends[turned] = ends[turned, ::-1]
+    corners = segments.reshape(-1, 2, 2)[:, [0, 1, 1, 0]]
+    places = ((corners - ends[:, :1]) * along[:, None]).sum(axis=2)
+    tops = structures.heights[number]
+    closed = structures.closed[number]
+    # Each object's own, so that no two houses have the same windows.
+    own = _OWN * np.mod(structures.objects[number] * _GOLDEN, 1.0)
+    if structures.indoor:
+        # Where a wall of a room ends free, there is an opening.
+        free = [_meeting(structures, each) < 2 for each in np.moveaxis(ends, 1, 0)]
+        kind = np.where(closed, FURNITURE, ROOM_WALL + free[0] + 2.0 * free[1])
+    else:
+        kind = np.where(closed & (tops > _WINDOWS_FROM), FACADE, PLAIN)
+    columns = lengths(whole), tops, kind + own
+    even = [np.broadcast_to(each[:, None], places.shape) for each in columns]
+    return single(np.stack([places, *even], axis=2))
+
+
+def _meeting(structures: Structures, places: Float) -> Int:
+    """How many walls meet at places (n, 2)."""
+    points = shapely.points(places)
+    number, _ = structures.tree.query(points, "dwithin", distance=_TOGETHER)
+    return np.bincount(number, minlength=len(places))
 
 
 def triangles(polygons: Any) -> tuple[Float, Int]:

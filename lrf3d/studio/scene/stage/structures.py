@@ -93,9 +93,6 @@ _LEAST_AREA = 1e-4
 # Distance within which ends of walls are one corner [m]: files round their coordinates.
 _CORNER = 1e-3
 
-# Height of a storey [m].
-_STOREY = 3.1
-
 # Opacity of the joint over a storey.
 _STOREY_STRENGTH = 0.4
 
@@ -298,9 +295,11 @@ def outlines_of(structures: Structures) -> Lines:
     else:
         walls = walls[structures.closed]
         tops = tops[structures.closed]
-        count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
+        count = np.maximum(np.ceil(tops / look.STOREY) - 1.0, 0.0).astype(int)
         storeys = np.repeat(walls, count, axis=0)
-        levels = _STOREY * (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1)
+        levels = look.STOREY * (
+            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+        )
     (a, b), (c, d) = (
         [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
         for lines, high in ((walls, tops), (storeys, levels))

@@ -5,6 +5,8 @@
 :class:`DriveVectorEnv`, whose robots' beams are cast together.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +70,30 @@ Observation = dict[str, NDArray[np.float32]]
 Array = NDArray[Any]
 
 
-class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
+class _Limited:
+    """An environment that truncates episodes itself, and says so in its specification."""
+
+    max_steps: int
+    _spec: Any = None
+
+    @property
+    def spec(self) -> Any:
+        """The specification that Gymnasium made it of."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: Any) -> None:
+        # Registered with a number of steps, Gymnasium would also cut off longer episodes.
+        self._spec = spec and replace(spec, max_episode_steps=self.max_steps)
+
+
+class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
     """Robots that each drive to a goal, as in DriveEnv, in one world.
 
-    A robot whose episode has ended is placed again in the step after (autoreset ``NextStep``);
-    its action in that step is ignored. ``poses`` (k, 3) and ``goals`` (k, 2) are the current ones.
+    A robot whose episode has ended is placed again in the step after, in which its action is
+    ignored (autoreset ``NEXT_STEP``), or in the same step, with its last observation in
+    ``infos["final_obs"]`` (``SAME_STEP``), or it stands until it is reset (``DISABLED``).
+    ``poses`` (k, 3) and ``goals`` (k, 2) are the current ones.
 
     Args:
         num_envs: Number of robots.
@@ -81,6 +102,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         max_steps: Steps after which an episode is cut off.
         together: Whether the robots see and touch each other, and share the time of the dynamic
             obstacles; without it each is alone with these.
+        autoreset: When a robot whose episode has ended is placed again, an AutoresetMode.
         render_mode: None; pictures are DriveEnv's.
 
     Raises:
@@ -98,6 +120,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         sigma: float | None = None,
         max_steps: int = MAX_STEPS,
         together: bool = False,
+        autoreset: AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
     ) -> None:
         num_envs = whole_number(num_envs, "num_envs")
@@ -107,6 +130,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
             )
         self.scenario = scenario = world if isinstance(world, Scenario) else load_scenario(world)
+        self.autoreset = AutoresetMode(autoreset)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset}
         self.num_envs = num_envs
         self.max_steps = max_steps
         self.render_mode = None
@@ -142,26 +167,39 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self._ended = np.zeros(num_envs, np.bool_)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Observation, dict[str, Any]]:
-        """Place all robots at random, or at the ``pose`` (3,) and the ``goal`` (2,) in options.
+        """Place robots at random, or at the ``pose`` (3,) and the ``goal`` (2,) in options.
 
-        The same seed gives the same episodes.
+        All are placed, or those of a ``reset_mask`` (num_envs,) in options. The same seed gives the
+        same episodes, and so does the same sequence of one for each robot.
 
         Raises:
             InputError: One of the options is not finite numbers of its shape.
         """
-        super().reset(seed=seed)
-        self._place(np.arange(self.num_envs))
+        if isinstance(seed, Sequence):
+            if len(seed) != self.num_envs:
+                raise InputError(f"{len(seed)} seeds: expected one for each of {self.num_envs}")
+            self.np_random = np.random.default_rng([*seed])
+        else:
+            super().reset(seed=seed)
         options = options or {}
+        mask = np.asarray(options.get("reset_mask", np.ones(self.num_envs, np.bool_)))
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise InputError(f"reset_mask {shown(mask)}: expected {self.num_envs} booleans")
+        robots = np.flatnonzero(mask)
+        self._place(robots)
         if "pose" in options:
-            self.poses[:] = as_pose(options["pose"])
+            self.poses[robots] = as_pose(options["pose"])
         if "goal" in options:
             goal = numbers(options["goal"], "goal")
             if goal.shape != (2,) or not is_finite(*goal):
                 raise InputError(f"goal {shown(options['goal'])}: expected x, y [m]")
-            self.goals[:] = goal
-        self._ended[:] = False
+            self.goals[robots] = goal
+        self._ended[robots] = False
         return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
@@ -173,7 +211,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         given = numbers(actions, "actions")
         again = self._ended
         if given.shape != (self.num_envs, 2):
-            raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
+            raise InputError(f"actions of shape {given.shape}: expected {(self.num_envs, 2)}")
         given = np.where(again[:, None], 0.0, given)
         if not (finite := np.isfinite(given).all(axis=1)).all():
             found = f"action of robot {(robot := int(np.argmin(finite)))}: {given[robot].tolist()}"
@@ -198,10 +236,19 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         ended = reached | collided
         cut = (self._steps >= self.max_steps) & ~ended & ~again
         self._ended = ended | cut
-        self._place(np.flatnonzero(again))
+        if self.autoreset is AutoresetMode.DISABLED:
+            self._ended |= again
+        else:
+            self._place(np.flatnonzero(again))
         # Gymnasium's vector infos mark by a second array which environments have a value.
         valid = np.ones(self.num_envs, np.bool_)
+        infos: dict[str, Any]
         infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
+        if self.autoreset is AutoresetMode.SAME_STEP and self._ended.any():
+            infos = {**infos, "final_info": infos, "_final_info": self._ended}
+            infos |= {"final_obs": self._observe(), "_final_obs": self._ended}
+            self._place(np.flatnonzero(self._ended))
+            self._ended = np.zeros(self.num_envs, np.bool_)
         return self._observe(), np.where(again, 0.0, rewards), ended, cut, infos
 
     def distances(self) -> Float:
@@ -294,7 +341,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32)}
 
 
-class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+class DriveEnv(_Limited, gymnasium.Env[Observation, NDArray[np.float32]]):
     """A robot that drives to a goal by its range finder, without hitting a wall.
 
     The observation is ``ranges`` (beams,) [m] in float32, range_max without return and 0 below
@@ -335,6 +382,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise InputError(f"render_mode {render_mode!r}: expected 'human', 'rgb_array' or None")
         # The vector environment with one robot.
         self.robots = DriveVectorEnv(1, world, sigma=sigma, max_steps=max_steps)
+        self.max_steps = self.robots.max_steps
         self.observation_space = self.robots.single_observation_space
         self.action_space = self.robots.single_action_space
         self.render_mode = render_mode
@@ -358,7 +406,10 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive with an action (2,)."""
-        observation, rewards, ended, cut, infos = self.robots.step(numbers([action], "action"))
+        given = numbers(action, "action")
+        if given.shape != (2,):
+            raise InputError(f"action of shape {given.shape}: expected (2,), speed and turn rate")
+        observation, rewards, ended, cut, infos = self.robots.step(given[None])
         ends = {name: bool(infos[name][0]) for name in ("reached", "collided")}
         info = {**self._info(), **ends}
         return self._shown(observation), float(rewards[0]), bool(ended[0]), bool(cut[0]), info

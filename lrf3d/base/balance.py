@@ -1,0 +1,80 @@
+"""A balance of what a source holds: what of it was used, and what was left out for which reason.
+
+The total is counted apart from the two, as by the library that reads the format, so that an item
+which a reader overlooks shows as missing.
+"""
+
+import warnings
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from lrf3d.base.errors import Lrf3dNote
+from lrf3d.base.text import counted
+
+
+@dataclass
+class Balance:
+    """What a source holds, counted; used and left out add up to all where nothing is missing.
+
+    Args:
+        noun: What is counted, in the singular, such as ``entity``.
+        all: How many of these the source holds.
+        used: How many were used.
+        left_out: How many were left out, by reason. A reason is a noun in the singular, and may
+            end in a name: ``external reference: core.dwg``.
+
+    Examples:
+        >>> balance = Balance("feature", 5, 2)
+        >>> balance.leave("point", 2)
+        >>> balance.missing, balance.words()
+        (1, '1 overlooked feature, 2 points')
+    """
+
+    noun: str
+    all: int = 0
+    used: int = 0
+    left_out: dict[str, int] = field(default_factory=dict)
+
+    def leave(self, reason: str, number: int = 1) -> None:
+        """Leave out some items for a reason."""
+        if number:
+            self.left_out[reason] = self.left_out.get(reason, 0) + number
+
+    @property
+    def missing(self) -> int:
+        """How many items are neither used nor left out; other than 0 is an error of the reader."""
+        return self.all - self.used - sum(self.left_out.values())
+
+    @property
+    def overlooked(self) -> Counter[str]:
+        """How many items are missing, as a reason."""
+        return Counter({f"overlooked {self.noun}": self.missing} if self.missing else {})
+
+    def note(self, path: object, *said: str) -> None:
+        """Warn of what a file holds that was left out, and of what was assumed."""
+        words = f"left out: {self.words()}" if self.words() else ""
+        if text := "; ".join(filter(None, [*said, words])):
+            warnings.warn(f"{path}: {text}", Lrf3dNote, stacklevel=3)
+
+    def words(self, most: int = 12) -> str:
+        """What was left out, in words: the most frequent reasons, and how many have others."""
+        return ", ".join(in_words(Counter(self.left_out) + self.overlooked, most))
+
+
+def in_words(reasons: Counter[str], most: int = 12) -> Iterable[str]:
+    """Numbers of things by reason, in words: ``12 texts``, ``2 undefined blocks (A, B)``."""
+    names = dict[str, list[str]]()
+    numbers = Counter[str]()
+    for reason, number in sorted(reasons.items()):
+        noun, _, name = reason.partition(": ")
+        numbers[noun] += number
+        names.setdefault(noun, []).extend(filter(None, [name]))
+    ranked = numbers.most_common(most)
+    for noun, count in sorted(ranked):
+        # Many names say no more than a few.
+        held = f" ({', '.join(names[noun][:5])}{', …' if len(names[noun]) > 5 else ''})"
+        head, of, what = noun.partition(" of ")
+        yield counted(count, head) + of + what + (held if names[noun] else "")
+    if rest := numbers.total() - sum(count for _, count in ranked):
+        yield f"{rest:,} of other kinds"

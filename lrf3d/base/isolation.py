@@ -1,0 +1,290 @@
+"""A stranger's file is read in a process of its own, with limits on memory and time.
+
+Whatever a file does to the library that reads it, to the memory or to the time, is one line in this
+process, which gets the value through a pipe. The other one is a fresh interpreter, since a fork of
+a process with threads may hang, and runs `lrf3d.base.confinement`.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from shutil import rmtree
+from signal import Signals
+from tempfile import mkdtemp
+from time import monotonic
+from typing import Any, NamedTuple
+
+from lrf3d.base import errors
+from lrf3d.base.errors import InputError, Lrf3dError, Lrf3dWarning, one_line, shown
+from lrf3d.base.formats import function
+from lrf3d.base.interrupts import unfinished
+from lrf3d.base.packing import receive, send
+
+# Name of the environment variable by which the limits are multiplied; 0 reads in this process.
+FACTOR = "LRF3D_READING"
+
+# Memory [bytes] and computing time [s] that a file of any size may take. Of sound plans, maps,
+# towns and logs of others up to 4 MB, the dearest took 0.2 GB, and 4.6 s on an overloaded machine.
+LEAST_MEMORY = 1_200_000_000
+LEAST_SECONDS = 12
+
+# What each byte of a file adds to that: memory [bytes] and time [s]. Texts of numbers take 17 bytes
+# and 0.4 µs, ten times as much where they are packed.
+MEMORY_OF_BYTE = 24
+SECONDS_OF_BYTE = 2.5e-6
+
+# Time [s] without any computing after which a process waits for what never comes, such as a pipe.
+PATIENCE = 20.0
+
+# Longest time [s] of a process whose computing time cannot be seen, in computing times.
+SLOWEST = 8
+
+# Time [s] between two looks at the process; on macOS each starts a program.
+STEP = 0.05 if sys.platform == "linux" else 0.5
+
+# Exit status of a process that ran out of memory.
+OUT_OF_MEMORY = 77
+
+# What the other interpreter runs; its module paths are those of this one.
+START = """
+import json, sys
+sys.path[:] = json.loads(sys.argv[1])
+from lrf3d.base.confinement import main
+main()
+"""
+
+# Threads of libraries take memory and time to start.
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+def read_file(
+    reader: str | Callable[..., Any],
+    path: Path,
+    options: Mapping[str, Any],
+    *,
+    isolated: bool,
+    error: type[InputError] = InputError,
+) -> Any:
+    """What a reader, ``module:function``, returns for a path: in a process of its own if isolated.
+
+    Raises:
+        InputError: What the reader raises, or a limit is met, as the given class.
+    """
+    factor = _factor()
+    # What is wrong with the path itself is said at once.
+    apart = isolated and factor > 0.0 and _has_interpreter() and path.exists()
+    if not (apart and isinstance(reader, str)):
+        return read_directly(reader, path, options, error)
+    limits = _limits(path, factor)
+    try:
+        found, value, said = _ask(reader, str(path), dict(options), limits)
+    except _Stopped as stopped:
+        raise error(f"{path}: {stopped}") from None
+    for name, message in said:
+        warnings.warn(message, _named(name, Lrf3dWarning), stacklevel=4)
+    if found:
+        return value
+    name, message, notes = value
+    problem = _named(name, error)(message)
+    for note in notes:
+        problem.add_note(note)
+    raise problem
+
+
+def read_directly(
+    reader: str | Callable[..., Any],
+    path: str | Path,
+    options: Mapping[str, Any],
+    error: type[InputError] = InputError,
+) -> Any:
+    """What a reader returns; what a library raises on a damaged file becomes one line."""
+    path = Path(path)
+    try:
+        return function(reader)(path, **options)
+    except (Lrf3dError, MemoryError):
+        raise
+    except RecursionError:
+        raise error(
+            f"{path}: nested too deeply, or within itself; save it without groups"
+        ) from None
+    except Exception as problem:
+        check_memory(problem)
+        if isinstance(problem, OSError) and problem.errno is not None:
+            raise error(f"{path}: cannot be read: {problem.strerror}") from None
+        reason = one_line(f"{type(problem).__name__}: {' '.join(str(problem).split())}", 120)
+        what = f"damaged, or not a {path.suffix[1:].lower()} file"
+        raise error(f"{path}: {what} ({reason.strip(': ')}); save it again") from problem
+
+
+def check_memory(problem: Exception) -> None:
+    """Raise MemoryError if a library's error says no more than that: the file is not damaged."""
+    if isinstance(problem, MemoryError) or re.search("bad_?alloc|allocat", str(problem)):
+        raise MemoryError from problem
+
+
+class ReadingLimits(NamedTuple):
+    """What a process that reads may use: memory [bytes] and computing time [s]."""
+
+    memory: int
+    seconds: int
+    factor: float
+
+    def advice(self, used: str) -> str:
+        """The end of a message on a limit that was met."""
+        more = 4 * self.factor
+        return f"{used}; cut it down to what is needed, or raise the limit: {FACTOR}={more:g}"
+
+
+class _Stopped(Exception):
+    """Why a process gave no answer."""
+
+
+def _factor() -> float:
+    """The factor of the limits that the user has set."""
+    text = os.environ.get(FACTOR, "1")
+    with suppress(ValueError):
+        if 0.0 <= (factor := float(text)) <= 1e6:
+            return factor
+    raise InputError(f"{FACTOR}={shown(text)}: expected a factor of the limits, such as 4, or 0")
+
+
+def _has_interpreter() -> bool:
+    """Whether another interpreter can be started: a program that embeds Python has none."""
+    name = os.path.basename(sys.executable or "").lower()
+    return "python" in name and not hasattr(sys, "frozen")
+
+
+def _limits(path: Path, factor: float) -> ReadingLimits:
+    """The limits for a file or a folder by its size."""
+    files = path.iterdir() if path.is_dir() else [path]
+    size = sum(each.stat().st_size for each in files if each.is_file())
+    memory = int(factor * (LEAST_MEMORY + MEMORY_OF_BYTE * size))
+    return ReadingLimits(memory, int(1 + factor * (LEAST_SECONDS + SECONDS_OF_BYTE * size)), factor)
+
+
+def _ask(reader: str, path: str, options: dict[str, Any], limits: ReadingLimits) -> Any:
+    """The answer of another process: whether it is a value, that or an error, and warnings."""
+    with _process() as process, _Watch(process, limits) as watch:
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            send(process.stdin, [reader, path, options, limits.memory, limits.seconds])
+            return receive(process.stdout, limits.memory)
+        except TypeError as error:
+            raise _Stopped(f"an option is {error}; give numbers and texts") from None
+        except ValueError as error:
+            raise _Stopped(f"its reader returns too much, or no value ({error})") from None
+        except (EOFError, BrokenPipeError):
+            status = process.wait()
+            raise _Stopped(watch.reason or _end(status, limits, watch.most)) from None
+
+
+@contextmanager
+def _process() -> "Iterator[subprocess.Popen[bytes]]":
+    """A fresh interpreter that waits for a question; it ends with the block."""
+    home = str(Path(__file__).parents[2])
+    paths = [*(os.path.abspath(each) for each in sys.path), home]
+    # Readers unpack into temporary files, which one that is killed leaves.
+    folder = mkdtemp(prefix="lrf3d-")
+    unfinished.add(folder)
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-I", "-c", START, json.dumps(paths)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **ONE_THREAD, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)},
+            # A session of its own: Ctrl-C of a terminal comes to this process alone.
+            start_new_session=os.name == "posix",
+        )
+        try:
+            yield process
+        finally:
+            process.kill()
+            # It ends with what was not taken by the process.
+            with suppress(BrokenPipeError), process:
+                pass
+    finally:
+        rmtree(folder, ignore_errors=True)
+        unfinished.discard(folder)
+
+
+def _end(status: int, limits: ReadingLimits, most: int) -> str:
+    """Why a process ended without an answer, by its status and the most memory [bytes] it took."""
+    signal = Signals(-status).name if status < 0 else ""
+    if signal == "SIGXCPU":
+        return limits.advice(f"reading it takes more than {limits.seconds} s of computing")
+    if status == OUT_OF_MEMORY or most > 0.8 * limits.memory:
+        return _memory(limits)
+    if signal == "SIGKILL":
+        return "reading it was stopped from outside; the memory may be full"
+    return f"the library that reads it crashed ({signal or f'status {status}'}); save it again"
+
+
+def _memory(limits: ReadingLimits) -> str:
+    return limits.advice(f"reading it takes more than {limits.memory / 1e9:.3g} GB of memory")
+
+
+def _named(name: object, otherwise: type[Any]) -> type[Any]:
+    """The error or the warning of this name."""
+    found = getattr(errors, name, None) if isinstance(name, str) else None
+    base = Lrf3dWarning if issubclass(otherwise, Warning) else Lrf3dError
+    return found if isinstance(found, type) and issubclass(found, base) else otherwise
+
+
+class _Watch:
+    """A thread that ends a process which takes too much memory, or waits for ever."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", limits: ReadingLimits) -> None:
+        self.process = process
+        self.limits = limits
+        self.most = 0
+        self.reason = ""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+
+    def __enter__(self) -> "_Watch":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ended.set()
+
+    def _look(self) -> None:
+        computed: list[str] = []
+        since = monotonic()
+        while not self._ended.wait(STEP) and not self.reason:
+            before = computed
+            computed, memory = _used(self.process.pid)
+            self.most = max(self.most, memory)
+            if computed != before:
+                since = monotonic()
+            longest = PATIENCE if computed else float(SLOWEST * self.limits.seconds)
+            if memory > self.limits.memory:
+                self.reason = _memory(self.limits)
+            elif monotonic() > since + longest:
+                self.reason = f"reading it waited for {longest:g} s for something that never comes"
+            if self.reason:
+                self.process.kill()
+
+
+def _used(number: int) -> tuple[list[str], int]:
+    """Computing times of a process, of which none are known on Windows, and its memory [bytes]."""
+    if sys.platform == "linux":
+        with suppress(OSError, LookupError):
+            # Names of programs may have spaces; the numbers are behind them.
+            values = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
+            pages = int(values[21]) * os.sysconf("SC_PAGE_SIZE")
+            return values[11:13], pages
+    if sys.platform == "darwin":
+        words = ["/bin/ps", "-o", "time=,rss=", "-p", str(number)]
+        found = subprocess.run(words, capture_output=True, text=True).stdout.split()
+        if len(found) == 2:
+            return found[:1], 1024 * int(found[1])
+    return [], 0

@@ -1,0 +1,219 @@
+"""Read the layers of lidars and the rows of cameras from skylines, compiled."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.kernels.beams import (
+    beam_of,
+    length_of,
+    within,
+)
+from lrf3d.casting.kernels.predicates import (
+    Beam,
+    Wall,
+    compare_height,
+    index_of,
+)
+from lrf3d.casting.kernels.skyline import (
+    BEGINS,
+    EXITS,
+    Skylines,
+    wall_of,
+)
+from lrf3d.casting.kernels.tree import (
+    ROOM,
+    Plain,
+)
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry.lines import Float, Records
+
+# Relative distance of a floor and a wall from which on float64 shows which is met first.
+CLEAR_FLOOR = 1e-12
+
+
+class Layers(NamedTuple):
+    """Layers by ascending slope, and what becomes of t."""
+
+    slopes: Float  # (k, layers) for each azimuth, or of k = 1 for all.
+    lengths: Float  # (layers,) how long a beam is at t = 1: its range is t times this.
+    nears: Float  # (layers,) the least t that is measured [m],
+    reaches: Float  # (layers,) and the largest.
+
+
+@compiled
+def read_layers(
+    rays: Records, z: float, plain_layers: Plain, range_max: float, plain_skies: Plain,
+    ranges: Float, hits: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Fill ranges and walls (azimuths, layers) from the skylines of rays, over a floor at z = 0.
+
+    The skylines are empty then.
+    """
+    skies = Skylines(*plain_skies)
+    layers = Layers(*plain_layers)
+    slopes = layers.slopes
+    entries = skies.entries
+    columns = len(skies.counts)
+    many = len(layers.lengths)
+    floor = np.empty((1, many))
+    ground = np.empty(many)
+    # Between these all layers measure.
+    near = 0.0
+    far = np.inf
+    for r in range(many):
+        near = max(near, layers.nears[r] * ROOM)
+        far = min(far, layers.reaches[r] / ROOM)
+    for i in range(len(rays)):
+        beam = beam_of(rays, i)
+        own = min(i, len(slopes) - 1)
+        if i < len(slopes):
+            for r in range(many):
+                slope = slopes[i, r]
+                floor[0, r] = -z / slope if slope < 0.0 else np.inf
+                ground[r] = _limited(floor[0, r], r, layers, range_max)
+        count = skies.counts[i]
+        mixed = skies.mixed[i] != 0
+        skies.covered[i] = 0.0
+        skies.mixed[i] = 0
+        skies.counts[i] = 0
+        if mixed:
+            for r in range(many):
+                ranges[i, r], hits[i, r] = _among_overlapping(
+                    entries[i::columns][:count],
+                    beam,
+                    (z, slopes[own, r], r, range_max),
+                    layers,
+                    ground[r],
+                )
+            continue
+        first = 0
+        for j in range(count):
+            entry = entries[j * columns + i]
+            stop = _beyond(slopes, own, (first, many), entry.sure)
+            most = entry.most
+            while stop < many and slopes[own, stop] <= most:
+                wall = wall_of(entry)
+                if compare_height(slopes[own, stop], z, entry.height, beam, wall) > 0:
+                    break
+                stop += 1
+            if stop == first:
+                continue
+            if entry.exits == EXITS:
+                for r in range(first, stop):
+                    t = (entry.height - z) / slopes[own, r]
+                    ranges[i, r] = _limited(t, r, layers, range_max)
+                    hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
+                first = stop
+                continue
+            wall = wall_of(entry)
+            t = length_of(beam, wall)
+            begin = _beyond(floor, 0, (first, stop), t * (1.0 - CLEAR_FLOOR))
+            while begin < stop and floor[0, begin] < t * (1.0 + CLEAR_FLOOR):
+                if compare_height(slopes[own, begin], z, 0.0, beam, wall) >= 0:
+                    break
+                begin += 1
+            _stand(ground, i, (first, begin), ranges, hits)
+            if near < t < far:
+                _measure(t, max(entry.row, -1), layers.lengths, i, (begin, stop), ranges, hits)
+            else:
+                for r in range(begin, stop):
+                    ranges[i, r] = _within(t, r, beam, wall, layers, range_max)
+                    hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
+            first = stop
+        _stand(ground, i, (first, many), ranges, hits)
+
+
+@borrower
+def _beyond(values: Float, row: int, part: tuple[int, int], limit: float) -> int:
+    """The first of ascending values of a part of a row that is above a limit, or the part's end."""
+    low, high = part
+    while low < high:
+        middle = (low + high) // 2
+        if values[row, middle] <= limit:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@borrower
+def _stand(
+    ground: Float, i: int, part: tuple[int, int], ranges: Float, hits: NDArray[np.int32]
+) -> None:
+    """Let a part of the layers of an azimuth end on the floor."""
+    for r in range(index_of(part[0]), index_of(part[1])):
+        ranges[i, r] = ground[r]
+        hits[i, r] = -1
+
+
+@borrower
+def _measure(
+    t: float, name: int, lengths: Float, i: int, part: tuple[int, int], ranges: Float,
+    hits: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Let a part of the layers of an azimuth end at a wall."""
+    for r in range(index_of(part[0]), index_of(part[1])):
+        ranges[i, r] = t * lengths[r]
+        hits[i, r] = name
+
+
+@inner
+def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max: float) -> float:
+    """The range of a layer at a wall that it meets at t, within its limits, exactly."""
+    t = within(t, layers.nears[r], layers.reaches[r], beam, wall)
+    return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
+
+
+@inner
+def _limited(t: float, r: int, layers: Layers, range_max: float) -> float:
+    """The range of a layer at t within its limits: +inf above, −inf below."""
+    if not t <= layers.reaches[r]:
+        return np.inf
+    return min(t * layers.lengths[r], range_max) if t >= layers.nears[r] else -np.inf
+
+
+@inner
+def _among_overlapping(
+    row: Records, beam: Beam, place: tuple[float, float, int, float], layers: Layers,
+    ground: float,
+) -> tuple[float, int]:  # fmt: skip
+    """The range and the wall of a layer of a skyline that has low walls along the beam."""
+    z, slope, r, range_max = place
+    for j in range(len(row)):
+        entry = row[j]
+        wall = wall_of(entry)
+        if compare_height(slope, z, entry.height, beam, wall) > 0:
+            continue
+        top = entry.height if entry.exits == EXITS else -np.inf
+        name = entry.row
+        for k in range(j):
+            # What the beam has come down to before, on a wall that has begun and not ended.
+            along = row[k]
+            if (
+                along.exits == BEGINS
+                and along.height > top
+                and _ends_after(row, j, along.row)
+                and compare_height(slope, z, along.height, beam, wall) <= 0
+            ):
+                top = along.height
+                name = along.row
+        if top > -np.inf:
+            found = _limited((top - z) / slope, r, layers, range_max)
+        elif compare_height(slope, z, 0.0, beam, wall) >= 0:
+            found = _within(length_of(beam, wall), r, beam, wall, layers, range_max)
+        else:
+            break
+        return found, max(name, -1) if math.isfinite(found) else -1
+    return ground, -1
+
+
+@inner
+def _ends_after(row: Records, first: int, name: int) -> bool:
+    """Whether a wall along the beam ends at one of the entries from the first on."""
+    for k in range(first, len(row)):
+        if row[k].exits == EXITS and row[k].row == name:
+            return True
+    return False

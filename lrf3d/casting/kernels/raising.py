@@ -1,0 +1,416 @@
+"""Enter walls and obstacles into skylines, compiled; every decision exact."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.kernels.beams import (
+    MISSED,
+    OPEN,
+    Nearest,
+    beam_of,
+    judged,
+    length_of,
+    sift,
+)
+from lrf3d.casting.kernels.fan import (
+    BATCH,
+    BEARING_SLACK,
+    SKETCH,
+    SLACK,
+    START,
+    TURN,
+    WAITING,
+    WIDTH,
+    Fan,
+    U,
+    V,
+    enter_boxes,
+    hidden,
+    outline,
+    reached,
+    turns_to_meet,
+    view_boxes,
+)
+from lrf3d.casting.kernels.movers import anywhere, place, side_at
+from lrf3d.casting.kernels.predicates import (
+    Beam,
+    Wall,
+    area_sign,
+    between,
+    index_of,
+    meets_in_line,
+    meets_seen,
+    side,
+    wall_at,
+)
+from lrf3d.casting.kernels.scans import PADDING, Laser, aim
+from lrf3d.casting.kernels.skyline import (
+    AMBIGUOUS,
+    BEGINS,
+    EXITS,
+    HIDDEN,
+    MEETS,
+    Eye,
+    Skylines,
+    entry_of,
+    insert,
+    place_exactly,
+    place_of,
+    put,
+)
+from lrf3d.casting.kernels.tree import (
+    ROOM,
+    SMALL,
+    STACK,
+    Plain,
+    Tree,
+    Way,
+    enter,
+    new_stack,
+    next_leaf,
+)
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry.lines import Float, Records
+
+
+class Standing(NamedTuple):
+    """Walls as they stand, in the order of the tree's rows."""
+
+    tree: Tree
+    heights: Float  # (n,) [m]
+    # (n,) 1 where the inside of a closed object is on the left of the wall, −1 on the right, or 0.
+    inner: NDArray[np.int8]
+    corners: Float  # (n, 4) the neighbours of its ends p and q on the outline of the object.
+    highest: float  # The height of the highest [m].
+
+
+class Piece(NamedTuple):
+    """One wall as it stands."""
+
+    wall: Wall
+    height: float  # [m]
+    inner: int  # See Standing.
+    corners: Wall  # The neighbours of its ends p and q on the outline of the object.
+    name: int  # Its number in the world, or below −1 of an obstacle.
+
+
+@compiled
+def raise_fan(
+    plain: Plain, plain_laser: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
+) -> bool:
+    """Enter walls into the skylines of evenly spaced azimuths from one pose (3,), and fill rays.
+
+    Returns whether the skylines had room for all of them.
+    """
+    walls = Standing(Tree(*plain[0]), *plain[1:])
+    tree = walls.tree
+    sight = Eye(*eye)
+    skies = Skylines(*plain_skies)
+    covered = skies.covered
+    beams = len(covered)
+    dx = np.empty(beams + PADDING)
+    dy = np.empty(beams + PADDING)
+    fan = aim(Laser(*plain_laser), pose, dx, dy)
+    edge = 1.0 / (sight.reach * ROOM)
+    for i in range(beams):
+        covered[i] = max(covered[i], edge)
+        ray = rays[i]
+        ray.x = fan.x
+        ray.y = fan.y
+        ray.dx = dx[i]
+        ray.dy = dy[i]
+    sketch = np.empty(SKETCH)
+    waiting = np.empty(STACK, WAITING)
+    root = waiting[0]
+    root.node = 0
+    root.first = 0
+    root.stop = beams
+    root.near = np.inf
+    top = 1 if len(tree.walls) > 0 else 0
+    fits = True
+    while top > 0 and fits:
+        top -= 1
+        box = waiting[top]
+        if hidden(covered, box.first, box.stop, box.near):
+            continue
+        first = tree.links[box.node, 0]
+        count = tree.links[box.node, 1]
+        if count < 0:
+            view_boxes(tree.boxes, first, -count, fan, sketch)
+            top = enter_boxes((first, -count), fan, edge, covered, sketch, waiting, top)
+            continue
+        for base in range(first, first + count, BATCH):
+            batch = min(BATCH, first + count - base)
+            outline(tree.columns, base, batch, fan, sketch)
+            for k in range(batch):
+                fits = _raise_wall(walls, base + k, k, sketch, fan, sight, skies) and fits
+    return fits
+
+
+@inner
+def _raise_wall(
+    walls: Standing, row: int, k: int, sketch: Float, fan: Fan, eye: Eye, skies: Skylines
+) -> bool:
+    """Enter a wall, k of a sketch, at all azimuths that meet it."""
+    place = index_of(k)
+    wall = wall_at(walls.tree.walls, row)
+    u = sketch[U + place]
+    v = sketch[V + place]
+    slack = sketch[SLACK + place]
+    covered = skies.covered
+    beams = len(covered)
+    fits = True
+    if not slack < np.inf or fan.per_step == 0.0:
+        piece = _piece(walls, row)
+        for i in range(beams):
+            beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+            fits = _raise_exactly(piece, i, beam, eye, walls.highest, skies) and fits
+        return fits
+    sense = 1 if u * (wall.qy - wall.py) + v * (wall.qx - wall.px) > 0.0 else -1
+    height = walls.heights[row]
+    exits = EXITS if sense * walls.inner[row] > 0 and height < eye.z else MEETS
+    name = walls.tree.rows[row]
+    # Taken out of their tuples once: each time counts a reference.
+    x = fan.x
+    y = fan.y
+    dx = fan.dx
+    dy = fan.dy
+    per_step = fan.per_step
+    z = eye.z
+    highest = walls.highest
+    before, after = turns_to_meet(sketch[START + place], sketch[WIDTH + place], fan.half)
+    for turn in range(before, after + 1):
+        a = sketch[START + place] + turn * TURN + fan.half
+        b = a + sketch[WIDTH + place]
+        first = reached((a - BEARING_SLACK) * per_step, beams)
+        stop = reached((b + BEARING_SLACK) * per_step, beams)
+        sure = reached((a + BEARING_SLACK) * per_step, beams)
+        sure_stop = reached((b - BEARING_SLACK) * per_step, beams)
+        for i in range(first, stop):
+            depth = dx[i] * u - dy[i] * v
+            if depth + slack < covered[i]:
+                continue
+            if i < sure or i >= sure_stop:
+                beam = Beam(x, y, dx[i], dy[i])
+                fits = _raise_exactly(_piece(walls, row), i, beam, eye, highest, skies) and fits
+                continue
+            new = entry_of(depth - slack, depth + slack, height, wall, (name, exits), z)
+            at = place_of(new, i, eye, skies)
+            if at == AMBIGUOUS:
+                at = place_exactly(new, i, Beam(x, y, dx[i], dy[i]), eye, skies)
+            if at != HIDDEN:
+                fits = put(new, i, at, eye, highest, skies) and fits
+    return fits
+
+
+@compiled
+def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_skies: Plain) -> bool:
+    """Enter walls into the skylines of rays (n,), each from its own origin.
+
+    Slopes (n, 2) are the least and the largest of the layers of each ray, or of (1, 2) of all.
+    Returns whether the skylines had room for all of them.
+    """
+    walls = Standing(Tree(*plain[0]), *plain[1:])
+    tree = walls.tree
+    sight = Eye(*eye)
+    skies = Skylines(*plain_skies)
+    stack = new_stack()
+    sifted = np.empty(SMALL + PADDING)
+    fits = True
+    for i in range(len(rays)):
+        beam = beam_of(rays, i)
+        way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+        row = min(i, len(slopes) - 1)
+        own = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+        limit = _farthest(own, walls.highest) * ROOM
+        top = enter(tree, stack)
+        while top > 0:
+            limit = min(limit, ROOM / skies.covered[i]) if skies.covered[i] > 0.0 else limit
+            first, stop, top = next_leaf(tree, way, limit, stack, top)
+            sift(tree.columns, first, stop, beam, limit, sifted)
+            for k in range(first, stop):
+                if sifted[k - first] <= 0.0:
+                    piece = _piece(walls, k)
+                    fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
+    return fits
+
+
+@compiled
+def raise_obstacles(
+    plain: Plain, own: int, rays: Records, eye: Plain, slopes: Float, plain_skies: Plain
+) -> bool:
+    """Enter dynamic obstacles into the skylines of rays (n,), where they are at the rays' times.
+
+    All but the robot's own are seen; their walls are named by numbers below −1.
+    """
+    among = anywhere(plain)
+    movers = among.movers
+    sides = among.sides
+    sight = Eye(*eye)
+    skies = Skylines(*plain_skies)
+    fits = True
+    for j in range(len(movers)):
+        mover = movers[j]
+        placed = np.nan
+        sense = 0
+        for i in range(len(rays)):
+            beam = beam_of(rays, i)
+            if rays[i].time != placed:
+                placed = rays[i].time
+                place(among, j, placed)
+                sense = _sense(sides, mover.first, mover.stop)
+            at = among.placed[j]
+            east = at.x - beam.ox
+            north = at.y - beam.oy
+            size = math.sqrt(beam.dx * beam.dx + beam.dy * beam.dy)
+            wide = (at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))) * size
+            ahead = beam.dx * east + beam.dy * north
+            if j == own or abs(beam.dx * north - beam.dy * east) > wide or ahead < -wide:
+                continue
+            row = min(i, len(slopes) - 1)
+            seen = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+            before = mover.stop - 1
+            for k in range(mover.first, mover.stop):
+                after = k + 1 if k + 1 < mover.stop else mover.first
+                corners = Wall(sides[before].px, sides[before].py, sides[after].qx, sides[after].qy)
+                piece = Piece(side_at(sides, k), mover.height, sense, corners, -2 - k)
+                # A wall of the world may be higher: it covers by itself.
+                fits = _raise_exactly(piece, i, beam, seen, np.inf, skies) and fits
+                before = k
+    return fits
+
+
+@inner
+def _sense(sides: Records, first: int, stop: int) -> int:
+    """The sense in which an outline runs: 1 with its inside on the left, or −1."""
+    area = 0.0
+    for k in range(first, stop):
+        side = sides[k]
+        area += (side.px - sides[first].px) * (side.qy - sides[first].py)
+        area -= (side.py - sides[first].py) * (side.qx - sides[first].px)
+    return 1 if area > 0.0 else -1
+
+
+@inner
+def _piece(walls: Standing, row: int) -> Piece:
+    """The wall in a row."""
+    return Piece(
+        wall_at(walls.tree.walls, row),
+        walls.heights[row],
+        int(walls.inner[row]),
+        wall_at(walls.corners, row),
+        int(walls.tree.rows[row]),
+    )
+
+
+@inner
+def _farthest(eye: Eye, highest: float) -> float:
+    """How far [m] the layers of a ray can meet a wall: up to the floor, or over the highest."""
+    reach = eye.reach
+    if eye.most < 0.0:
+        reach = min(reach, -eye.z / eye.most)
+    if eye.least > 0.0:
+        reach = min(reach, max(highest - eye.z, 0.0) / eye.least)
+    return reach * ROOM
+
+
+@inner
+def _raise_exactly(
+    piece: Piece, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
+) -> bool:
+    """Enter a wall at an azimuth if its beam meets it, exactly; whether there was room."""
+    wall = piece.wall
+    height = piece.height
+    low = height < eye.z
+    verdict, near, far = judged(wall, beam, Nearest(-1, np.inf, np.inf))
+    if verdict == MISSED:
+        return True
+    sense = area_sign(beam.ox, beam.oy, wall)
+    exits = sense * piece.inner > 0
+    if verdict == OPEN:
+        holds = sense == 0 and between(beam.ox, beam.oy, wall)
+        if not holds and not (
+            meets_seen(sense, beam, wall) if sense != 0 else meets_in_line(beam, wall)
+        ):
+            return True
+        if sense == 0 and low:
+            return _raise_along(piece, i, beam, eye, highest, skies)
+        if piece.inner != 0 and low:
+            exits = _exits_at_end(piece, beam, exits)
+        t = length_of(beam, wall)
+        near = t / ROOM
+        far = t * ROOM
+    bounds = (1.0 / far, 1.0 / near) if near > 0.0 else (np.inf, np.inf)
+    kind = EXITS if exits and low else MEETS
+    new = entry_of(bounds[0], bounds[1], height, wall, (piece.name, kind), eye.z)
+    return insert(new, i, beam, eye, highest, skies)
+
+
+@inner
+def _raise_along(
+    piece: Piece, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
+) -> bool:
+    """Enter a low wall whose line goes through the sensor: where it begins, and where it ends."""
+    wall = piece.wall
+    height = piece.height
+    name = piece.name
+    t = length_of(beam, wall)
+    bounds = (1.0 / (t * ROOM), ROOM / t) if t > 0.0 else (np.inf, np.inf)
+    px, py, qx, qy = wall
+    along = side(beam, px, py) == 0 and side(beam, qx, qy) == 0
+    skies.mixed[i] = max(skies.mixed[i], int(along))
+    kind = BEGINS if along else MEETS
+    new = entry_of(bounds[0], bounds[1], height, wall, (name, kind), eye.z)
+    fits = insert(new, i, beam, eye, highest, skies)
+    if not along:
+        return fits
+    # The far end, on a wall across the beam, which it meets just there.
+    ahead = beam.dx * (qx - px) + beam.dy * (qy - py) > 0.0
+    x, y = (qx, qy) if ahead else (px, py)
+    across = Wall(x, y, x - beam.dy, y + beam.dx)
+    t = length_of(beam, across)
+    if not t > 0.0:
+        return fits
+    new = entry_of(1.0 / (t * ROOM), ROOM / t, height, across, (name, EXITS), eye.z)
+    return insert(new, i, beam, eye, highest, skies) and fits
+
+
+@inner
+def _exits_at_end(piece: Piece, beam: Beam, exits: bool) -> bool:
+    """Whether a beam comes to a wall of a closed object from inside, also through its ends."""
+    px, py, qx, qy = piece.wall
+    ax, ay, bx, by = piece.corners
+    left = piece.inner > 0
+    if side(beam, px, py) == 0:
+        ahead, behind = ((qx, qy), (ax, ay)) if left else ((ax, ay), (qx, qy))
+        return _comes_through(beam, (px, py), ahead, behind)
+    if side(beam, qx, qy) == 0:
+        ahead, behind = ((bx, by), (px, py)) if left else ((px, py), (bx, by))
+        return _comes_through(beam, (qx, qy), ahead, behind)
+    return exits
+
+
+@inner
+def _comes_through(
+    beam: Beam, corner: tuple[float, float], ahead: tuple[float, float], behind: tuple[float, float]
+) -> bool:
+    """Whether a beam comes to a corner, on its line, through the inside of an outline.
+
+    The outline runs from behind to the corner and ahead, with the inside on its left.
+    """
+    x, y = corner
+    first = side(beam, ahead[0], ahead[1])
+    last = side(beam, behind[0], behind[1])
+    if first != 0 and first == last:
+        # Both neighbours are on one side: the inside holds the beam where the corner is reflex.
+        return area_sign(x, y, Wall(ahead[0], ahead[1], behind[0], behind[1])) < 0
+    nearer = beam.dx * (ahead[0] - x) + beam.dy * (ahead[1] - y) < 0.0
+    if first == 0 and nearer:
+        return True
+    nearer = beam.dx * (behind[0] - x) + beam.dy * (behind[1] - y) < 0.0
+    if last == 0 and nearer:
+        return True
+    return first > 0 or last < 0

@@ -1,0 +1,291 @@
+"""Casting lidars and depth cameras among the walls of a world, from floor to height.
+
+Level sensors are exact: see `kernels.skyline`. A tilted one casts each beam as a column of its own,
+with the same decisions for its float64 direction. Behind mirrors and glass, and in meshes, beams
+are cast in float64. The floor is z = 0.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from sys import getrefcount
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.kernels.beams import RAY
+from lrf3d.casting.kernels.layers import read_layers
+from lrf3d.casting.kernels.raising import Standing, raise_fan, raise_obstacles, raise_rays
+from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.kernels.skyline import ENTRY
+from lrf3d.casting.kernels.tree import Plain, build_tree
+from lrf3d.geometry.lines import TINY, Float, Int, Records
+from lrf3d.geometry.pose import between, compose
+from lrf3d.laser.depth_camera import DepthCamera
+from lrf3d.laser.lidar import Lidar
+from lrf3d.laser.range_finder import turn
+from lrf3d.world import World
+
+Rows = NDArray[np.int32]
+
+# Entries of a skyline for which there is room at first; it is doubled as needed.
+ROOM_AT_FIRST = 8
+
+# [share] How much the boundary of what walls enclose may differ from them by rounding.
+WHOLE = 1e-9
+
+# [m] In place of the length in the plane of a beam that has none, straight up or down.
+UPRIGHT = 1e-20
+
+
+class Layered(NamedTuple):
+    """Layers that ascend, as kernels take them, and how far they measure."""
+
+    plain: Plain
+    extent: tuple[float, float, float]
+    range_max: float
+
+    @classmethod
+    def of(cls, slopes: Float, stretches: Float, sensor: Any) -> "Layered":
+        """Layers of slopes (k, layers), in which beams are so long (layers,) in a metre."""
+        slopes = np.ascontiguousarray(slopes)
+        limits = float(sensor.range_min), float(sensor.range_max)
+        nears, reaches = (limit / stretches for limit in limits)
+        extent = float(slopes.min()), float(slopes.max()), float(reaches.max())
+        return cls((slopes, stretches, nears, reaches), extent, limits[1])
+
+
+class Conditions(NamedTuple):
+    """What moves: the motion (3,) of the robot during a scan, and obstacles at a time [s]."""
+
+    time: float = 0.0
+    motion: Float | None = None
+    obstacles: Crowd | None = None
+
+
+# One moment, without obstacles.
+STILL = Conditions()
+
+
+class Solids(NamedTuple):
+    """Closed objects, whose tops are seen from above."""
+
+    areas: Any  # Their outlines as polygons (m,).
+    area: Int  # (n,) the outline that each wall is a part of, or −1.
+    inner: NDArray[np.int8]  # (n,) 1 where it is on the left of the wall, −1 on the right, or 0.
+    corners: Float  # (n, 4) the corners before the wall's start and after its end.
+
+
+class StandingWalls:
+    """The walls of a world as they stand, with the tops of closed objects."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._tree = build_tree(world.segments)
+        self._heights = world.heights[self._tree.rows]
+        self._highest = float(world.heights.max(initial=0.0))
+        self._lowest = float(world.heights.min(initial=np.inf))
+        self._arrays: dict[str, Any] = {}
+        self.room = ROOM_AT_FIRST
+        self._plain = np.zeros(len(world.segments), np.int8), np.zeros((len(world.segments), 4))
+
+    @cached_property
+    def _solids(self) -> "tuple[Solids, shapely.STRtree]":
+        found = solids(self.world)
+        return found, shapely.STRtree(found.areas)
+
+    def standing(self, pose: Float, z: float) -> Plain:
+        """The walls as kernels take them, for a sensor at a pose and a height."""
+        inner, corners = self._plain
+        if self._lowest < z:
+            found, tree = self._solids
+            # An outline around the sensor is the wall of a yard.
+            around = tree.query(shapely.Point(pose[0], pose[1]), predicate="within")
+            rows = self._tree.rows
+            inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)[rows]
+            corners = found.corners[rows]
+        return Standing(self._tree[:], self._heights, inner, corners, self._highest)[:]
+
+    def skies(self, columns: int) -> Plain:
+        """Empty skylines of columns."""
+        spare = self._arrays.pop("skies", None)
+        if spare is not None and len(spare[1]) == columns and spare[3] == self.room:
+            return spare
+        empty = [np.zeros(columns, kind) for kind in (np.int64, np.int8, np.float64)]
+        return np.empty(self.room * columns, ENTRY), *empty[:2], self.room, empty[2]
+
+    def keep(self, skies: Plain) -> None:
+        """Keep skylines that are empty again for the next scan."""
+        self._arrays["skies"] = skies
+
+    def reused(self, name: str, shape: tuple[int, ...], kind: Any) -> Any:
+        """An array without values: the last one of its name, if nothing else holds it any more.
+
+        New memory costs as much time as a scan.
+        """
+        array = self._arrays.pop(name, None)
+        # Held by its name here, and as the argument of the count.
+        if array is None or getrefcount(array) > 2 or array.shape != shape:
+            array = np.empty(shape, kind)
+        self._arrays[name] = array
+        return array
+
+
+def solids(world: World) -> Solids:
+    """The closed objects of a world: of one height, all of whose walls are the outline of an area.
+
+    Objects that the walls of another one reach into are rooms.
+    """
+    count = len(world.segments)
+    lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
+    order = np.argsort(world.objects, kind="stable")
+    owners = world.objects[order]
+    groups = np.full(world.object_count, None, dtype=object)
+    groups = shapely.multilinestrings(lines[order], indices=owners, out=groups)
+    areas = shapely.build_area(groups)
+    outlines = shapely.length(shapely.boundary(areas))
+    whole = np.abs(outlines - shapely.length(groups)) <= WHOLE * outlines
+    low = np.full(world.object_count, np.inf)
+    high = np.zeros(world.object_count)
+    np.minimum.at(low, world.objects, world.heights)
+    np.maximum.at(high, world.objects, world.heights)
+    solid = np.flatnonzero(whole & (low == high) & (shapely.area(areas) > 0.0))
+    tree = shapely.STRtree(areas[solid])
+    wall, around = tree.query(lines, predicate="intersects")
+    meets = shapely.relate_pattern(areas[solid][around], lines[wall], "T********")
+    solid = np.delete(solid, np.unique(around[meets]))
+    parts, part_of = shapely.get_parts(shapely.orient_polygons(areas[solid]), return_index=True)
+    inner = np.zeros(count, np.int8)
+    area = np.full(count, -1)
+    corners = np.zeros((count, 4))
+    named = {tuple(ends): row for row, ends in enumerate(world.segments.tolist())}
+    for number, polygon in zip(part_of.tolist(), parts, strict=True):
+        for ring in (polygon.exterior, *polygon.interiors):
+            points = shapely.get_coordinates(ring)[:-1]
+            for k in range(len(points)):
+                before, start, stop, after = points[np.arange(k - 1, k + 3) % len(points)].tolist()
+                sense = 1 if (*start, *stop) in named else -1
+                row = named.get((*start, *stop), named.get((*stop, *start)))
+                if row is not None:
+                    inner[row] = sense
+                    area[row] = number
+                    corners[row] = (*before, *after) if sense > 0 else (*after, *before)
+    return Solids(areas[solid], area, inner, corners)
+
+
+def cast_lidar(
+    walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions = STILL
+) -> tuple[Float, Rows]:
+    """Ranges and walls (layers, columns) of a lidar at a pose (3,), or of one that moves on."""
+    z = lidar.mount[2]
+    standing = walls.standing(pose, z)
+    columns = lidar.columns
+    moved = moment.motion is not None and bool(np.any(moment.motion))
+    motion = moment.motion if moved else None
+    times = moment.time + lidar.planar.time_increment * np.arange(columns, dtype=np.float64)
+    poses = pose[None] if motion is None else swept(lidar, pose, motion)
+    if not lidar.is_level:
+        beams = lidar.directions((0.0, 0.0, 0.0))
+        cos: Any = np.cos(poses[:, 2])
+        sin: Any = np.sin(poses[:, 2])
+        beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
+        shape = beams.shape[:2]
+        places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
+        flat = beams.reshape(-1, 3)
+        rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
+        layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
+        ranges, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
+        return ranges.reshape(shape), hits.reshape(shape)
+    layers, order, laser = _layers_of(lidar)
+    rays = walls.reused("rays", (columns,), RAY)
+    fan: tuple[Plain, Float] | None = (laser, pose)
+    if motion is not None:
+        rays_from(laser, poses, times, rays[None])
+        fan = None
+    elif moment.obstacles is not None:
+        rays["time"] = times
+    ranges, hits = _columns(walls, standing, rays, z, layers, fan, moment.obstacles)
+    return (ranges.T, hits.T) if order is None else (ranges.T[order], hits.T[order])
+
+
+def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:
+    """Poses (columns, 3) of a lidar, at the times of its columns, whose robot moves on evenly."""
+    mount = np.array(lidar.planar.mount)
+    shares = np.linspace(0.0, 1.0, lidar.columns)[:, None]
+    return compose(pose, between(mount, compose(shares * motion, mount)))
+
+
+def cast_depth(
+    walls: StandingWalls, camera: DepthCamera, pose: Float, moment: Conditions = STILL
+) -> tuple[Float, Rows]:
+    """Depths and walls (height, width) of a depth camera at a pose (3,)."""
+    z = camera.mount[2]
+    standing = walls.standing(pose, z)
+    if camera.is_level:
+        # Those of any row: a picture of directions would take longer than its depths.
+        theta = float(pose[2])
+        ahead, left = turn(np.ones(camera.width), camera.lefts, math.cos(theta), math.sin(theta))
+        beams = np.column_stack([ahead, left])
+        layers = Layered.of(camera.slopes[None, ::-1], np.ones(camera.height), camera)
+        rays = rays_along(pose, beams, moment.time)
+        depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
+        return depth.T[::-1], hits.T[::-1]
+    beams = camera.directions(pose)
+    flat = beams.reshape(-1, 3)
+    layers = Layered.of(flat[:, 2:], np.ones(1), camera)
+    rays = rays_along(pose, flat, moment.time)
+    depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
+    return depth.reshape(beams.shape[:2]), hits.reshape(beams.shape[:2])
+
+
+@lru_cache(8)
+def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
+    """The layers of a level lidar, their order unless they ascend, and it as kernels take it."""
+    order = np.argsort(lidar.slopes, kind="stable")
+    layers = Layered.of(lidar.slopes[None, order], lidar.stretches[order], lidar)
+    back = None if (order[1:] > order[:-1]).all() else np.argsort(order)
+    return layers, back, laser_of(lidar.planar)
+
+
+def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:
+    """Rays (n,) in the plane from a pose, or the columns x, y of some, along beams (n, 2 or 3)."""
+    rays = np.zeros(len(beams), RAY)
+    rays["x"] = pose[0]
+    rays["y"] = pose[1]
+    flat = np.where(np.abs(beams[:, :2]) < TINY, 0.0, beams[:, :2])
+    upright = (np.abs(flat) < UPRIGHT).all(axis=1)
+    rays["dx"] = np.where(upright, UPRIGHT, flat[:, 0])
+    rays["dy"] = flat[:, 1]
+    rays["time"] = times
+    return rays
+
+
+def _columns(
+    walls: StandingWalls, standing: Plain, rays: Records, z: float, layers: Layered,
+    fan: tuple[Plain, Float] | None = None, crowd: Crowd | None = None,
+) -> tuple[Float, Rows]:  # fmt: skip
+    """Ranges and walls (columns, layers) along rays (columns,), which may be a fan at a pose."""
+    slopes = layers.plain[0]
+    eye = z, *layers.extent
+    count = len(rays)
+    while True:
+        skies = walls.skies(count)
+        if fan is not None:
+            fits = raise_fan(standing, *fan, rays, eye, skies)
+        else:
+            fits = raise_rays(standing, rays, eye, slopes[:, [0, -1]], skies)
+        if crowd is not None and len(crowd):
+            limits = slopes[:, [0, -1]]
+            fits = raise_obstacles(crowd.plain, crowd.own, rays, eye, limits, skies) and fits
+        if fits:
+            break
+        walls.room *= 2
+    shape = (count, slopes.shape[1])
+    ranges = walls.reused("ranges", shape, np.float64)
+    hits = walls.reused("hits", shape, np.int32)
+    read_layers(rays, z, layers.plain, layers.range_max, skies, ranges, hits)
+    walls.keep(skies)
+    return ranges, hits

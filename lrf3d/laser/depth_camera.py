@@ -1,0 +1,151 @@
+"""DepthCamera: a pinhole camera that measures depth, and DepthImage, what it measures.
+
+The pixel in column k and row r looks along (1, −y, −z), ahead, to the left and up, with
+y = (k + ½ − width / 2) / f and z = (r + ½ − height / 2) / f; the depth is the distance along the
+optical axis, so that all of a flat wall across it has one depth.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    Bool,
+    Float,
+    Value,
+    number,
+    sealed,
+    whole_number,
+)
+from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.laser.lidar import MOST_BEAMS, RAISED, mounted
+from lrf3d.laser.range_finder import turn
+
+# [rad] Largest field of view of a pinhole camera.
+WIDEST = math.radians(179.0)
+
+
+@dataclass(frozen=True)
+class DepthCamera(Value):
+    """A depth camera, level unless its mount is tilted.
+
+    Args:
+        width: Number of pixels of a row.
+        height: Number of rows.
+        fov: Horizontal field of view [rad], up to 179°; pixels are square.
+        mount: x, y, z [m], or x, y, z, yaw, pitch, roll [m, rad] on the robot, as of `Lidar`; a
+            positive pitch looks down.
+        range_min: Least depth that is measured [m].
+        range_max: Largest depth that is measured [m].
+        name: Name among the sensors of a robot, and of its frame.
+
+    Raises:
+        InputError: A number is invalid, or the mount is below the floor.
+
+    Examples:
+        >>> import lrf3d
+        >>> camera = lrf3d.DepthCamera(4, 3, fov=1.0, mount=(0, 0, 1))
+        >>> world = lrf3d.World([[3, -9, 3, 9]])
+        >>> image = lrf3d.PlanarCaster(world).cast_depth(camera, (0, 0, 0))
+        >>> image.depth.round(2).tolist()[1:]
+        [[3.0, 3.0, 3.0, 3.0], [3.0, 3.0, 3.0, 3.0]]
+    """
+
+    width: int
+    height: int
+    fov: float
+    mount: tuple[float, ...] = RAISED
+    range_min: float = 0.0
+    range_max: float = 20.0
+    name: str = "camera"
+
+    def __post_init__(self) -> None:
+        for side in ("width", "height"):
+            size = whole_number(getattr(self, side), f"depth camera: {side}", most=MOST_BEAMS)
+            object.__setattr__(self, side, size)
+        if self.width * self.height > MOST_BEAMS:
+            raise InputError(
+                f"depth camera: {self.width:,} x {self.height:,} pixels: expected at most"
+                f" {MOST_BEAMS:,}"
+            )
+        number(self.fov, "depth camera: fov", "radians", positive=True, most=WIDEST)
+        far = number(
+            self.range_max, "depth camera: range_max", positive=True, most=LARGEST_COORDINATE
+        )
+        below = math.nextafter(far, 0.0)
+        number(self.range_min, "depth camera: range_min", "metres below range_max", most=below)
+        object.__setattr__(self, "mount", mounted(self.mount, "depth camera"))
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length [pixels]."""
+        return 0.5 * self.width / math.tan(0.5 * self.fov)
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the columns of its pixels are upright."""
+        return not any(self.mount[4:])
+
+    @cached_property
+    def lefts(self) -> Float:
+        """How far (width,) the columns lie to the left at depth 1."""
+        columns = np.arange(self.width, dtype=np.float64)
+        return sealed((0.5 * (self.width - 1) - columns) / self.focal_length)
+
+    @cached_property
+    def slopes(self) -> Float:
+        """How far (height,) the rows lie up at depth 1, from the top row on down."""
+        rows = np.arange(self.height, dtype=np.float64)
+        return sealed((0.5 * (self.height - 1) - rows) / self.focal_length)
+
+    def directions(self, pose: Sequence[float] | Float) -> Float:
+        """Vectors (height, width, 3) in the world to depth 1, for the camera at a pose."""
+        shape = (self.height, self.width)
+        ahead = np.ones(shape)
+        left = np.broadcast_to(self.lefts, shape)
+        up = np.broadcast_to(self.slopes[:, None], shape)
+        pitch, roll = self.mount[4:]
+        left, up = turn(left, up, math.cos(roll), math.sin(roll))
+        ahead, up = turn(ahead, up, math.cos(pitch), -math.sin(pitch))
+        theta = as_pose(pose).theta
+        ahead, left = turn(ahead, left, math.cos(theta), math.sin(theta))
+        return np.stack([ahead, left, up], axis=2)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DepthImage(Value):
+    """A picture of depths.
+
+    Args:
+        pose: Pose x, y [m], theta [rad] of the camera in the world; its mount has the rest.
+        camera: The camera.
+        depth: (height, width) depths along the optical axis [m], row 0 at the top; +inf without a
+            return, −inf nearer than range_min.
+        walls: (height, width) index of the segment that was hit, or −1.
+        time: Time of the picture [s].
+    """
+
+    pose: Pose
+    camera: DepthCamera
+    depth: Float
+    walls: NDArray[np.int32]
+    time: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"DepthImage({self.camera.width} x {self.camera.height}, from {self.pose})"
+
+    @cached_property
+    def hits(self) -> Bool:
+        """Which pixels (height, width) have a depth."""
+        return sealed(np.isfinite(self.depth))
+
+    def points(self) -> Float:
+        """Points (m, 3) [m] in the world, row by row."""
+        place = np.array([self.pose[0], self.pose[1], self.camera.mount[2]])
+        return place + self.depth[self.hits][:, None] * self.camera.directions(self.pose)[self.hits]

@@ -1,0 +1,246 @@
+"""Lidar: layers of beams at elevations, and LidarScan, what one revolution of it measures.
+
+A level lidar's beam of azimuth a and elevation e goes along (cos a, sin a, tan e): at the distance
+t in the plane it is at the height z + t · tan e, and its range is t / cos e.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.base.errors import InputError, check_names, shown
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Value, number, sealed
+from lrf3d.geometry.pose import Pose, as_pose
+from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, layer_directions, turned
+
+# The mount of a sensor above the middle of its robot, facing ahead: x, y, z [m].
+RAISED = (0.0, 0.0, 0.5)
+
+# Largest number of beams of a scan: their ranges and walls take 160 MB.
+MOST_BEAMS = 10_000_000
+
+# [rad] Largest elevation of a beam; at a right angle it has no azimuth.
+STEEPEST = math.radians(89.9)
+
+
+def mounted(values: Any, name: str) -> tuple[float, ...]:
+    """A mount x, y, z [m], yaw, pitch, roll [rad] from outside; the angles may be left out.
+
+    The sensor stands on the floor, z = 0, or above it.
+    """
+    found = values if isinstance(values, list | tuple | np.ndarray) else ()
+    if len(found) not in (3, 6):
+        raise InputError(
+            f"{name}: mount {shown(values)}: expected x, y, z [m], or x, y, z, yaw, pitch, roll"
+        )
+    # How far a sensor may be from its robot's centre [m]: farther, the mount is in other units.
+    farthest = 100.0
+    limits = [farthest, farthest, LARGEST_COORDINATE, *[LARGEST_ANGLE] * 3]
+    mount = tuple(
+        number(value, f"{name}: mount", least=-most, most=most)
+        for value, most in zip(found, limits, strict=False)
+    )
+    if mount[2] < 0.0:
+        raise InputError(f"{name}: mount {mount}: z is below the floor, z = 0")
+    return (*mount, 0.0, 0.0, 0.0)[:6]
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar(Value):
+    """A rotating lidar: layers of beams, one above the other, all around.
+
+    Args:
+        elevations: (layers,) elevations of the layers [rad], up to ±89.9°; a layer's ring is its
+            place in this list.
+        columns: Number of azimuths, evenly spread counter-clockwise from −π, behind, on.
+        range_min: Nearest distance that is measured [m].
+        range_max: Farthest distance that is measured [m].
+        mount: x, y, z [m], or x, y, z, yaw, pitch, roll [m, rad] on the robot, z above the floor.
+            As of `LaserRangeFinder`, casters take the pose of the lidar, and of the mount z, pitch
+            and roll; a `Simulation` takes the pose of the robot.
+        scan_duration: Time from the first column to the last [s]; all at once with 0.
+        name: Name among the sensors of a robot, and of its frame.
+
+    Raises:
+        InputError: There are no layers, an elevation is too steep, the mount is below the floor, or
+            a number is invalid.
+
+    Examples:
+        >>> import math
+        >>> import lrf3d
+        >>> lidar = lrf3d.Lidar([math.radians(e) for e in (-10, 0, 10)], columns=4)
+        >>> world = lrf3d.World([[3, -9, 3, 9]])
+        >>> scan = lrf3d.PlanarCaster(world).cast_lidar(lidar, (0, 0, 0))
+        >>> scan.ranges.round(3)[:, 2].tolist()
+        [2.879, 3.0, 3.046]
+    """
+
+    elevations: Float
+    columns: int = 1024
+    range_min: float = 0.0
+    range_max: float = 100.0
+    mount: tuple[float, ...] = RAISED
+    scan_duration: float = 0.0
+    name: str = "lidar"
+
+    def __post_init__(self) -> None:
+        self._hold("elevations")
+        steep = self.elevations
+        if steep.ndim != 1 or not len(steep) or not (np.abs(steep) <= STEEPEST).all():
+            raise InputError(
+                f"lidar: elevations {shown(steep.tolist())}: expected radians, at least one,"
+                f" within ±{STEEPEST:.4g} (89.9°)"
+            )
+        object.__setattr__(self, "mount", mounted(self.mount, "lidar"))
+        try:
+            columns = self.planar.beams
+        except InputError as error:
+            text = str(error).removeprefix("range finder: ").replace("beams", "columns")
+            raise InputError(f"lidar: {text}") from None
+        object.__setattr__(self, "columns", columns)
+        if columns * len(steep) > MOST_BEAMS:
+            raise InputError(
+                f"lidar: {len(steep)} layers of {columns:,} columns: expected at most"
+                f" {MOST_BEAMS:,} beams"
+            )
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> "Lidar":
+        """The lidar of a data sheet, at 10 revolutions a second, with other arguments changed.
+
+        `PRESETS` lists the names. Layers that real devices fire at offsets are upright columns.
+
+        Examples:
+            >>> import lrf3d
+            >>> lrf3d.Lidar.preset("OS1-64").elevations.shape
+            (64,)
+        """
+        check_names("lidar", [name], PRESETS)
+        lowest, highest, layers, columns, nearest, farthest = PRESETS[name]
+        elevations = np.radians(np.linspace(lowest, highest, layers))
+        settings = {
+            "range_min": nearest,
+            "range_max": farthest,
+            # Ten revolutions a second.
+            "scan_duration": 0.1 * (columns - 1) / columns,
+            "columns": columns,
+        }
+        return cls(elevations, **(settings | changes))
+
+    @cached_property
+    def planar(self) -> LaserRangeFinder:
+        """The range finder that its layer of elevation 0 is, if it is level."""
+        x, y, z, yaw, *_ = self.mount
+        last = math.pi - 2.0 * math.pi / self.columns if self.columns else math.pi
+        return LaserRangeFinder(
+            -math.pi, max(last, -math.pi), self.columns, self.range_min, self.range_max, z,
+            self.scan_duration, mount=Pose(x, y, yaw), name=self.name,
+        )  # fmt: skip
+
+    @property
+    def tilt(self) -> dict[str, float]:
+        """Its pitch and roll [rad], as `layer_directions` takes them."""
+        return {"pitch": self.mount[4], "roll": self.mount[5]}
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the columns of its beams are upright."""
+        return not any(self.tilt.values())
+
+    @cached_property
+    def slopes(self) -> Float:
+        """The tangents (layers,) of the elevations: how far beams rise in a metre of the plane."""
+        return sealed(np.tan(self.elevations))
+
+    @cached_property
+    def stretches(self) -> Float:
+        """How long (layers,) beams are in a metre of the plane."""
+        return sealed(1.0 / np.cos(self.elevations))
+
+    def directions(self, pose: Sequence[float] | Float) -> Float:
+        """Unit vectors (layers, columns, 3) of the beams in the world, for the lidar at a pose."""
+        theta = as_pose(pose).theta
+        if not self.is_level:
+            return layer_directions(self.planar, theta, self.elevations.tolist(), **self.tilt)
+        flat = np.broadcast_to(turned(self.planar.fan, theta), (len(self.slopes), self.columns, 2))
+        rise = np.broadcast_to(self.slopes[:, None, None], (*flat.shape[:2], 1))
+        return np.concatenate([flat, rise], axis=2) / self.stretches[:, None, None]
+
+
+# Lidars by their names: elevations of the lowest and of the highest layer [°], layers, columns at
+# 10 Hz, least and largest range [m]. Velodyne VLP-16 (63-9243) and HDL-32E (63-9113), Ouster OS0
+# and OS1 (revision 6), Hesai PandarXT-32.
+PRESETS: dict[str, tuple[float, float, int, int, float, float]] = {
+    "VLP-16": (-15.0, 15.0, 16, 1800, 0.5, 100.0),
+    "HDL-32E": (-30.67, 10.67, 32, 2170, 1.0, 100.0),
+    **{f"OS0-{n}": (-45.0, 45.0, n, 1024, 0.3, 50.0) for n in (32, 64, 128)},
+    **{f"OS1-{n}": (-22.5, 22.5, n, 1024, 0.3, 120.0) for n in (32, 64, 128)},
+    "XT-32": (-16.0, 15.0, 32, 2000, 0.05, 120.0),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LidarScan(Value):
+    """The ranges of one revolution of a lidar.
+
+    Args:
+        pose: Pose x, y [m], theta [rad] of the lidar in the world; its mount has the rest.
+        lidar: The lidar.
+        ranges: (layers, columns) distances [m]; +inf without a return, −inf nearer than range_min.
+        walls: (layers, columns) index of the segment that was hit; −1 on the floor, and without a
+            return. The top of an object counts as one of its walls.
+        time: Time of the first column [s].
+        motion: (3,) motion of the robot from the first column to the last, as of `LaserScan`.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.World([[3, -9, 3, 9]])
+        >>> lidar = lrf3d.Lidar([-0.1, 0.0], columns=4)
+        >>> scan = lrf3d.EmbreeCaster(world).cast_lidar(lidar, (1, 0, 0))
+        >>> scan.points().round(2).tolist()[-1]
+        [3.0, 0.0, 0.5]
+    """
+
+    pose: Pose
+    lidar: Lidar
+    ranges: Float
+    walls: NDArray[np.int32]
+    time: float = 0.0
+    motion: Float | None = field(default=None)
+
+    def __repr__(self) -> str:
+        layers, columns = self.ranges.shape
+        returned = np.count_nonzero(self.hits)
+        return f"LidarScan({layers} x {columns} beams, {returned} returned, from {self.pose})"
+
+    @cached_property
+    def hits(self) -> Bool:
+        """Which beams (layers, columns) returned."""
+        return sealed(np.isfinite(self.ranges))
+
+    @property
+    def rings(self) -> Int:
+        """The layer (m,) of each of the points."""
+        return np.nonzero(self.hits)[0]
+
+    @property
+    def times(self) -> Float:
+        """The time (m,) of each of the points, since the first column [s]."""
+        return self.lidar.planar.time_increment * np.nonzero(self.hits)[1].astype(np.float64)
+
+    def points(self, *, local: bool = False) -> Float:
+        """Reflection points (m, 3) [m], layer by layer, in the world, or in the lidar's own frame.
+
+        In the world all beams count as sent from the pose, where the first column was.
+        """
+        if local:
+            upright = replace(self.lidar, mount=RAISED)
+            beams = upright.directions((0.0, 0.0, 0.0))[self.hits]
+            return self.ranges[self.hits][:, None] * beams
+        place = np.array([self.pose[0], self.pose[1], self.lidar.mount[2]])
+        return place + self.ranges[self.hits][:, None] * self.lidar.directions(self.pose)[self.hits]

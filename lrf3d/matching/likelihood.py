@@ -1,0 +1,76 @@
+"""Likelihood field: how well the hits of scans lie on a map of cells, and poses at which they do.
+
+Cells with a log likelihood of a hit in each enter, as in Thrun et al. (2005, section 6.4), and hits
+in the frame of a robot. The mean over the hits leaves, and the poses near guesses with the highest.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry.lines import Float, Records
+from lrf3d.matching.surface import placement
+
+# Log likelihoods of a hit in the cells (rows, columns) of a map. The cells of the border stand for
+# all beyond.
+Likelihood = NDArray[np.float32]
+
+
+def some(hits: Records, most: int) -> Records:
+    """At most a number of hits, evenly from all."""
+    chosen = np.linspace(0, len(hits) - 1, min(most, len(hits))).astype(np.int64)
+    return hits[chosen]
+
+
+@compiled
+def mean_score(pose: Float, hits: Records, cells: Likelihood, side: float) -> float:
+    """The mean score of hits (n,) at a pose (3,) in the frame of the cells."""
+    rows, columns = cells.shape
+    at = placement(pose)
+    total = 0.0
+    for i in range(len(hits)):
+        x = at.x + at.cos * hits[i].x - at.sin * hits[i].y
+        y = at.y + at.sin * hits[i].x + at.cos * hits[i].y
+        # The border of the scores stands for all cells beyond.
+        column = min(max(int(np.floor(x / side)) + 1, 0), columns - 1)
+        row = min(max(int(np.floor(y / side)) + 1, 0), rows - 1)
+        total += cells[row, column]
+    return total / max(len(hits), 1)
+
+
+@inner
+def _step_up(
+    at: Float, best: float, step: Float, hits: Records, cells: Likelihood, side: float
+) -> float:
+    """Move a pose (3,) to the best of its neighbours at a step (3,); returns the score there."""
+    here = at.copy()
+    trial = at.copy()
+    for n in range(27):
+        trial[0] = here[0] + (n // 9 - 1) * step[0]
+        trial[1] = here[1] + (n // 3 % 3 - 1) * step[1]
+        trial[2] = here[2] + (n % 3 - 1) * step[2]
+        score = mean_score(trial, hits, cells, side)
+        if score > best + 1e-9:
+            best = score
+            at[:] = trial
+    return best
+
+
+@compiled
+def climbed(guesses: Float, hits: Records, cells: Likelihood, side: float) -> tuple[Float, Float]:
+    """The poses (k, 3) at which steps from guesses (k, 3) end, and the scores (k,) there."""
+    poses = guesses.copy()
+    reached = np.empty(len(poses))
+    levels = 6  # Steps of 0.16 m and 0.04 rad are halved to 5 mm and 1.25 mrad.
+    most_steps = 12
+    for k in range(len(poses)):
+        best = mean_score(poses[k], hits, cells, side)
+        for level in range(levels):
+            step = np.array([0.16, 0.16, 0.04]) / 2.0**level
+            for _ in range(most_steps):
+                before = best
+                best = _step_up(poses[k], best, step, hits, cells, side)
+                if best == before:
+                    break
+        reached[k] = best
+    return poses, reached

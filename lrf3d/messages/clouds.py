@@ -1,0 +1,153 @@
+"""Clouds and depth pictures as ROS 2 messages, and as records of points."""
+
+from collections.abc import Iterable, Iterator
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry.lines import Records
+from lrf3d.laser import DepthCamera, DepthImage, LidarScan, Stamp
+from lrf3d.laser.cloud_sensors import CloudSensors
+from lrf3d.messages.ros import BASE, Fields, header_fields, place
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+IMAGE = "sensor_msgs/msg/Image"
+CAMERA = "sensor_msgs/msg/CameraInfo"
+
+# A point of a cloud [m, m, m, 1, 1, s], as drivers of rotating lidars write it.
+POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "ring", "time"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f4"],
+        "offsets": [0, 4, 8, 12, 16, 20],
+        "itemsize": 24,
+    }
+)
+
+# Numbers of sensor_msgs/PointField for types of NumPy.
+DATATYPES = {"<f4": 7, "<u2": 4}
+
+# From a camera's frame, x ahead, to its optical frame, z ahead and y down.
+OPTICAL = {"x": -0.5, "y": 0.5, "z": -0.5, "w": 0.5}
+
+
+def records_of(scan: LidarScan, *, local: bool = True) -> Records:
+    """The points (m,) of a scan, of kind POINT, in the lidar's frame or in the world.
+
+    Their intensity is not simulated, and 0.
+    """
+    points = scan.points(local=local)
+    rows = np.zeros(len(points), POINT)
+    rows["x"], rows["y"], rows["z"] = points.T
+    rows["ring"] = scan.rings
+    rows["time"] = scan.times
+    return rows
+
+
+def point_cloud(scan: LidarScan, stamp: Stamp, frame: str) -> Fields:
+    """A scan as sensor_msgs/PointCloud2, in the frame of the lidar."""
+    rows = records_of(scan)
+    columns = [
+        {"name": name, "offset": POINT.fields[name][1], "count": 1, "datatype": DATATYPES[kind.str]}
+        for name, (kind, _) in ((name, POINT.fields[name][:2]) for name in POINT.names or ())
+    ]
+    return {
+        "header": header_fields(stamp, frame),
+        "height": 1,
+        "width": len(rows),
+        "fields": columns,
+        "point_step": POINT.itemsize,
+        "row_step": POINT.itemsize * len(rows),
+        "data": rows.view(np.uint8),
+        "is_dense": True,
+    }
+
+
+def depth_image(image: DepthImage, stamp: Stamp, frame: str) -> Fields:
+    """A picture as sensor_msgs/Image in metres; after REP 118 what is too near is −inf."""
+    height, width = image.depth.shape
+    return {
+        "header": header_fields(stamp, frame),
+        "height": height,
+        "width": width,
+        "encoding": "32FC1",
+        "step": 4 * width,
+        "data": np.ascontiguousarray(image.depth, dtype="<f4").ravel().view(np.uint8),
+    }
+
+
+def camera_info(camera: DepthCamera, stamp: Stamp, frame: str) -> Fields:
+    """A camera as sensor_msgs/CameraInfo: a pinhole without distortion."""
+    f = camera.focal_length
+    middle_x = 0.5 * (camera.width - 1)
+    middle_y = 0.5 * (camera.height - 1)
+    return {
+        "header": header_fields(stamp, frame),
+        "height": camera.height,
+        "width": camera.width,
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "k": [f, 0.0, middle_x, 0.0, f, middle_y, 0.0, 0.0, 1.0],
+        "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        "p": [f, 0.0, middle_x, 0.0, 0.0, f, middle_y, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
+
+
+def cloud_topics(sensors: CloudSensors) -> dict[str, str]:
+    """The topics of sensors, without a namespace, and their types."""
+    found = {f"{lidar.name}/points": CLOUD for lidar in sensors.lidars}
+    for camera in sensors.depth_cameras:
+        found[f"{camera.name}/depth/image_raw"] = IMAGE
+        found[f"{camera.name}/depth/camera_info"] = CAMERA
+    return found
+
+
+def cloud_messages(
+    scans: Iterable[LidarScan], images: Iterable[DepthImage], stamp: Stamp, prefix: str = ""
+) -> Iterator[tuple[str, Fields]]:
+    """The messages of scans and pictures with their topics, in frames with a prefix."""
+    for scan in scans:
+        name = scan.lidar.name
+        yield f"{name}/points", point_cloud(scan, stamp, prefix + name)
+    for image in images:
+        camera = image.camera
+        frame = optical(prefix + camera.name)
+        yield f"{camera.name}/depth/image_raw", depth_image(image, stamp, frame)
+        yield f"{camera.name}/depth/camera_info", camera_info(camera, stamp, frame)
+
+
+def mount_transforms(sensors: CloudSensors, stamp: Stamp, prefix: str = "") -> list[Fields]:
+    """The transforms of sensors on their robot, and of the optical frames of cameras."""
+    found = []
+    for each in sensors:
+        x, y, z, *turns = each.mount
+        turn = quaternion(*turns)
+        found.append(_transform(stamp, prefix + BASE, prefix + each.name, place(x, y, z), turn))
+    for camera in sensors.depth_cameras:
+        name = prefix + camera.name
+        found.append(_transform(stamp, name, optical(name), place(0.0, 0.0), OPTICAL))
+    return found
+
+
+def optical(name: str) -> str:
+    """The optical frame of a camera."""
+    return f"{name}_optical"
+
+
+def quaternion(yaw: float, pitch: float, roll: float) -> dict[str, float]:
+    """The quaternion of a roll, then a pitch, then a yaw [rad]."""
+    cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)
+    cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
+    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    return {
+        "x": cy * cp * sr - sy * sp * cr,
+        "y": cy * sp * cr + sy * cp * sr,
+        "z": sy * cp * cr - cy * sp * sr,
+        "w": cy * cp * cr + sy * sp * sr,
+    }
+
+
+def _transform(stamp: Stamp, parent: str, child: str, shift: Any, turn: Any) -> Fields:
+    moved = {"translation": shift, "rotation": turn}
+    return {"header": header_fields(stamp, parent), "child_frame_id": child, "transform": moved}

@@ -1,0 +1,107 @@
+"""Whether a drawing has the size of a building, and by which scales it would.
+
+The strokes of a drawing enter; advice leaves, each scale of which was tried: by it the drawing is
+as large as a building, and its doors, if it has any, are as wide as doors.
+"""
+
+import re
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float, lengths
+from lrf3d.plans.canvas import Canvas
+from lrf3d.plans.rules.doors import find_doors
+from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
+from lrf3d.world.model import SHEET
+
+# Least and largest extent of a building [m]: of a hut, and of an airport.
+EXTENT = (3.0, 400.0)
+
+# Length [m] above which half of the length of the walls of a plan never is.
+LONGEST = 15.0
+
+# Least and largest width [m] of most doors.
+DOORS = (0.6, 1.2)
+
+# Metres in the units in which drawings are made.
+UNITS = {
+    "metres": 1.0,
+    "centimetres": 0.01,
+    "millimetres": 0.001,
+    "inches": 0.0254,
+    "feet": 0.3048,
+}
+
+# Usual scales of sheets, 1 to each of these.
+SHEETS = (20, 25, 50, 75, 100, 125, 150, 200, 250, 500, 1000)
+
+# Matches a scale of a sheet, such as 1:125.
+RATIO = re.compile(r"(?<![\d.:/])1\s?[:/]\s?(\d{1,4})(?![\d.:/])")
+
+
+def sheet_scales(texts: str, scale: float = 1.0) -> dict[float, str]:
+    """The factors that correct the scale of a sheet, by what they are called.
+
+    They lead to the scales that the sheet names, or else to the usual ones.
+
+    >>> sheet_scales("Plan 1:125"), len(sheet_scales(""))
+    ({125.0: 'as 1:125 on the sheet'}, 11)
+    """
+    named = {int(n) / scale: f"as 1:{n} on the sheet" for n in RATIO.findall(texts) if int(n) > 4}
+    return named or {number / scale: f"if it is 1:{number}" for number in SHEETS}
+
+
+def unit_scales(unit: float) -> dict[float, str]:
+    """The factors that correct a unit [m], by what they are called.
+
+    >>> unit_scales(1.0)[0.01]
+    'if it is in centimetres'
+    """
+    return {float(f"{size / unit:.6g}"): f"if it is in {name}" for name, size in UNITS.items()}
+
+
+def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
+    """The doubt about the size of a drawing, with scales that would fit; empty where none is."""
+    if not len(strokes.segments) or not canvas.scales:
+        return ""
+    points = strokes.segments.reshape(-1, 2)
+    long = lengths(strokes.segments)
+    usual = _quantile(long, long, 0.5)
+    # A single line that reaches far away does not make a large plan.
+    weights = np.repeat(long, 2)
+    size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
+    if size.max() >= SHEET and usual <= LONGEST:
+        return ""
+    fits = [
+        factor
+        for factor in canvas.scales
+        if EXTENT[0] <= factor * size.max() <= EXTENT[1] and factor * usual <= LONGEST
+    ]
+    doors = [_doors(strokes, factor) for factor in fits]
+    most = max(doors, default=0)
+    chosen = [each for each, count in zip(fits, doors, strict=True) if count == most]
+    # Without doors, the scale that makes the walls as long as most is in the middle.
+    chosen.sort(key=lambda factor: abs(np.log(factor * usual / 4.0)))
+    wide, high = np.ptp(points, axis=0)
+    ways = [
+        f"--scale {canvas.scale * factor:g} {canvas.scales[factor]}"
+        f" ({factor * wide:.3g} m by {factor * high:.3g} m"
+        + (f", {most} doors as wide as doors)" if most else ")")
+        for factor in chosen[:3]
+    ]
+    advice = "; ".join(ways) or "--scale enlarges it"
+    return f"a plan of {wide:,.3g} m by {high:,.3g} m, with walls of {usual:,.2g} m? {advice}"
+
+
+def _quantile(values: Float, weights: Float, share: float) -> float:
+    """The value (n,) up to which the weights (n,) are a share of all."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, share * total[-1])]])
+
+
+def _doors(strokes: Strokes, factor: float) -> int:
+    """The number of doors of a usual width, if a drawing is enlarged by a factor."""
+    drawn = np.isin(strokes.role, MAY_OPEN)
+    doors, _ = find_doors(factor * strokes.segments, strokes.line, drawn)
+    return sum(DOORS[0] <= door.width <= DOORS[1] for door in doors)

@@ -1,0 +1,118 @@
+"""Clouds of a run as files: PLY and PCD of all points in the world, KITTI and arrays scan by scan.
+
+A run with a lidar enters; its scans are cast again one by one, so that memory holds one of them.
+Only the points of the first lidar are written, with a time that counts from the run's beginning.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from lrf3d.base.errors import InputError, OutputError
+from lrf3d.base.files import replacing, unfinished_folder, writing
+from lrf3d.geometry.lines import Records
+from lrf3d.messages.clouds import POINT, records_of
+from lrf3d.recordings.formats.run_file import write_npz
+from lrf3d.simulation.run import Run
+
+# Points without gaps between their fields, as files hold them.
+PACKED = np.dtype([(name, POINT.fields[name][0]) for name in POINT.names or ()])
+
+# The types of a point's fields in PLY.
+PLY_TYPES = {"<f4": "float", "<u2": "ushort"}
+
+
+def write_ply(run: Run, path: Path) -> None:
+    """Write all points in the world to a binary PLY file."""
+    rows = "\n".join(
+        f"property {PLY_TYPES[PACKED[name].str]} {name}" for name in PACKED.names or ()
+    )
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex {count:<12}\n"
+    _write_all(run, path, f"{head}{rows}\nend_header\n")
+
+
+def write_pcd(run: Run, path: Path) -> None:
+    """Write all points in the world to a binary PCD file."""
+    names = PACKED.names or ()
+    kinds = [PACKED[name] for name in names]
+    head = (
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n"
+        f"FIELDS {' '.join(names)}\nSIZE {' '.join(str(kind.itemsize) for kind in kinds)}\n"
+        f"TYPE {' '.join(kind.kind.upper() for kind in kinds)}\nCOUNT{' 1' * len(names)}\n"
+        "WIDTH {count:<12}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count:<12}\nDATA binary\n"
+    )
+    _write_all(run, path, head)
+
+
+def _write_all(run: Run, path: Path, head: str) -> None:
+    """Write a header with the number of points, and the points."""
+    scans = _records(run, path, local=False)
+    with replacing(path) as unfinished, unfinished.open("wb") as file:
+        file.write(head.format(count=0).encode())
+        count = 0
+        for rows in scans:
+            file.write(rows.astype(PACKED).tobytes())
+            count += len(rows)
+        file.seek(0)
+        file.write(head.format(count=count).encode())
+
+
+def write_kitti(run: Run, path: Path) -> None:
+    """Write the folder of a KITTI odometry sequence: scans in the lidar's frame, times, poses."""
+    if path.exists():
+        raise OutputError(f"{path}: exists; choose another folder")
+    with writing(path), unfinished_folder(path) as place:
+        folder = place / path.name
+        (folder / "velodyne").mkdir(parents=True)
+        poses = []
+        for number, rows in enumerate(_records(run, path, local=True)):
+            points = np.column_stack([rows[name] for name in ("x", "y", "z", "intensity")])
+            points.astype("<f4").tofile(folder / "velodyne" / f"{number:06}.bin")
+            poses.append(_matrix(run, number))
+        np.savetxt(folder / "times.txt", run.trajectory.times - run.trajectory.times[0], "%.9f")
+        np.savetxt(folder / "poses.txt", np.array(poses).reshape(-1, 12), "%.12g")
+        folder.rename(path)
+
+
+def _matrix(run: Run, number: int) -> np.ndarray:
+    """The pose (3, 4) of the lidar in the world at a scan."""
+    lidar = run.cloud_sensors.lidars[0]
+    x, y, theta = lidar.planar.placed(run.trajectory.poses[number]).tolist()
+    axes = np.eye(3)
+    _, _, z, _, pitch, roll = lidar.mount
+    for (one, other), angle in (((1, 2), roll), ((2, 0), pitch), ((0, 1), theta)):
+        cos = np.cos(angle)
+        sin = np.sin(angle)
+        axes[[one, other]] = (
+            cos * axes[one] - sin * axes[other],
+            sin * axes[one] + cos * axes[other],
+        )
+    return np.column_stack([axes, [x, y, z]])
+
+
+def write_arrays(run: Run, path: Path) -> None:
+    """Write points in the lidar's frame as arrays, with the first row of each scan."""
+    scans = list(_records(run, path, local=True))
+    rows = np.concatenate(scans)
+    arrays = {name: np.ascontiguousarray(rows[name]) for name in POINT.names or ()}
+    arrays["starts"] = np.cumsum([0, *map(len, scans)])
+    arrays["times"] = run.trajectory.times
+    arrays["poses"] = run.trajectory.poses
+    write_npz(path, arrays)
+
+
+def _records(run: Run, path: Path, *, local: bool) -> Iterator[Records]:
+    """The points of each scan."""
+    if not run.cloud_sensors.lidars:
+        raise InputError(f"{path}: the run has no lidar; give its world one, [lidar]")
+    return _cast(run, local)
+
+
+def _cast(run: Run, local: bool) -> Iterator[Records]:
+    start = float(run.trajectory.times[0])
+    for scan in run.lidar_scans:
+        rows = records_of(scan, local=local)
+        if not local:
+            rows["time"] += scan.time - start
+        yield rows

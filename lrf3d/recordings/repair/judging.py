@@ -1,0 +1,73 @@
+"""Judging: how well scans of a whole drive explain each other, with a repair and without it.
+
+A repair is proposed by a local sign, such as turns that are too small. Pairs of scans from all over
+the drive judge it: it is taken back where they explain each other clearly worse with it.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lrf3d.base.interrupts import check
+from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import between
+from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.matching.key_scans import ScanConverter
+from lrf3d.matching.search import Submap
+from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
+
+# Largest number of pairs that are compared: more take longer and prove no more.
+MOST_PAIRS = 120
+
+# Motion from the first to the second scan of a pair [m], [rad], from which one covers errors of the
+# other: a tenth of a fan that is a third too wide.
+LEAST_TURN = 0.3
+
+# Largest turn from the first to the second of a pair [rad], so that both see the same walls.
+WIDEST = 1.0
+
+# Information of the window in which the second scan of a pair is matched.
+INFORMATION = np.asarray(np.linalg.inv(PAIR), dtype=np.float64)
+
+# Number of standard errors that a difference must reach to be clear: those of right sweeps reach 4
+# to 13, that of a fan that was wrong 18.
+SURE = 3.0
+
+
+def pairs_along(poses: Float) -> list[list[int]]:
+    """Pairs of scans at poses (k, 3) between which the robot moved a little, all over a drive."""
+    pairs = []
+    first = 0
+    for number in range(1, len(poses)):
+        x, y, turn = np.abs(between(poses[first], poses[number])).tolist()
+        if np.hypot(x, y) > MOST_DISTANCE or turn > LEAST_TURN:
+            if turn < WIDEST and np.hypot(x, y) < 2.0 * MOST_DISTANCE:
+                pairs.append([first, number])
+            first = number
+    return pairs[:: len(pairs) // MOST_PAIRS + 1]
+
+
+def explained(
+    converter: ScanConverter,
+    scan_of: Callable[[int], LaserScan],
+    poses: Float,
+    pairs: list[list[int]],
+) -> Float:
+    """Share of the second scan of each pair (p,) that the first explains, near poses (k, 3)."""
+    shares = []
+    for pair in pairs:
+        check()
+        before, after = (converter.candidate(unrolled(scan_of(number))) for number in pair)
+        step = between(*poses[pair])
+        match = Submap([before], np.zeros((1, 3))).match(after, step, INFORMATION)
+        shares.append(match.explained if match else 0.0)
+    return np.array(shares)
+
+
+def is_clear(gains: Sequence[float] | Float) -> bool:
+    """Whether the mean of gains (p,) is positive by more than chance."""
+    values = np.asarray(gains)
+    return len(values) >= LEAST_PAIRS and bool(
+        values.mean() > SURE * values.std() / np.sqrt(len(values))
+    )

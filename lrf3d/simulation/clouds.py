@@ -1,0 +1,99 @@
+"""Clouds: what the lidars and depth cameras of a robot measure on a drive, cast when it is asked.
+
+A run does not hold clouds, which would take gigabytes, but what casts them again, bit for bit: the
+sensors, their noise, a seed, and the motion of the robot during each scan.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.casting.kernels.movers import poses_along
+from lrf3d.casting.skyline import Conditions
+from lrf3d.geometry.lines import Float, sealed
+from lrf3d.geometry.pose import as_pose, between, compose
+from lrf3d.laser import Chain, DepthImage, LaserRangeFinder, LaserScan, Lidar, LidarScan
+from lrf3d.laser.cloud_sensors import CloudSensors
+from lrf3d.laser.scan import ScanBatch
+from lrf3d.robot import Trajectory
+from lrf3d.world import World
+
+
+class Clouds:
+    """Casts what the sensors of a robot measure, among walls and dynamic obstacles."""
+
+    def __init__(
+        self, world: World, sensors: CloudSensors, obstacles: Sequence[DynamicObstacle] | Crowd
+    ) -> None:
+        self.sensors = sensors
+        self._caster = PlanarCaster(world)
+        self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
+
+    def lidar(
+        self, number: int, pose: Float, time: float, motion: Float | None, *, noisy: bool = True
+    ) -> LidarScan:
+        """The scan of a lidar, where its robot is at a pose (3,), and how that moves during it."""
+        lidar = self.sensors.lidars[number]
+        place = lidar.planar.placed(pose)
+        moves = None if motion is None or not np.any(motion) else motion
+        scan = self._caster.cast_lidar(lidar, place, Conditions(time, moves, self._crowd))
+        if not noisy:
+            return scan
+        ranges = self._measured(scan.ranges, scan.walls, lidar.planar, number, time)
+        walls = np.where(np.isfinite(ranges), scan.walls, np.int32(-1))
+        return replace(scan, ranges=sealed(ranges), walls=sealed(walls))
+
+    def depth(self, number: int, pose: Float, time: float, *, noisy: bool = True) -> DepthImage:
+        """The picture of a depth camera, where its robot is at a pose (3,)."""
+        camera = self.sensors.depth_cameras[number]
+        mount = np.array([*camera.mount[:2], camera.mount[3]])
+        place = as_pose(compose(np.asarray(pose), mount))
+        image = self._caster.cast_depth(camera, place, Conditions(time, None, self._crowd))
+        if not noisy:
+            return image
+        half = 0.5 * camera.fov
+        fan = LaserRangeFinder(-half, half, camera.width, camera.range_min, camera.range_max)
+        stream = len(self.sensors.lidars) + number
+        depth = self._measured(image.depth, image.walls, fan, stream, time)
+        walls = np.where(np.isfinite(depth), image.walls, np.int32(-1))
+        return replace(image, depth=sealed(depth), walls=sealed(walls))
+
+    def _measured(
+        self, ranges: Float, walls: Any, fan: LaserRangeFinder, stream: int, time: float
+    ) -> Float:
+        """The measured ranges (layers, beams) of true ones; the time seeds their noise."""
+        moment = int(np.float64(time).view(np.uint64))
+        rng = np.random.default_rng([self.sensors.seed, stream, moment])
+        noise = Chain([self.sensors.noise])
+        limits = fan.range_min, fan.range_max
+        if noise.batched:
+            found = noise(ScanBatch(fan.angles, ranges, walls, *limits), rng).ranges
+        else:
+            rows = [
+                LaserScan(
+                    (0.0, 0.0, 0.0), fan.angles, *row, range_min=limits[0], range_max=limits[1]
+                )
+                for row in zip(ranges, walls, strict=True)
+            ]
+            found = np.array([noise(row, rng).ranges for row in rows])
+        return np.where((found < limits[0]) & (found > -np.inf), -np.inf, found)
+
+
+def sweeps_of(lidars: Iterable[Lidar], path: Any, pose: Float, time: float) -> Float:
+    """The motions (lidars, 3) of a robot on a path, at a pose (3,), during their scans."""
+    found = []
+    for each in lidars:
+        times = np.array([time, time + each.scan_duration])
+        if not each.scan_duration:
+            poses = np.zeros((2, 3))
+        elif isinstance(path, Trajectory):
+            poses = poses_along(moves_of(path.times, path.poses), times, np.array(as_pose(pose)))
+        else:
+            poses = path.at(times)
+        found.append(between(poses[0], poses[1]))
+    return sealed(np.array(found).reshape(-1, 3))

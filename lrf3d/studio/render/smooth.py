@@ -1,0 +1,103 @@
+"""Smooth edges of a picture with one sample a pixel, along themselves (FXAA; Lottes, 2011).
+
+In software OpenGL a pass of a shader over all pixels takes as long as four samples of each do. Here
+only the pixels of edges cost anything, which are a few per cent.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import borrower, compiled
+from lrf3d.studio.scene.shapes import Pixels
+
+# How far the ends of an edge are looked for [pixels].
+_REACH = 20
+
+# Least difference of brightness at an edge, of 255.
+_LEAST = 5
+
+# Least opacity of a pixel that is smoothed, of 255: lines and points have soft edges of their own.
+_WHOLE = 250
+
+
+@borrower
+def far_end(
+    bright: NDArray[np.int16], x: int, y: int, way: tuple[int, int], beyond: tuple[int, int]
+) -> tuple[int, int]:
+    """How far an edge goes one way [pixels], and by how much brighter it is where it ends.
+
+    The edge lies between the pixel x, y and the one beyond it; twice the brightness is compared.
+    """
+    height, width = bright.shape
+    here = bright[y, x]
+    there = bright[y + beyond[1], x + beyond[0]]
+    gap = abs(there - here)
+    for k in range(1, _REACH + 1):
+        px = x + k * way[0]
+        py = y + k * way[1]
+        if px < 1 or py < 1 or px >= width - 1 or py >= height - 1:
+            break
+        off = bright[py, px] + bright[py + beyond[1], px + beyond[0]] - here - there
+        if 2 * abs(off) >= gap:
+            return k, off
+    return _REACH, 0
+
+
+@borrower
+def edge_share(bright: NDArray[np.int16], x: int, y: int) -> tuple[float, int, int]:
+    """The share of a pixel that an edge takes from it, and the step to the one beyond the edge."""
+    m = bright[y, x]
+    n = bright[y - 1, x]
+    s = bright[y + 1, x]
+    w = bright[y, x - 1]
+    e = bright[y, x + 1]
+    least = min(n, s, w, e, m)
+    most = max(n, s, w, e, m)
+    if most - least < max(_LEAST, most >> 4):
+        return 0.0, 0, 0
+    nw = bright[y - 1, x - 1]
+    ne = bright[y - 1, x + 1]
+    sw = bright[y + 1, x - 1]
+    se = bright[y + 1, x + 1]
+    level = 2 * abs(n + s - 2 * m) + abs(ne + se - 2 * e) + abs(nw + sw - 2 * w)
+    upright = 2 * abs(w + e - 2 * m) + abs(nw + ne - 2 * n) + abs(sw + se - 2 * s)
+    along = level >= upright
+    one = n if along else w
+    two = s if along else e
+    side = -1 if abs(one - m) >= abs(two - m) else 1
+    beyond = (0, side) if along else (side, 0)
+    way = (1, 0) if along else (0, 1)
+    back, off = far_end(bright, x, y, (-way[0], -way[1]), beyond)
+    ahead, other = far_end(bright, x, y, way, beyond)
+    nearest = back
+    if ahead < back:
+        nearest = ahead
+        off = other
+    across = m - bright[y + beyond[1], x + beyond[0]]
+    # On the other side of the edge nothing is taken.
+    if off == 0 or (off < 0) == (across < 0):
+        return 0.0, 0, 0
+    return 0.5 - nearest / (back + ahead), beyond[0], beyond[1]
+
+
+@compiled
+def smooth_edges(picture: Pixels, source: Pixels, bright: NDArray[np.int16]) -> None:
+    """Blend pixels (h, w, 4) at edges with what lies beyond them.
+
+    The source is a copy of the picture; its brightness is filled into bright (h, w).
+    """
+    height, width = bright.shape
+    for y in range(height):
+        for x in range(width):
+            red = np.int32(source[y, x, 0])
+            green = np.int32(source[y, x, 1])
+            blue = np.int32(source[y, x, 2])
+            bright[y, x] = (5 * red + 9 * green + 2 * blue) >> 4
+    for y in range(1, height - 1):
+        for x in range(1, width - 1):
+            if source[y, x, 3] < _WHOLE:
+                continue
+            share, dx, dy = edge_share(bright, x, y)
+            for k in range(3):
+                there = float(source[y + dy, x + dx, k])
+                picture[y, x, k] = source[y, x, k] + share * (there - source[y, x, k])

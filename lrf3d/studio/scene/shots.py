@@ -1,0 +1,154 @@
+"""The shots of a film: which parts of a run it shows, chosen by what happens there.
+
+A film takes about fifteen seconds, however long the run is. It opens in the dark before the run and
+shows the first scan; then come parts of the run in which most happens, and one in which all the
+rest passes quickly; it ends on the whole. A short run is shown without gaps.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from lrf3d.geometry.lines import Float, lengths
+from lrf3d.studio.scene.timeline import Timeline
+
+# Usual length of a film [s].
+LENGTH = 15.0
+
+# Shortest film that may be asked for [s].
+SHORTEST = 4.0
+
+# Longest film that may be asked for [s].
+LONGEST = 3600.0
+
+# Time for which a film shows the robot before the run starts [s of the film].
+OPENING = 1.2
+
+# Time for which it shows the first scan [s of the film].
+FIRST = 2.4
+
+# Largest share of a short run for which the first scan is shown.
+_FIRST_SHARE = 0.4
+
+# Time in which all that no other shot shows passes, while the camera rises [s of the film].
+LAPSE = 2.2
+
+# Time for which it shows the whole after the run has ended [s of the film].
+CLOSING = 5.0
+
+# About how long each other shot is [s of the film].
+_SHOT = 2.4
+
+# Shots of parts of the run, in turns.
+SHOTS = ("chase", "close")
+
+# Number of moments of a run at which it is asked what happens.
+_MOMENTS = 400
+
+# Number of map snapshots that are looked at: a long run has thousands.
+_SNAPSHOTS = 120
+
+# Weight of what leaves the map, as when glass or a mirror deceived it, against what enters it:
+# it is rarer, and says more.
+_TAKEN_BACK = 2.0
+
+# Weight of turning against what enters the map.
+_TURNING = 0.6
+
+
+class Shot(NamedTuple):
+    """A part of a film."""
+
+    # What it shows: a key of the captions.
+    name: str
+    # Its length [s of the film].
+    length: float
+    # From when to when it shows the run [s].
+    start: float
+    end: float
+
+
+def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
+    """The shots of a film of a length [s], in the order of the run, whose times they share out."""
+    playback = timeline.playback
+    lasts = (timeline.end - timeline.start) / playback
+    fixed = OPENING + FIRST + LAPSE + CLOSING
+    # A shorter film has the same shots, which are shorter.
+    scale = min(1.0, length / (fixed + _SHOT))
+    free = max(length - fixed, scale * _SHOT)
+    count = max(1, round(free / _SHOT))
+    each = free / count
+    first = min(scale * FIRST, _FIRST_SHARE * lasts)
+    lapse = scale * LAPSE
+    whole = lasts <= first + free + lapse
+    if whole:
+        # All is shown, as it is.
+        each = (lasts - first) / (count + 1)
+        starts = first + each * np.arange(count)
+    else:
+        starts = _starts(timeline, first, each, count)
+    starts = timeline.start + playback * starts
+    ends = starts + playback * each
+    opening = scale * OPENING
+    closing = scale * CLOSING
+    opened = timeline.start + playback * first
+    return (
+        Shot("opening", opening + first, timeline.start - playback * opening, opened),
+        *(
+            Shot(SHOTS[number % len(SHOTS)], each, *ends_of)
+            for number, ends_of in enumerate(zip(starts.tolist(), ends.tolist(), strict=True))
+        ),
+        Shot("rise", each if whole else lapse, float(ends[-1]), timeline.end),
+        Shot("end", closing, timeline.end, timeline.end + playback * closing),
+    )
+
+
+def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
+    """Where in a run (count,) shots of a length [s of the film] begin that show most of it."""
+    grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
+    lasts = (timeline.end - timeline.start) / timeline.playback
+    width = max(1, round(_MOMENTS * each / lasts))
+    # What happens in the shot that begins at each moment.
+    happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
+    moments = (grid - timeline.start) / timeline.playback
+    # Each shot has its part of the run, and after the last one there is something left.
+    bounds = np.linspace(first, lasts - each, count + 1)
+    starts = np.zeros(count)
+    free = first
+    for number, (low, high) in enumerate(pairwise(bounds)):
+        within = (moments >= max(low, free)) & (moments <= high)
+        starts[number] = max(moments[np.argmax(np.where(within, happens, -1.0))], free)
+        free = starts[number] + each
+    return starts
+
+
+def _news(timeline: Timeline, times: Float) -> Float:
+    """How much happens at times (m,) of a run: what enters and leaves the map, and turns."""
+    run = timeline.run
+    scans = np.searchsorted(run.trajectory.times, times, side="right") - 1
+    numbers = np.array([run.snapshot_after(max(scan, 0)) for scan in scans.tolist()])
+    step = 1 + len(numbers) // _SNAPSHOTS
+    known = np.array(
+        [lengths(run.maps[k].segments).sum() if k >= 0 else 0.0 for k in numbers[::step].tolist()]
+    )
+    grown = np.diff(np.interp(np.arange(len(times)), np.arange(len(numbers))[::step], known))
+    entered = np.append(grown, 0.0)
+    entered = np.maximum(entered, -_TAKEN_BACK * entered)
+    turned = np.abs(np.gradient(np.unwrap(timeline.poses(times)[:, 2])))
+    return _share(entered) + _TURNING * _share(turned)
+
+
+def _share(values: Float) -> Float:
+    """Values (m,) in their sum."""
+    return np.asarray(values / max(float(values.sum()), np.finfo(float).tiny))
+
+
+def run_times(shots: tuple[Shot, ...], passed: Float) -> Float:
+    """Times (m,) of the run [s] that a film shows when some time [s] has passed (m,)."""
+    begins = np.cumsum([0.0, *(shot.length for shot in shots[:-1])])
+    number = np.clip(np.searchsorted(begins, passed, side="right") - 1, 0, len(shots) - 1)
+    starts = np.array([shot.start for shot in shots])
+    rates = np.array([(shot.end - shot.start) / max(shot.length, 1e-9) for shot in shots])
+    return np.asarray(starts[number] + rates[number] * (passed - begins[number]))

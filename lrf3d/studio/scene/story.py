@@ -1,0 +1,290 @@
+"""The camera of a story: it opens in the dark, shows what happens, and ends on the whole.
+
+Where it stands is chosen by what it would see: the robot, and about it as much light as can be.
+"""
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from lrf3d.geometry.lines import Bool, Float, Int
+from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
+from lrf3d.studio.scene.cameras import CARD, chase, overview
+from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, Shot, plan_shots
+from lrf3d.studio.scene.stage.exposure import Exposure
+from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.timeline import Timeline, interpolated
+
+# The camera in the dark.
+_DARK = Rig(2.9, 13.0, shift=-0.25)
+
+# Angle by which that camera turns round the robot [rad].
+_DARK_TURN = 0.7
+
+# When that camera begins to rise, as a share of the opening before the run starts.
+_RISES = 0.3
+
+# When that camera has risen, as a share of the time in which the first scan is seen.
+_RISEN = 0.6
+
+# How much steeper the eye looks down on its way to where the whole is seen from [rad]: into
+# streets, over the houses beside the robot.
+_INTO_STREETS = np.radians(25.0)
+
+# Largest distance of shots from above, as a share of that from which the whole is seen.
+_SHARE = 0.6
+
+# Number of sides of the robot that a shot may be taken from.
+_SIDES = 12
+
+# Angle by which a shot goes round the robot, to each side of its middle [rad].
+_SWAY = np.radians(9.0)
+
+# Angular speed at which the end goes round the whole [rad/s of the film].
+_END_DRIFT = np.radians(2.0)
+
+# Number of moments of a shot at which it is judged.
+_JUDGED = 5
+
+# Columns and rows of the rays by which the light in a picture is judged.
+_RAYS = (12, 7)
+
+# Distance up to which a picture is judged [m]: haze hides what is beyond.
+_FARTHEST = 300.0
+
+# What a shot loses, in shares of a lit picture, where the robot is hidden all the time.
+_HIDDEN = 3.0
+
+# What it loses where less than half of the picture is lit.
+_DARK_HALF = 0.8
+
+# What it gains where all of it is walls of the map, in their colours.
+_MAPPED = 1.2
+
+# What it gains where the camera is nearest.
+_NEAR = 0.25
+
+# Time in which what was never seen becomes glass, at the end [s of the film].
+_GLASSY = 1.2
+
+# Least share of glass at the end: what is lit is seen from both sides from its first picture on.
+_FIRST_GLASS = 1e-3
+
+
+class _Rigs(NamedTuple):
+    """Distances [m], or [shares of that from which the whole is seen], and angles [degrees]."""
+
+    aways: tuple[float, ...]
+    shares: tuple[float, ...]
+    steeps: tuple[float, ...]
+
+
+# Where the cameras of shots may stand, in towns and in rooms.
+_TOWN = {
+    "chase": _Rigs((5.0, 9.0), (), (20.0, 30.0)),
+    "close": _Rigs((12.0, 20.0), (), (28.0, 40.0, 55.0)),
+}
+_ROOMS = {
+    "chase": _Rigs((3.0, 4.5), (), (28.0, 40.0)),
+    "close": _Rigs((4.5,), (0.3, 0.45), (38.0, 52.0)),
+}
+
+
+class Story:
+    """Shows a run in shots, which share out its times: between them the robot is followed."""
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        structures: Structures,
+        exposure: Exposure,
+        length: float = LENGTH,
+    ) -> None:
+        self.shots = plan_shots(timeline, length)
+        self._timeline = timeline
+        self._structures = structures
+        self._exposure = exposure
+        self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
+        self._path = SmoothPath.of(timeline)
+        # At the end the whole is turned from the side that shows it best.
+        middle = timeline.end + 0.5 * CLOSING * timeline.playback
+        self._whole = overview(timeline, structures, CARD, at=middle, drift=_END_DRIFT)
+        self._chase = chase(timeline, structures)
+        self._starts = np.array([shot.start for shot in self.shots])
+        self._track = cache(self._made)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run, also before its start and after its end."""
+        number = max(int(np.searchsorted(self._starts, time, side="right")) - 1, 0)
+        # The end begins when the run has ended.
+        number -= time == self.shots[-1].start
+        shot = self.shots[number]
+        # Shots that follow each other meet within a picture, as times are rounded.
+        if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
+            return self._chase.look(time, aspect)
+        track = self._track(number, aspect)
+        if shot.name == "opening":
+            return track.look(time, cuts=True, opens=time > self._timeline.start, shot="wave")
+        if shot.name == "end":
+            passed = (time - shot.start) / self._timeline.playback
+            glass = max(float(_eased(passed / _GLASSY)), _FIRST_GLASS)
+            return track.look(time, cuts=True, glass=glass, inset=False, shot="end")
+        # Where the whole comes into view, it needs no map beside it.
+        inset = shot.name != "rise"
+        return track.look(time, cuts=True, opens=True, inset=inset, shot=shot.name)
+
+    def _made(self, number: int, aspect: float) -> CameraPath:
+        """The looks of a shot by its number."""
+        shot = self.shots[number]
+        count = int(np.ceil(shot.length / STEP)) + 1
+        times = np.linspace(shot.start, shot.end, count)
+        if shot.name == "opening":
+            return self._opening(times, aspect)
+        whole = self._whole.track(aspect).at(times)
+        if shot.name == "end":
+            return whole
+        if shot.name == "rise":
+            before = self._track(number - 1, aspect)
+            share = _eased(np.linspace(0.0, 1.0, count))
+            return self._between(self._held(before, times), whole, share)
+        return self._best(shot, times, aspect)
+
+    def _opening(self, times: Float, aspect: float) -> CameraPath:
+        """The robot in the dark, and from above its first scan."""
+        timeline = self._timeline
+        passed = (times - timeline.start) / timeline.playback
+        begin, end = passed[[0, -1]].tolist()
+        ahead, *_ = self._chase.track(aspect).at(times[:1]).turns
+        turns = ahead + _DARK_TURN * (1.0 - _eased((passed - begin) / (end - begin)))
+        # The smoothed path of a fast film begins ahead of the robot.
+        poses = timeline.poses(np.maximum(times, timeline.start))
+        places = poses[:, :2] - timeline.origin
+        path = SmoothPath(times, places, turns)
+        dark = CameraPath.along(path, turns, _DARK).past_walls(self._structures, places)
+        wave = self._structures.setting.wave
+        farthest, *_ = self._whole.track(aspect).aways
+        away = min(wave.away, _SHARE * float(farthest))
+        above = CameraPath.along(path, turns, wave._replace(away=away))
+        risen = _eased((passed - _RISES * begin) / (_RISEN * end - _RISES * begin))
+        return self._between(dark, above, risen)
+
+    def _held(self, track: CameraPath, times: Float) -> CameraPath:
+        """The last look of a track, which follows the robot at later times (k,)."""
+        last = track.at(np.full(len(times), track.times[-1]))
+        places = interpolated(times, self._path.times, self._path.places)
+        return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
+
+    def _best(self, shot: Shot, times: Float, aspect: float) -> CameraPath:
+        """The looks from where a shot sees the robot and the most light."""
+        tracks = list(self._tracks(shot, times, aspect))
+        moments = np.linspace(times[0], times[-1], _JUDGED)
+        eyes = np.array([track.at(moments).eyes() for track in tracks])
+        hidden = self._hides(moments, eyes).mean(axis=1)
+        lit = np.array([self._lit(track, moments, aspect) for track in tracks])
+        near = min(track.aways[0] for track in tracks) / np.array([t.aways[0] for t in tracks])
+        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden + _NEAR * near
+        return tracks[int(np.argmax(worth))]
+
+    def _tracks(self, shot: Shot, times: Float, aspect: float) -> Iterator[CameraPath]:
+        """All looks that a shot may have: slowly round the robot, from each side."""
+        rigs = (_ROOMS if self._structures.indoor else _TOWN)[shot.name]
+        farthest = float(self._whole.track(aspect).aways.min())
+        aways = [*rigs.aways, *(share * farthest for share in rigs.shares)]
+        places = interpolated(times, self._path.times, self._path.places)
+        sway = np.linspace(-_SWAY, _SWAY, len(times))
+        middle = np.interp(0.5 * (times[0] + times[-1]), self._path.times, self._path.headings)
+        for side, away, steep in product(range(_SIDES), aways, rigs.steeps):
+            turns = middle + np.pi + 2.0 * np.pi * side / _SIDES + sway
+            path = SmoothPath(times, places, turns)
+            yield CameraPath.along(path, turns, Rig(away, steep, shift=-0.1))
+
+    def _hides(self, moments: Float, eyes: Float) -> Bool:
+        """Whether walls hide the robot at moments (m,) from eyes (k, m, 3); bools (k, m)."""
+        robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
+        bodies = np.insert(robots, 2, AIM, axis=1)
+        ends = np.broadcast_to(bodies, eyes.shape).reshape(-1, 3)
+        number, _ = self._blocked(eyes.reshape(-1, 3), ends)
+        hides = np.zeros(len(ends), bool)
+        hides[number] = True
+        return hides.reshape(eyes.shape[:2])
+
+    def _blocked(self, eyes: Float, ends: Float) -> tuple[Int, Float]:
+        """Which sights from eyes to ends (n, 3) walls block, and at which shares of their ways."""
+        structures = self._structures
+        ways = shapely.linestrings(np.stack([eyes[:, :2], ends[:, :2]], axis=1))
+        number, wall = structures.tree.query(ways, predicate="intersects")
+        tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)[wall]
+        met = shapely.intersection(ways[number], structures.tree.geometries[wall])
+        gap = shapely.distance(shapely.points(eyes[number, :2]), met)
+        share = gap / np.maximum(shapely.length(ways)[number], TINY)
+        blocks = tops > eyes[number, 2] + share * (ends - eyes)[number, 2]
+        number = number[blocks]
+        share = share[blocks]
+        nearest = np.lexsort([share, number])
+        number, first = np.unique(number[nearest], return_index=True)
+        return number, share[nearest][first]
+
+    def _lit(self, track: CameraPath, moments: Float, aspect: float) -> float:
+        """The share of a picture that is lit, and more where the map has it: of moments (m,)."""
+        views = [track.look(time) for time in moments.tolist()]
+        ways = np.array([_rays(view, aspect) for view in views])
+        count = ways.shape[1]
+        ways = ways.reshape(-1, 3)
+        eyes = np.repeat([view.eye for view in views], count, axis=0)
+        down = ways[:, 2] < -TINY
+        share = np.where(down, -eyes[:, 2] / np.where(down, ways[:, 2], -1.0), 0.0)
+        ends = eyes + np.minimum(share, _FARTHEST)[:, None] * ways
+        number, part = self._blocked(eyes, ends)
+        places = ends.copy()
+        # Of a wall the side that is looked at, not the inside of a house whose roof is.
+        ahead = ends[number] - eyes[number]
+        before = self._structures.setting.before * self._exposure.cell
+        part -= before / np.maximum(np.linalg.norm(ahead, axis=1), TINY)
+        places[number] = eyes[number] + part[:, None] * ahead
+        found = self._exposure.sampled(places[:, :2])
+        now, _ = self._exposure.clock(moments, 1.0)
+        seen = (found["sure"] > 0.5) & (found["seen"] <= np.repeat(now, count))
+        mapped = np.zeros(len(seen), bool)
+        mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
+        return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())
+
+    def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
+        """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""
+        # The distance grows by the same factor in each second; steps in and down come last.
+        aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
+        gap = far.aways - near.aways
+        moved = (aways - near.aways) / np.where(gap == 0.0, 1.0, gap)
+        # The short way round as seen half-way, and for the whole shot: else the eye would leap.
+        turned = far.turns - near.turns
+        turned -= 2.0 * np.pi * np.round(turned[np.argmin(np.abs(share - 0.5))] / (2.0 * np.pi))
+        down = np.sqrt(share)
+        fields = near.fields + share * (far.fields - near.fields)
+        # Seen from above, the robot would soon leave a picture that is moved up.
+        steeps, shifts = (
+            a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
+        )
+        steeps += np.sin(np.pi * down) * self._into_streets
+        middles = near.middles + moved[:, None] * (far.middles - near.middles)
+        return CameraPath(
+            near.times, middles, near.turns + share * turned, steeps, aways, fields, shifts
+        )
+
+
+def _rays(view: Look, aspect: float) -> Float:
+    """Directions (n, 3) evenly over the picture of a look."""
+    columns, rows = ((np.arange(count) + 0.5) / count * 2.0 - 1.0 for count in _RAYS)
+    x, y = np.meshgrid(columns, rows)
+    tall = np.tan(0.5 * view.field)
+    local = np.stack([x * tall * aspect, -(y + view.shift) * tall, -np.ones_like(x)], axis=2)
+    return np.asarray(local.reshape(-1, 3) @ view.pose[:3, :3].T)
+
+
+def _eased(shares: Float | float) -> Float:
+    """Shares that leave 0 and reach 1 at rest."""
+    shares = np.clip(shares, 0.0, 1.0)
+    return np.asarray(shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2))

@@ -1,0 +1,49 @@
+"""The cameras of films by their names, and the times of the run that films through them show."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lrf3d.geometry.lines import Float
+from lrf3d.studio.scene.camera import Camera
+from lrf3d.studio.scene.cameras import First, Fixed, chase, orbit, overview, top
+from lrf3d.studio.scene.shots import CLOSING, OPENING, plan_shots, run_times
+from lrf3d.studio.scene.stage.stage import Stage
+from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.story import Story
+from lrf3d.studio.scene.timeline import Timeline
+
+# The cameras that every world has, but the one that tells a story.
+_CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
+    "chase": chase,
+    "first": First,
+    "orbit": orbit,
+    "overview": overview,
+    "top": top,
+}
+
+
+def make_camera(view: str, timeline: Timeline, stage: Stage, length: float) -> Camera:
+    """Make the camera of a name, of every world or a fixed one of this, for a run.
+
+    A story takes a length [s of the film].
+    """
+    if view == "story":
+        return Story(timeline, stage.structures, stage.exposure, length)
+    if view in _CAMERAS:
+        return _CAMERAS[view](timeline, stage.structures)
+    return Fixed(next(c for c in timeline.run.world.cameras if c.name == view), timeline)
+
+
+def margins(view: str) -> tuple[float, float]:
+    """How long a film goes on before the run starts and after it has ended [s of the film]."""
+    return (OPENING, CLOSING) if view == "story" else (0.0, 0.0)
+
+
+def film_times(view: str, timeline: Timeline, fps: float, length: float) -> Float:
+    """The times (n,) of the run [s] that a film shows, of a length [s] where it is a story."""
+    if view != "story":
+        return timeline.frame_times(fps)
+    shots = plan_shots(timeline, length)
+    frames = np.floor(sum(shot.length for shot in shots) * fps)
+    return run_times(shots, np.arange(frames + 1.0) / fps)

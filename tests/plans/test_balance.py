@@ -1,0 +1,177 @@
+"""Of all that a drawing or a picture holds, what is used and what is left out add up."""
+
+from collections import Counter
+
+import ezdxf
+import numpy as np
+import pytest
+from drawn import dxf, pdf
+from ezdxf import xref
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.geometry.lines import lengths
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.plans.reading import read_plan
+
+pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
+ROOM = '<rect width="6000" height="4000" fill="none" stroke="black"/>'
+SHEET = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:o="urn:o" width="8m" height="6m"'
+SHEET += ' viewBox="0 0 8000 6000">'
+
+
+def added_up(plan):
+    balance = plan.balance
+    assert balance.missing == 0 and balance.used > 0, balance
+    assert balance.used + sum(balance.left_out.values()) == balance.all
+    return Counter(balance.left_out)
+
+
+# Elements of SVG that paint, define, or that nobody knows.
+ELEMENTS = st.recursive(
+    st.sampled_from(
+        [
+            '<rect width="9" height="9" stroke="red"/>', '<path d="M0 0 H50" stroke="#fff"/>',
+            "<text>a<tspan>b</tspan></text>", "<image/>", "<video/>", "<o:thing/>", "<title/>",
+            '<rect width="9" height="9" visibility="hidden"/>', '<use href="#gone"/>',
+            '<use href="http://a.b/c#d"/>', '<line x2="8" marker-end="url(#m)" stroke="red"/>',
+            '<circle r="5" fill="url(#g)"/>', '<linearGradient id="g"/>', "<rect/>",
+        ]
+    ),
+    lambda inner: st.tuples(
+        st.sampled_from(
+            ["g", "defs", "symbol", "switch", "svg", "marker", "flowRoot", "clipPath", "a"]
+        ),
+        st.sampled_from(["", ' display="none"', ' id="s"', ' opacity="0"']),
+        st.lists(inner, max_size=3),
+    ).map(lambda each: f"<{each[0]}{each[1]}>{''.join(each[2])}</{each[0]}>"),
+    max_leaves=8,
+)  # fmt: skip
+
+
+@settings(
+    deadline=None,
+    max_examples=40,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(st.lists(ELEMENTS, max_size=5))
+def test_elements_of_svg_are_used_or_left_out(tmp_path, elements):
+    (tmp_path / "a.svg").write_text(f'{SHEET}{ROOM}{"".join(elements)}<use href="#s"/></svg>')
+    added_up(read_plan(tmp_path / "a.svg"))
+
+
+def unknown(space, kind, layer):
+    """Add an entity of an unknown kind, as other programs write them."""
+    from ezdxf.entities import DXFTagStorage
+    from ezdxf.lldxf.extendedtags import ExtendedTags
+
+    tags = f"  0\n{kind}\n  5\n{space.doc.entitydb.next_handle()}\n100\nAcDbEntity\n  8\n{layer}\n"
+    entity = DXFTagStorage.load(ExtendedTags.from_text(tags), space.doc)
+    space.doc.entitydb.add(entity)
+    space.add_entity(entity)
+
+
+def filled(space, kinds):
+    """Add entities of some kinds to a layout or a block."""
+    add = {
+        "line": lambda: space.add_line((1, 1), (1, 3)),
+        "text": lambda: space.add_text("a"),
+        "hatch": lambda: space.add_hatch().set_pattern_fill("ANSI31"),
+        "wall": lambda: unknown(space, "AEC_WALL", "A-WALL"),
+        "arcs": lambda: space.add_lwpolyline([(0, 0, 0, 0, 1), (1, 0)]),
+        "circle": lambda: space.add_circle((2, 2), 0.5),
+        "frozen": lambda: space.add_line((1, 1), (3, 1), dxfattribs={"invisible": 1}),
+        "solid": lambda: space.add_3dface([(0, 0), (1, 0), (1, 1)]),
+        "attribute": lambda: space.add_attdef("A", (0, 0)),
+        "gone": lambda: space.add_blockref("NOSUCH", (0, 0)),
+        "external": lambda: space.add_blockref("CORE", (0, 0)),
+        "block": lambda: space.add_blockref("B", (1, 1)).grid((2, 2), (1, 1)),
+        "stretched": lambda: space.add_blockref("B", (1, 1), {"xscale": 2.0, "rotation": 30}),
+        "hidden": lambda: space.add_blockref("B", (1, 1), {"invisible": 1}),
+        "table": lambda: space.add_mline([(0, 0), (1, 0)]),
+        "mesh": lambda: space.add_mesh(),
+    }
+    for kind in kinds:
+        add[kind]()
+
+
+KINDS = "line text hatch wall arcs circle frozen solid attribute gone external table mesh".split()
+
+
+@settings(
+    deadline=None,
+    max_examples=40,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    st.lists(st.sampled_from([*KINDS, "block", "stretched", "hidden"]), max_size=6),
+    st.lists(st.sampled_from(KINDS), max_size=5),
+    st.lists(st.sampled_from(KINDS), max_size=2),
+)
+def test_entities_of_dxf_are_used_or_left_out(tmp_path, top, inner, paper):
+    file = ezdxf.new()
+    xref.define(file, "CORE", "arch/core.dwg")
+    filled(file.blocks.new("B"), inner)
+    space = file.modelspace()
+    space.add_lwpolyline([(0, 0), (6, 0), (6, 4), (0, 4)], close=True)
+    filled(space, top)
+    filled(file.paperspace(), paper)
+    file.saveas(tmp_path / "a.dxf")
+    left_out = added_up(read_plan(tmp_path / "a.dxf"))
+    assert left_out["AEC_WALL: A-WALL"] >= top.count("wall")
+    assert left_out["external reference: arch/core.dwg"] >= top.count("external")
+    assert left_out["undefined block: NOSUCH"] >= top.count("gone")
+
+
+def test_objects_of_pdf_are_used_or_left_out(tmp_path):
+    layers = "/OCProperties<</OCGs[6 0 R 7 0 R]/D<</OFF[7 0 R]>>>>"
+    content = "0 0 100 50 re S BT (a) Tj ET /OC /M BDC 0 0 m 9 9 l S /F Do EMC /F Do 9 9 m 9 9 l S"
+    pdf(tmp_path, content, forms="0 18 m 90 18 l S 0 0 m 0 9 l S", root=layers)
+    left_out = added_up(read_plan(tmp_path / "a.pdf", scale=100.0))
+    assert left_out["hidden part"] >= 3
+
+
+def test_a_wall_that_a_doorway_cuts_is_closed_there(tmp_path):
+    # The square caps of walls reach into the doorway.
+    wall = '<g id="walls" stroke="black" stroke-width="200"><path stroke-linecap="{}" d="M{}"/></g>'
+    leaf = '<g id="doors"><path d="M5000 3000 H6000 A1000 1000 0 0 1 5000 4000" stroke="black"'
+    seen = []
+    for cap in ("butt", "square"):
+        walls = wall.format(cap, "5000 0 V3000 M5000 4000 V6000")
+        (tmp_path / "a.svg").write_text(f'{SHEET}{walls}{leaf} fill="none"/></g></svg>')
+        world = read_plan(tmp_path / "a.svg").world(tmp_path / "a.svg")
+        beam = LaserRangeFinder(-0.01, 0.01, 3, range_max=20)
+        seen.append(PlanarCaster(world).cast(beam, (5, 2.5, np.pi / 2)).ranges[1])
+    assert seen == pytest.approx([0.5, 0.5], abs=0.02)
+
+
+def test_rooms_that_are_drawn_as_areas_have_walls_around_them(tmp_path):
+    areas = [
+        (0, 0, 4000, 4000, "#ccf"),
+        (4000, 0, 4000, 4000, "#cfc"),
+        (3950, 1500, 100, 900, "#f9a"),
+    ]
+    body = "".join(
+        '<rect x="{}" y="{}" width="{}" height="{}" fill="{}"/>'.format(*a) for a in areas
+    )
+    (tmp_path / "a.svg").write_text(f"{SHEET}{body}</svg>")
+    plan = read_plan(tmp_path / "a.svg")
+    assert (
+        lengths(plan.segments).sum() == pytest.approx(28 - 0.9, abs=0.01) and added_up(plan) == {}
+    )
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(0.01, "0.01"), (0.0254, "0.0254"), (1.0, "")])
+def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tmp_path):
+    def draw(space):
+        space.add_lwpolyline(np.array([(0, 0), (12, 0), (12, 8), (0, 8), (0, 0)]) / unit)
+        space.add_line((5 / unit, 0), (5 / unit, 3 / unit))
+        space.add_line((5 / unit, 3 / unit), (5.9 / unit, 3 / unit))
+        space.add_arc((5 / unit, 3 / unit), 0.9 / unit, 0, 90)
+
+    dxf(tmp_path, draw, 0)
+    doubt = read_plan(tmp_path / "a.dxf").doubt
+    assert (f"--scale {scale} " in doubt and "12 m by 8 m, 1 door" in doubt) if scale else not doubt

@@ -1,0 +1,157 @@
+"""Lidars and depth cameras on a drive: what a step measures, a run casts again."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.laser import Chain, ConstantNoise, DropOuts
+from lrf3d.messages import clouds
+
+SCENE = """
+[[object]]
+points = [[0, 0], [9, 0], [9, 7], [0, 7]]
+closed = true
+[[object]]
+points = [[5, 4], [6, 4], [6, 5], [5, 5]]
+closed = true
+height = 0.3
+[robot]
+route = [[1, 1], [4, 1], [4, 2]]
+[[obstacle]]
+route = [[7, 2], [7, 5]]
+[[lidar]]
+preset = "OS1-32"
+columns = 64
+mount = [0.1, 0, 0.6]
+[[depth_camera]]
+width = 16
+height = 12
+fov_deg = 70
+mount = [0.2, 0, 0.5, 90, 10, 0]
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> lrf3d.Scenario:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return lrf3d.load_scenario(path)
+
+
+def test_a_run_casts_again_what_its_steps_measured(scene: Any, tmp_path: Path) -> None:
+    noise = Chain([DropOuts(0.05), ConstantNoise(0.01)])
+    measured = [
+        (step.lidar_scans[0], step.depth_images[0]) for step in scene.simulation(rng=3, noise=noise)
+    ]
+    run = scene.run(rng=3, noise=noise)
+    lrf3d.save_run(run, tmp_path / "run.npz")
+    again = lrf3d.load_run(tmp_path / "run.npz")
+    assert again.sweeps is not None and np.abs(again.sweeps).max() > 0.05
+    for index, (scan, image) in enumerate(measured):
+        assert again.lidar(index).ranges.tobytes() == scan.ranges.tobytes()
+        assert again.depth(index).depth.tobytes() == image.depth.tobytes()
+    true = again.lidar(4, noisy=False)
+    kept = measured[4][0].hits
+    assert 0.0 < np.abs(true.ranges[kept] - measured[4][0].ranges[kept]).max() < 0.1
+    assert again.part(np.array([4])).lidar(0).ranges.tobytes() == measured[4][0].ranges.tobytes()
+
+
+def test_scans_of_lasers_do_not_depend_on_lidars(scene: Any) -> None:
+    alone = scene.run(rng=1, lidars=(), depth_cameras=())
+    assert np.array_equal(alone.ranges, scene.run(rng=1).ranges)
+
+
+def test_a_rolling_lidar_sees_walls_from_where_each_column_was(scene: Any) -> None:
+    scan = scene.run(rng=1, sigma=0.0).lidar(1)
+    assert scan.motion is not None and scan.motion[0] > 0.05 and not scan.motion[1:].any()
+    lrf = scan.lidar.planar
+    moved = scan.motion[0] * np.linspace(0.0, 1.0, lrf.beams)
+    ahead = np.abs(lrf.angles) < 0.3
+    high = scan.walls == 1
+    rows = high & ahead
+    x = scan.pose.x + moved + scan.ranges / scan.lidar.stretches[:, None] * np.cos(lrf.angles)
+    assert rows.any()
+    np.testing.assert_allclose(x[rows], 9.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("to", ["ply", "pcd", "kitti", "npz"])
+def test_clouds_are_written_for_other_programs(scene: Any, tmp_path: Path, to: str) -> None:
+    run = scene.run(rng=0, scans=3)
+    path = tmp_path / {"kitti": "sequence"}.get(to, f"points.{to}")
+    lrf3d.export_run(run, to, path)
+    counts = [int(scan.hits.sum()) for scan in run.lidar_scans]
+    world = np.concatenate([scan.points() for scan in run.lidar_scans])
+    if to == "npz":
+        arrays = np.load(path)
+        assert np.diff(arrays["starts"]).tolist() == counts
+        return
+    if to == "kitti":
+        scans = [np.fromfile(each, "<f4") for each in sorted((path / "velodyne").iterdir())]
+        poses = np.loadtxt(path / "poses.txt").reshape(-1, 3, 4)
+        found = np.concatenate(
+            [
+                points.reshape(-1, 4)[:, :3] @ pose[:, :3].T + pose[:, 3]
+                for points, pose in zip(scans, poses, strict=True)
+            ]
+        )
+    else:
+        data = path.read_bytes()
+        end = b"DATA binary\n" if to == "pcd" else b"end_header\n"
+        head, _, body = data.partition(end)
+        assert f" {sum(counts)} ".encode() in head
+        rows = np.frombuffer(body, "<f4,<f4,<f4,<f4,<u2,<f4")
+        found = np.column_stack([rows[f"f{k}"] for k in range(3)])
+    np.testing.assert_allclose(found, world, atol=1e-4)
+
+
+def test_a_run_without_a_lidar_has_no_clouds(tmp_path: Path) -> None:
+    run = lrf3d.load_scenario("paper_room").run(rng=0)
+    with pytest.raises(lrf3d.InputError, match="no lidar"):
+        lrf3d.export_run(run, "ply", tmp_path / "points.ply")
+    with pytest.raises(lrf3d.InputError, match="0 lidars"):
+        run.lidar(0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"OS1-32"', '"OS1-23"', "did you mean 'OS1-32'"),
+        ("[0.1, 0, 0.6]", "[0.1, 0, -0.6]", "below the floor"),
+        ("width = 16\n", "", "expected a width"),
+        ('preset = "OS1-32"\n', "", "expected a preset or elevations_deg"),
+    ],
+)
+def test_wrong_tables_are_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE.replace(old, new, 1))
+    with pytest.raises(lrf3d.InputError, match=message):
+        lrf3d.load_scenario(path)
+
+
+def test_clouds_go_into_bags_and_live_topics(scene: Any, tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    from lrf3d.ros.stream import Settings, Stream
+
+    run = scene.run(rng=0, scans=2)
+    lrf3d.export_run(run, "rosbag2", tmp_path / "bag")
+    found: dict[str, Any] = {}
+    with AnyReader([tmp_path / "bag"]) as reader:
+        for connection, _, data in reader.messages():
+            found.setdefault(connection.topic, reader.deserialize(data, connection.msgtype))
+    cloud = found["/lidar/points"]
+    rows = np.frombuffer(cloud.data.tobytes(), clouds.POINT)
+    scan = run.lidar(0)
+    assert cloud.width == len(rows) == scan.hits.sum()
+    np.testing.assert_array_equal(rows["ring"], scan.rings)
+    depth = found["/camera/depth/image_raw"].data.view("<f4").reshape(12, 16)
+    np.testing.assert_allclose(depth, run.depth(0).depth, rtol=1e-6)
+    stream = Stream(scene, Settings(), say=lambda level, text: None)
+    sent = {topic.name: fields for topic, fields in [*stream.first(), *stream.tick()]}
+    assert {topic.name for topic in stream.topics} >= set(sent)
+    assert sent["lidar/points"]["width"] == stream.robots[0].robot.clouds()[0].__next__().hits.sum()
+    frames = {each["child_frame_id"] for each in sent["tf_static"]["transforms"]}
+    assert frames == {"laser", "lidar", "camera", "camera_optical"}
