@@ -137,9 +137,12 @@ def optical(name: str) -> str:
 
 def quaternion(yaw: float, pitch: float, roll: float) -> dict[str, float]:
     """The quaternion of a roll, then a pitch, then a yaw [rad]."""
-    cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)
-    cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
-    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    cy = cos(0.5 * yaw)
+    sy = sin(0.5 * yaw)
+    cp = cos(0.5 * pitch)
+    sp = sin(0.5 * pitch)
+    cr = cos(0.5 * roll)
+    sr = sin(0.5 * roll)
     return {
         "x": cy * cp * sr - sy * sp * cr,
         "y": cy * sp * cr + sy * cp * sr,
