@@ -17,7 +17,7 @@ from lrf3d.recordings.formats.run_file import write_npz
 from lrf3d.simulation.run import Run
 
 # Points without gaps between their fields, as files hold them.
-PACKED = np.dtype([(name, POINT.fields[name][0]) for name in POINT.names or ()])
+PACKED = np.dtype([(name, POINT[name]) for name in POINT.names or ()])
 
 # The types of a point's fields in PLY.
 PLY_TYPES = {"<f4": "float", "<u2": "ushort"}
