@@ -14,8 +14,8 @@ from lrf3d.simulation.run import Run
 # Largest page that is shared [bytes]: what most programs for mail and chats take without a word.
 _LARGEST_PAGE = 3_000_000
 
-# Most times that half of a page's moments are left out: then it leaps.
-_HALVED = 5
+# Every n-th moment that a page keeps at the least: with fewer it leaps.
+_FEWEST = 32
 
 # Width and height of its preview [pixels].
 _PREVIEW = (640, 336)
@@ -77,10 +77,11 @@ def share_run(run: Run, path: str | Path) -> int:
     shown = run.frame(float(run.trajectory.times.max()), size=_PREVIEW, view="overview")
     picture = io.BytesIO()
     Image.fromarray(shown).save(picture, "PNG")
-    for halved in range(_HALVED + 1):
-        page = page_file(run, every=2**halved, preview=picture.getvalue())
-        if len(page) <= _LARGEST_PAGE:
-            break
+    every = 1
+    page = page_file(run, preview=picture.getvalue())
+    while len(page) > _LARGEST_PAGE and every < _FEWEST:
+        every *= 2
+        page = page_file(run, every=every, preview=picture.getvalue())
     with replacing(path) as unfinished:
         unfinished.write_bytes(page)
-    return 2**halved
+    return every

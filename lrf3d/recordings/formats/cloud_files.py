@@ -13,7 +13,7 @@ from lrf3d.base.errors import InputError, OutputError
 from lrf3d.base.files import replacing, unfinished_folder, writing
 from lrf3d.geometry.lines import Records
 from lrf3d.messages.clouds import POINT, records_of
-from lrf3d.recordings.formats.run_file import write_npz
+from lrf3d.recordings.formats.npz import write_npz
 from lrf3d.simulation.run import Run
 
 # Points without gaps between their fields, as files hold them.
