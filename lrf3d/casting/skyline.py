@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.layers import read_layers
-from lrf3d.casting.kernels.raising import Standing, raise_fan, raise_obstacles, raise_rays
+from lrf3d.casting.kernels.raising import raise_fan, raise_obstacles, raise_rays
 from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.casting.kernels.skyline import ENTRY
 from lrf3d.casting.kernels.tree import Plain, build_tree
@@ -98,7 +98,7 @@ class StandingWalls:
         return found, shapely.STRtree(found.areas)
 
     def standing(self, pose: Float, z: float) -> Plain:
-        """The walls as kernels take them, for a sensor at a pose and a height."""
+        """The walls as kernels take them, a `Standing`, for a sensor at a pose and a height."""
         inner, corners = self._plain
         if self._lowest < z:
             found, tree = self._solids
@@ -107,7 +107,7 @@ class StandingWalls:
             rows = self._tree.rows
             inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)[rows]
             corners = found.corners[rows]
-        return Standing(self._tree[:], self._heights, inner, corners, self._highest)[:]
+        return self._tree[:], self._heights, inner, corners, self._highest
 
     def skies(self, columns: int) -> Plain:
         """Empty skylines of columns."""

@@ -157,8 +157,9 @@ class PlaceSearch:
         now.sure = window[0].number
         agreeing = sum(_agree(now, each) for each in self._searched[-REMEMBERED:])
         self._searched.append(now)
-        # Each search is another chance to be wrong.
-        log_odds = now.log_odds + AGREED * agreeing - float(np.log(len(self._searched)))
+        # Each window of other scans is another chance to be wrong.
+        chances = max(len(self._drive) / WINDOW, 1.0)
+        log_odds = now.log_odds + AGREED * agreeing - float(np.log(chances))
         # The halves of fewer scans show the same walls, and may agree on a wrong place.
         if len(window) == WINDOW and ENOUGH - AGREED <= log_odds < ENOUGH:
             log_odds += AGREED * self._halves_agree(window, now)
