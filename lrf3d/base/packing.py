@@ -20,8 +20,8 @@ ALIGNED = 8
 # Shortest list of floats that is written as an array; JSON is as small for shorter ones.
 MANY = 16
 
-# Rooms whose records are handed over.
-ROOMS = re.compile(r"lrf3d\.(geometry|laser|plans|recordings|world)(\.\w+)+")
+# Rooms whose records are handed over, and the file of balances.
+ROOMS = re.compile(r"lrf3d\.(base\.balance|(geometry|laser|plans|recordings|world)(\.\w+)+)")
 
 # Types that JSON keeps as they are.
 PLAIN = (bool, int, float, str, type(None))

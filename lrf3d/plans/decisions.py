@@ -132,6 +132,10 @@ class Scale(Decision):
             raise WorldError("scale.between: two places that are one; choose others")
         return PerUnit(self.metres / apart)
 
+    def _change(self, plan: Plan) -> Plan:
+        # The file is read by it; a size that was pointed out is not doubted.
+        return plan._replace(doubt="")
+
 
 @dataclass(frozen=True)
 class Class(Decision):

@@ -138,7 +138,7 @@ class Editor:
             "rosMap": self.path.suffix.lower() in (".yaml", ".yml"),
             "sheet": self.sheet and [*self.sheet.size],
             "suggestions": suggestions(self.plan) if not self.edits.one(Scale) else [],
-            "said": self.plan.said,
+            "said": "; ".join(filter(None, [self.plan.doubt, self.plan.said])),
             "leftOut": self.plan.left_out,
             "lost": self.plan.lost,
             "radius": self.scenario.radius,

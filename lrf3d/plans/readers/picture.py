@@ -7,7 +7,6 @@ ones are left out, long ones stay, as thin walls from wall to wall, else as furn
 parts are left out, too, but for pillars and chairs that stand alone.
 """
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import shapely
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
-from lrf3d.base.balance import Balance
 from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
@@ -24,6 +22,7 @@ from lrf3d.plans.canvas import WHITE
 from lrf3d.plans.parts import FURNITURE_HEIGHT, Parts
 from lrf3d.plans.plan import THICKEST, Plan
 from lrf3d.plans.rules.enclosure import closes_rooms
+from lrf3d.plans.rules.left_out import RIM, LeftOut
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
 from lrf3d.world.grid_walls import (
@@ -45,9 +44,6 @@ THIN = 0.07
 
 # The same [pixels], for coarse pictures.
 LEAST = 3
-
-# Distance [pixels] within which cells are next to each other, also across a corner.
-RIM = 1.5
 
 # Distance [m] between parts that belong together: letters of a word, a line and the wall it meets.
 CLOSE = 0.1
@@ -106,7 +102,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (WHITE - threshold) / WHITE
     dark = contrast > found
     pixels = 1.0 / side
-    left_out = _LeftOut(dark)
+    left_out = LeftOut(dark)
     stands = left_out.without("coloured part", dark, *_marked(colours, dark))
     # A thick area is a floor if it is pale.
     floors = _floors(stands & (lightness < 0.5), key, pixels)
@@ -147,37 +143,6 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         parts=seen[0].joined(*seen[1:]),
         unit=resolution,
     )
-
-
-class _LeftOut:
-    """What is left out of the dark pixels of a picture, by reason: parts, and their pixels."""
-
-    def __init__(self, dark: Bool) -> None:
-        self.dark = dark
-        self.parts = Counter[str]()
-        # The number of each pixel's reason, from 1.
-        self._reason = np.zeros(dark.shape, dtype=np.uint8)
-
-    def without(self, reason: str, cells: Bool, out: Bool, parts: int) -> Bool:
-        """The cells without those that are left out for a reason, in some parts."""
-        self.parts[reason] += parts
-        taken = cells & out & (self._reason == 0)
-        self._reason[taken] = list(self.parts).index(reason) + 1
-        return cells & ~out
-
-    def balance(self, walls: Bool) -> Balance:
-        """The balance of all pixels, of which some are walls."""
-        used = self.dark & grown(walls, RIM)
-        out = self.dark & ~used
-        counts = np.bincount(self._reason[out], minlength=len(self.parts) + 1)
-        # Strokes are cut off a little away from what they meet.
-        cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
-        balance = Balance("pixel", self.dark.size, int(used.sum()))
-        balance.leave("paper", int((~self.dark).sum()))
-        balance.leave("thin stroke", int(cut.sum()))
-        for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
-            balance.leave(reason, count)
-        return balance
 
 
 def _drawn(lines: Float, shape: Any) -> Bool:
@@ -226,7 +191,7 @@ def _floors(pale: Bool, key: Int, pixels: float) -> tuple[Bool, int]:
     return floors | (pale & usual[key] & grown(floors, THICKEST * pixels)), parts
 
 
-def _cleaned(drawn: Bool, pixels: float, left_out: _LeftOut) -> tuple[Bool, Bool, list[Float]]:
+def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool, list[Float]]:
     """Which pixels are walls and which furniture, and thin walls and sides of furniture (n, 4).
 
     Args:
@@ -382,7 +347,7 @@ def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
     return found
 
 
-def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: _LeftOut) -> list[Float]:
+def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: LeftOut) -> list[Float]:
     """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
     parts, count = parts_of(strokes)
     box = sides_of(parts)
@@ -404,7 +369,7 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: _LeftOut) -
     return [sides[meets.all(axis=1)], sides[~meets.all(axis=1)]]
 
 
-def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: _LeftOut) -> Bool:
+def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: LeftOut) -> Bool:
     """Take small loose parts out of the solid pixels in place; return those that are furniture."""
     parts, count = parts_of(solid)
     sides = sides_of(parts)
@@ -448,7 +413,7 @@ def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
     return np.asarray(np.append(False, block)[parts])
 
 
-def _filled(dark: Bool, pixels: float, left_out: _LeftOut) -> Bool:
+def _filled(dark: Bool, pixels: float, left_out: LeftOut) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
     radius = _radii(dark, parts, count)
