@@ -199,6 +199,10 @@ FORMATS: list[Format] = [
         write="lrf3d.studio.page.page_file:page_file",
     ),
     Format(
+        kind="decisions", name="plan", endings=(".edit.toml",),
+        read="lrf3d.plans.reading:read_plan",
+    ),
+    Format(
         kind="other",
         looks={
             b"\xff\xfe": "text in UTF-16: save it as UTF-8", b"LASF": _CLOUD, b"# .PCD": _CLOUD,

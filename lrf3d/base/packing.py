@@ -20,8 +20,8 @@ ALIGNED = 8
 # Shortest list of floats that is written as an array; JSON is as small for shorter ones.
 MANY = 16
 
-# Rooms whose records are handed over.
-ROOMS = re.compile(r"lrf3d\.(geometry|laser|plans|recordings|world)(\.\w+)+")
+# Rooms whose records are handed over, and the file of balances.
+ROOMS = re.compile(r"lrf3d\.(base\.balance|(geometry|laser|plans|recordings|world)(\.\w+)+)")
 
 # Types that JSON keeps as they are.
 PLAIN = (bool, int, float, str, type(None))
@@ -116,6 +116,8 @@ class _Packer:
             return [kind.__name__, *self._many(list(value))]
         if kind in (dict, Counter):
             return [kind.__name__, self._many(list(value)), self._many(list(value.values()))]
+        if hasattr(value, "dtype") and value.dtype.kind == "O":
+            return ["objects", *self._many(value.tolist())]
         if hasattr(value, "dtype"):
             return ["array", self._array(value)] if hasattr(value, "setflags") else value.item()
         name = self._record(kind)
@@ -144,7 +146,8 @@ class _Packer:
         import numpy as np
 
         different = {id(each): each for each in values}
-        if len({(each.dtype, each.shape) for each in different.values()}) > 1:
+        alike = len({(each.dtype, each.shape) for each in different.values()}) == 1
+        if not alike or values[0].dtype.kind == "O":
             return ["each", *map(self.packed, values)]
         stacked = np.array(list(different.values()))
         if (stacked == stacked[0]).all():
@@ -176,6 +179,10 @@ def _value(tree: Any, arrays: list[Any]) -> Any:
         return arrays[rest[0]]
     if kind == "list":
         return _values(rest, arrays)
+    if kind == "objects":
+        import numpy as np
+
+        return np.array(_values(rest, arrays), dtype=object)
     if kind == "tuple":
         return tuple(_values(rest, arrays))
     if kind in ("dict", "Counter"):

@@ -5,6 +5,7 @@ Outside is what a disc as wide as a wide door sweeps from the border; in a town 
 connected with that.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -49,10 +50,13 @@ class Ground:
 
     A place (columns, rows, 2) [m] in each cell, in the world's local frame, has a gap to the walls
     [m], 0 where a map does not know it to be free; nearest is the number of the nearest of the
-    pieces (k, 2), which are of the walls (k,). Large worlds are cut around a start (2,) [m].
+    pieces (k, 2), which are of the walls (k,). Large worlds are cut around a start (2,) [m]; areas
+    (k, 2) [m] may be kept out of.
     """
 
-    def __init__(self, world: World, start: Float | None = None) -> None:
+    def __init__(
+        self, world: World, start: Float | None = None, keep_out: Sequence[Float] = ()
+    ) -> None:
         segments = world.segments - np.tile(world.origin, 2)
         around = None if start is None else start - world.origin
         low, high = _window(segments.reshape(-1, 2), around)
@@ -79,6 +83,18 @@ class Ground:
         if world.free is not None:
             known = world.free.contain(self.places.reshape(-1, 2) + world.origin)
             self.gaps[~known.reshape(self.gaps.shape)] = 0.0
+        areas = [shapely.Polygon(area - world.origin).buffer(0.0) for area in keep_out]
+        self._kept_out = shapely.union_all(areas)
+        if areas:
+            self.gaps = np.minimum(self.gaps, self._off_areas(self.places))
+
+    def clearance(self, places: Float) -> Float:
+        """Distances (k,) [m] of places (k, 2), in the local frame, to walls and to areas."""
+        off = np.asarray(self.tree.query(places)[0])
+        return off if self._kept_out.is_empty else np.minimum(off, self._off_areas(places))
+
+    def _off_areas(self, places: Float) -> Float:
+        return np.asarray(shapely.distance(self._kept_out, shapely.points(places)))
 
     def cells_at(self, points: Float) -> Bool:
         """The cells (columns, rows) in which some points (k, 2) [m] lie."""
@@ -215,6 +231,17 @@ class FreeSpace:
         """The place of each of the cells (columns, rows); −1 in the others."""
         count = np.cumsum(self.allowed).reshape(self.allowed.shape)
         return np.where(self.allowed, count - 1, -1)
+
+    def nearest(self, place: Float) -> int | None:
+        """The nearest place to one (2,) [m] of the world; None if none is about as near as a wall.
+
+        A robot that is sent into a corner goes as far as it can.
+        """
+        near = place - self.ground.world.origin
+        away = np.hypot(*(self.places - near).T)
+        found = int(np.argmin(away))
+        reach = self.radius + MARGIN + self.ground.size
+        return found if away[found] <= reach else None
 
     @property
     def side(self) -> Side:

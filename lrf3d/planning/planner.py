@@ -21,7 +21,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning import Side
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_free_space
 from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
-from lrf3d.planning.tour import find_tour
+from lrf3d.planning.tour import find_tour, paths_from
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
 from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World
@@ -106,30 +106,33 @@ def find_route(
     dt: float = CONTROL_STEP,
     where: Side | None = None,
     start: Sequence[float] | Float | None = None,
+    goals: Float | None = None,
+    keep_out: Sequence[Float] = (),
 ) -> PlannedRoute:
-    """Find a route as `plan_route` does.
+    """Find a route as `plan_route` does; or one through goals (m, 2) [m], in their order.
 
-    If no radius is given it is 0.35 m, or that of a smaller robot where doors are too narrow; if no
-    speed is given it is 1 m/s inside and 3 m/s outside. ``dt`` is the time between the commands of
-    the drive [s].
+    Areas (k, 2) [m] may be kept out of. If no radius is given it is 0.35 m, or that of a smaller
+    robot where doors are too narrow; if no speed is given it is 1 m/s inside and 3 m/s outside.
+    ``dt`` is the time between the commands of the drive [s].
 
     Raises:
         InputError: As of `plan_route`.
     """
     _check(world, where, radius, speed, range_max, lookahead, dt)
     checker = CollisionChecker(world)
-    position, pose = _checked_start(checker, start, radius or RADIUS)
+    first = goals[0] if goals is not None and start is None else start
+    position, pose = _checked_start(checker, first, radius or RADIUS)
     notes: list[str] = [] if position is None else _closed_in(world, position)
     if world.free is not None and not world.free.cells.any():
         world = replace(world, free=None)
         notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
-    ground = Ground(world, position)
+    ground = Ground(world, position, keep_out)
     fitting = radius or _fitting_radius(ground, where, position)
     if radius is None and fitting < RADIUS:
         smaller = f"the robot's radius is {fitting:g} m instead of {RADIUS:g} m"
         notes.append(f"{smaller}: doors are too narrow for a wider one")
     space = find_free_space(ground, fitting, where=where, start=position)
-    legs = find_tour(space, world, range_max)
+    legs = find_tour(space, world, range_max) if goals is None else _legs(space, goals, notes)
     waypoints = _straightened(space, legs, position)
 
     def touched(pace: float, ahead: float) -> float:
@@ -147,6 +150,37 @@ def find_route(
     pace, lookahead = _with_care(trials, touched)
     notes += missed_rooms(space, legs)
     return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, tuple(notes))
+
+
+def _legs(space: FreeSpace, goals: Float, notes: list[str]) -> list[Int]:
+    """The paths from the start through goals (m, 2) [m]; notes name those that it cannot reach.
+
+    Raises:
+        InputError: It can reach none of them.
+    """
+    here = space.nearest(goals[0]) if space.start is None else int(space.number[space.start])
+    legs = list[Int]()
+    for goal in goals:
+        there = space.nearest(goal)
+        if there is None:
+            x, y = goal
+            notes.append(f"the goal ({x:.2f}, {y:.2f}) is not reached: walls are in the way")
+        elif here is not None and there != here:
+            legs += paths_from(space, here, np.array([there]))
+            here = there
+    if not legs:
+        raise InputError("; ".join([*notes, "no goal is elsewhere than the start"][:1]))
+    return legs
+
+
+def path_to(space: FreeSpace, start: Float, goal: Float) -> Float | None:
+    """Way-points (m, 2) [m] from a start (2,) to a goal (2,); None where walls are in the way."""
+    here, there = space.nearest(start), space.nearest(goal)
+    if here is None or there is None:
+        return None
+    if here == there:
+        return np.array([start, goal])
+    return _straightened(space, paths_from(space, here, np.array([there])), start)
 
 
 def _check(world: World, where: Side | None, *sizes: float | None) -> None:
@@ -278,7 +312,7 @@ def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool
     """Whether the line between two places (2, 2) costs no more, and is as far from walls."""
     length = float(np.hypot(*(ends[1] - ends[0])))
     shares = np.linspace(0.0, 1.0, int(2.0 * length / space.ground.size) + 2)[:, None]
-    gaps = np.asarray(space.ground.tree.query(ends[0] + shares * (ends[1] - ends[0]))[0])
+    gaps = space.ground.clearance(ends[0] + shares * (ends[1] - ends[0]))
     enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01
     prices = space.cost(gaps)
     mean = 0.5 * (prices[1:] + prices[:-1]).mean()

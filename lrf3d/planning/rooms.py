@@ -52,6 +52,16 @@ def rooms_of(world: World) -> list[tuple[float, Float]]:
     return sorted(found, key=lambda each: -each[0])
 
 
+def reached_rooms(space: FreeSpace) -> tuple[Ground, Int, dict[int, bool]]:
+    """The rooms around a free space: a ground, their cells, and whether a robot gets into each."""
+    ground = space.ground
+    bare = Ground(_unfurnished(ground.world), space.places[0] + ground.world.origin)
+    rooms, numbers = _numbered(bare)
+    entered = rooms[bare.cells_at(space.places + ground.world.origin) & bare.wide]
+    inside = set(entered.tolist())
+    return bare, rooms, {room: room in inside for room in numbers.tolist()}
+
+
 def _unfurnished(world: World) -> World:
     """Remove the furniture of a world: robots drive around it, but it does not divide rooms."""
     tall = world.heights >= 0.5 * world.heights.max(initial=0.0)

@@ -62,7 +62,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     metres = np.zeros((len(lookouts),) * 2)
     best = 0
     while True:
-        paths[best] = _paths(space, lookouts[best], lookouts)
+        paths[best] = paths_from(space, lookouts[best], lookouts)
         # The return path is as long.
         metres[best] = metres[:, best] = [_length(space, path) for path in paths[best]]
         if len(order) > 1:
@@ -92,7 +92,7 @@ def _lengthened(space: FreeSpace, legs: list[Int], end: int, appeal: Float) -> l
         goal = int(np.argmax(apart * appeal))
         if goal == end:
             raise InputError("no room to drive between the walls; give a route or poses")
-        legs += _paths(space, end, np.array([goal]))
+        legs += paths_from(space, end, np.array([goal]))
         end = goal
     return legs
 
@@ -148,7 +148,7 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
     return chosen
 
 
-def _paths(space: FreeSpace, start: int, ends: Int) -> list[Int]:
+def paths_from(space: FreeSpace, start: int, ends: Int) -> list[Int]:
     """The places of the cheapest paths from a start to each end, which are places."""
     before = dijkstra(space.graph, indices=[int(start)], return_predecessors=True)[1][0]
     paths = []

@@ -57,8 +57,21 @@ class Mark(NamedTuple):
     opaque: bool = True
     # Whether it is a dashed line: it shows a beam overhead or a path, and nothing that stands.
     dashed: bool = False
+    # Its colour as ``#rrggbb``; empty where it is not known.
+    colour: str = ""
     # The items of the file that it is drawn for.
     items: tuple[Any, ...] = ()
+
+
+class PerUnit(NamedTuple):
+    """A scale that is given in metres per unit of the drawing."""
+
+    metres: float
+
+
+def scale_of(scale: float | PerUnit, unit: float) -> float:
+    """The factor of a scale, where a unit of the drawing is read as so many metres."""
+    return scale.metres / unit if isinstance(scale, PerUnit) else scale
 
 
 class Canvas:
@@ -80,6 +93,8 @@ class Canvas:
         self.marks = list[Mark]()
         # What the reader assumed, in words.
         self.said = ""
+        # Unit of the drawing [m], after scaling.
+        self.unit = 1.0
         # The scale by which it is enlarged, and the factors by which that may be wrong.
         self.scale = 1.0
         self.scales = dict[float, str]()

@@ -28,16 +28,15 @@ from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
+from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
 from lrf3d.plans.scale import size_doubt
-from lrf3d.world.model import DEFAULT_HEIGHT, SHEET, World
-from lrf3d.world.pieces import TOUCHING, without_repeats, world_of_walls
-
-# Height of furniture [m]: that of tables and of kitchen units.
-FURNITURE_HEIGHT = 0.8
+from lrf3d.world.model import SHEET, World
+from lrf3d.world.pieces import TOUCHING, connected, without_repeats, world_of_walls
+from lrf3d.world.toml_file import WorldFile
 
 # A doorway painted over a wall may leave strips of the wall along its sides, up to this thickness
 # [m].
@@ -81,6 +80,8 @@ class Piece(NamedTuple):
     shape: Any
     role: str
     items: tuple[Any, ...]
+    # The mark that it is of: of several, the first.
+    mark: Mark
 
 
 class Layer(NamedTuple):
@@ -112,6 +113,24 @@ class Plan(NamedTuple):
     doubt: str = ""
     # What the source holds: used, and left out by reason.
     balance: Balance = Balance("item")
+    # All strokes, with what they were taken for.
+    parts: Parts | None = None
+    # Unit of the drawing [m].
+    unit: float = 1.0
+    # The tables of the robot and its obstacles that were decided by hand.
+    tables: Mapping[str, Any] = {}
+    obstacles: tuple[Mapping[str, Any], ...] = ()
+    # The world that the plan is an edited one of.
+    base: World | None = None
+    # Decisions that fit nothing any more, in words.
+    lost: tuple[str, ...] = ()
+
+    def with_parts(self, parts: Parts) -> "Plan":
+        """The plan whose walls are those of the parts that stand."""
+        stands = parts.stands
+        return self._replace(
+            parts=parts, segments=parts.segments[stands], heights=parts.heights[stands]
+        )
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
@@ -120,6 +139,8 @@ class Plan(NamedTuple):
             left={name: strokes * factor for name, strokes in self.left.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,
+            parts=self.parts and self.parts._replace(segments=self.parts.segments * factor),
+            unit=self.unit * factor,
         )
 
     def world(self, path: Path) -> World:
@@ -129,15 +150,36 @@ class Plan(NamedTuple):
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
             raise WorldError(f"{path}: there is no wall in it{held}{remedy}")
-        world = world_of_walls(self.segments, self.heights, path, self.gap)
+        world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
         if words := "; ".join(filter(None, [self.doubt, self.said, doors, left])):
             walls = counted(len(world.segments), "wall")
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
+        if self.lost:
+            warnings.warn(
+                f"{path}: decided by hand, but not found any more: {', '.join(self.lost)};"
+                f" `lrf3d edit {path}` shows the drawing",
+                Lrf3dWarning,
+                stacklevel=4,
+            )
         _warn_of_plans_apart(world, path)
         return world
+
+    def file(self, path: Path) -> WorldFile:
+        """The world of the walls, with the robot and the obstacles that were decided by hand."""
+        return WorldFile(self.world(path), self.tables, self.obstacles, path)
+
+    def walled(self, path: Path) -> World:
+        """The world of the walls; of one that was edited with what the drawing was."""
+        world = world_of_walls(self.segments, self.heights, path, self.gap)
+        edited = self.base is not None or (self.parts is not None and any(self.parts.materials))
+        if not edited or self.parts is None:
+            return world
+        standing = self.parts.taken(self.parts.stands)
+        world = World(standing.segments, connected(standing.segments, self.gap), name=world.name)
+        return world_of_parts(standing, world, self.base)
 
 
 def _warn_of_plans_apart(world: World, path: Path) -> None:
@@ -170,15 +212,20 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         strokes.take(rule)
     left = np.flatnonzero(strokes.left)
     walls, own, cut, open_ = cleared(strokes.segments[left], strokes.doors)
-    jambs, jamb_roles = _jambs(pieces, strokes.mark[left[cut]], open_)
+    jambs, jambed = _jambs(pieces, strokes.mark[left[cut]], open_)
+    jamb_roles = np.array([pieces[number].role for number in jambed], dtype=object)
     role = np.concatenate([strokes.role[left[own]], jamb_roles])
+    stands = np.concatenate([strokes.mark[left[own]], jambed])
+    parts = parts_of(
+        strokes, [piece.mark for piece in pieces], np.concatenate([walls, jambs]), stands, role
+    )
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
     counts = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
     counts["doorway line"] = len(cut)
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     return Plan(
-        np.concatenate([walls, jambs]),
-        np.where(role == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
+        parts.segments[parts.stands],
+        parts.heights[parts.stands],
         strokes.doors,
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
@@ -186,6 +233,8 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         "; ".join(said),
         balance=balance,
         doubt=size_doubt(canvas, strokes),
+        parts=parts,
+        unit=canvas.unit,
     )
 
 
@@ -220,16 +269,15 @@ def _balance(
     return Balance("item", canvas.held, len(fates) - left_out.total(), dict(left_out))
 
 
-def _jambs(pieces: list["Piece"], cut: Int, open_: Any) -> tuple[Float, Any]:
-    """The segments (n, 4) that close areas of pieces where doorways cut them; their roles."""
-    areas = [pieces[number] for number in np.unique(cut) if is_area(pieces[number].shape)]
-    sides = [open_.boundary.intersection(piece.shape) for piece in areas]
-    lines, piece = shapely.get_parts(sides, return_index=True)
+def _jambs(pieces: list["Piece"], cut: Int, open_: Any) -> tuple[Float, Int]:
+    """The segments (n, 4) that close areas of pieces where doorways cut them; their pieces (n,)."""
+    areas = np.array([n for n in np.unique(cut) if is_area(pieces[n].shape)], dtype=np.int64)
+    sides = [open_.boundary.intersection(pieces[number].shape) for number in areas]
+    lines, area = shapely.get_parts(sides, return_index=True)
     long = shapely.length(lines) > 2.0 * HIDDEN
     points, line = shapely.get_coordinates(lines[long], return_index=True)
     on = np.flatnonzero(line[1:] == line[:-1])
-    roles = np.array([each.role for each in areas], dtype=object)
-    return np.hstack([points[on], points[on + 1]]), roles[piece[long][line[on]]]
+    return np.hstack([points[on], points[on + 1]]), areas[area[long][line[on]]]
 
 
 def _in_words(left: Counter[str], layered: list[tuple[str, str]]) -> str:
@@ -342,7 +390,7 @@ def _pieces(marks: list[Mark], roles: list[str]) -> list[Piece]:
         if role in STANDS and not is_area(shape) and solid.intersects(shape):
             shape = shape.difference(solid)
         if role not in STANDS or not is_area(shape):
-            pieces.append(Piece(shape, role, mark.items))
+            pieces.append(Piece(shape, role, mark.items, mark))
     return pieces + solids
 
 
@@ -366,13 +414,13 @@ def _rooms(marks: list[Mark], roles: list[str]) -> list[Piece]:
     )
     walls = outline.difference(open_)
     items = tuple(item for mark in floors + doors for item in mark.items)
-    return [Piece(shapely.line_merge(walls), "wall", items)]
+    return [Piece(shapely.line_merge(walls), "wall", items, floors[0])]
 
 
 def _solids(marks: list[Mark], roles: list[str]) -> list[Piece]:
     """The areas that stand, joined where they touch, each with its role."""
     areas = [
-        Piece(mark.shape, role, mark.items)
+        Piece(mark.shape, role, mark.items, mark)
         for mark, role in zip(marks, roles, strict=True)
         if is_area(mark.shape)
     ]
@@ -394,13 +442,15 @@ def _joined(areas: list[Piece], name: str, open_: Any) -> list[Piece]:
     whole = shapely.union_all(shapes).difference(open_)
     parts = [each for each in shapely.get_parts(whole) if is_area(each)]
     joined: list[list[Piece]] = [[] for _ in parts]
-    for part, area in shapely.STRtree(shapes).query(parts, predicate="intersects").T.tolist():
+    met = shapely.STRtree(shapes).query(parts, predicate="intersects")
+    for part, area in sorted(met.T.tolist()):
         joined[part].append(areas[area])
     return [
         Piece(
             part,
             name if any(each.role != "other" for each in held) else "other",
             tuple(item for each in held for item in each.items),
+            (held or areas)[0].mark,
         )
         for part, held in zip(parts, joined, strict=True)
     ]

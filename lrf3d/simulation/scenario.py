@@ -35,9 +35,9 @@ from lrf3d.simulation.tables import (
     read_file,
     read_settings,
 )
-from lrf3d.world import World, load_world
+from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
-from lrf3d.world.files import find_world
+from lrf3d.world.files import find_world, load_world_file
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.toml_file import WorldFile
 
@@ -84,6 +84,8 @@ class Scenario(Value):
         further: The other lasers, each with its noise.
         odometry: The errors of the wheels, if odometry is to be measured.
         imu: The errors of the IMU, if the robot has one.
+        goals: (m, 2) places [m] through which a route is planned, instead of past all walls.
+        keep_out: Areas (k, 2) [m] that a planned route avoids.
         lidars: Its lidars, with the noise of the first laser.
         depth_cameras: Its depth cameras.
         robot: How it moves by the commands of a controller, or live; a Unicycle if not given.
@@ -118,6 +120,8 @@ class Scenario(Value):
     further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
     odometry: WheelOdometry | None = None
     imu: Imu | None = None
+    goals: Float | None = field(default=None, repr=False)
+    keep_out: tuple[Float, ...] = field(default=(), repr=False)
     lidars: tuple[Lidar, ...] = ()
     depth_cameras: tuple[DepthCamera, ...] = ()
     robot: Robot | None = None
@@ -130,12 +134,12 @@ class Scenario(Value):
             expect(getattr(self, name), kind, f"scenario: {name}")
         for name in ("speed", "scan_interval", "lookahead", "radius"):
             number(getattr(self, name), f"scenario: {name}", positive=True)
-        for name, columns in (("route", 2), ("poses", 3), ("outline", 2)):
+        for name, columns in (("route", 2), ("poses", 3), ("outline", 2), ("goals", 2)):
             if getattr(self, name) is not None:
                 as_rows(getattr(self, name), f"scenario: {name}", columns, least=1)
         if self.start is not None:
             object.__setattr__(self, "start", as_pose(self.start))
-        arrays = ("route", "poses", "outline")
+        arrays = ("route", "poses", "outline", "goals")
         self._hold(*(name for name in arrays if getattr(self, name) is not None))
         if self.outline is not None:
             from lrf3d.casting.collision import Body
@@ -210,6 +214,8 @@ class Scenario(Value):
             dt=self.scan_interval / self._commands,
             where=where,
             start=self.start,
+            goals=self.goals,
+            keep_out=self.keep_out,
         )
         for note in found.notes:
             say(note)
@@ -393,7 +399,7 @@ def read_scenario_file(name_or_path: str | Path, scale: float = 1.0, **options: 
     path = find_world(name_or_path)
     if path.suffix.lower() == ".toml" and not options:
         return read_file(path).scaled(scale)
-    return WorldFile(load_world(path, scale=scale, **options), path=path)
+    return load_world_file(path, scale=scale, **options)
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:

@@ -82,6 +82,8 @@ ROBOT: Mapping[str, Converter] = {
     "route": rows("x", "y"),
     "poses": poses(rows("x", "y", "degrees")),
     "outline": rows("x", "y", least=3),
+    "goals": rows("x", "y"),
+    "keep_out": several(rows("x", "y", least=3), "areas, each a list of [x, y]"),
     **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), schema.LENGTH),
 }
 

@@ -11,6 +11,7 @@ from lrf3d.base.formats import (
     Format,
     by_ending,
     by_looks,
+    by_name,
     endings,
     enter_installed,
     function,
@@ -22,6 +23,7 @@ from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
+from lrf3d.world.toml_file import WorldFile
 
 
 def load_world(
@@ -31,6 +33,7 @@ def load_world(
     resolution: float | None = None,
     threshold: float | None = None,
     scale: float = 1.0,
+    edits: Any = None,
     isolated: bool = True,
     **drawing: Any,
 ) -> World:
@@ -43,6 +46,8 @@ def load_world(
         threshold: Grey of its pixels, or of a scanned page's, from 0 to 255, from which on they
             are paper; found from the picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
+        edits: Decisions about a plan, as for `read_plan`; those of ``FILE.edit.toml`` next to it if
+            not given.
         isolated: Whether a file of a foreign format is read in a process of its own, with limits.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
             ``without``, those of layers to leave out, and ``page``, that of a PDF file; for a mesh,
@@ -58,22 +63,44 @@ def load_world(
         >>> lrf3d.load_world("paper_room").object_count
         3
     """
-    pictured = {"resolution": resolution, "threshold": threshold}
-    options = {"trees": trees, **pictured, **drawing}
-    reader = "lrf3d.world.files:world_of_file"
-    world: World = read_world(reader, name_or_path, scale, isolated, options)
-    return world
+    drawing |= {"trees": trees, "resolution": resolution, "threshold": threshold}
+    file = load_world_file(name_or_path, scale=scale, edits=edits, isolated=isolated, **drawing)
+    return file.world
 
 
-def read_world(
-    reader: str, name_or_path: str | Path, scale: float, isolated: bool, options: dict[str, Any]
-) -> Any:
+def load_world_file(
+    name_or_path: str | Path,
+    *,
+    scale: float = 1.0,
+    edits: Any = None,
+    isolated: bool = True,
+    **options: Any,
+) -> WorldFile:
+    """Read a world as `load_world` does, with what was decided by hand about its robot."""
+    path = find_world(name_or_path)
+    check_scale(scale)
+    # Those about a world file are in it once they are saved.
+    kept = path.suffix.lower() != ".toml" and edits_path(path).is_file()
+    if not (kept if edits is None else edits):
+        world = read_world("lrf3d.world.files:world_of_file", path, scale, isolated, options)
+        return WorldFile(world, path=path)
+    read_plan = function(by_name("decisions", "plan").read)
+    plan = read_plan(path, edits, scale=scale, isolated=isolated, **options)
+    with at(str(path)):
+        file: WorldFile = plan.file(path)
+        return file
+
+
+def edits_path(path: Path) -> Path:
+    """The file of the decisions about a drawing, next to it."""
+    return path.with_name(f"{path.name}{by_name('decisions', 'plan').endings[0]}")
+
+
+def read_world(reader: str, path: Path, scale: Any, isolated: bool, options: dict[str, Any]) -> Any:
     """What a reader returns for the file of a world.
 
     This is behind all doors, so that a file is read in one process only.
     """
-    path = find_world(name_or_path)
-    check_scale(scale)
     row = _row(path)
     given = {"scale": scale, **options_of(path, **options)}
     with reading(), at(str(path)):

@@ -45,6 +45,13 @@ FREE_MARGIN = 1.0
 # Largest number of cells of a written map.
 MOST_WRITTEN = 1 << 25
 
+# Distance [cells] within which lines are the same one.
+_ROUNDING = 1e-3
+
+# Distance [cells] from the line of a thin wall within which its cells have their middles: one of
+# two cells has them half a cell from it.
+_HALF_WALL = 0.8
+
 # The keys of a description that are read, and the converters of their values.
 KEYS: Mapping[str, Converter] = {
     "image": text(),
@@ -58,7 +65,15 @@ KEYS: Mapping[str, Converter] = {
 
 def read_ros_map(path: Path) -> World:
     """Read the occupied cells of a ROS map as walls."""
-    data = _described(path)
+    values = _values(_described(path))
+    picture = _picture_of(path, values["image"])
+    if values["free_thresh"] > values["occupied_thresh"]:
+        raise WorldError("free_thresh is above occupied_thresh")
+    return _world(path, picture, values)
+
+
+def _values(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a description by their keys, with those that are usual."""
     texts = ("image", "mode")
     values: dict[str, Any] = {
         "occupied_thresh": 0.65,
@@ -68,10 +83,7 @@ def read_ros_map(path: Path) -> World:
     }
     for key in filter(KEYS.__contains__, data):
         values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
-    picture = _picture_of(path, values["image"])
-    if values["free_thresh"] > values["occupied_thresh"]:
-        raise WorldError("free_thresh is above occupied_thresh")
-    return _world(path, picture, values)
+    return values
 
 
 def _described(path: Path) -> dict[str, Any]:
@@ -177,6 +189,53 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     # Both are complete before either replaces an older one, which it would not match.
     with replacing(path) as described, replacing(picture) as drawn:
         drawn.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
+        described.write_text(text, encoding="utf-8")
+
+
+def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
+    """Write a map again with other walls: (n, 4) before, and (m, 4) after what was changed.
+
+    The cells of walls that are gone become free, those of walls that came occupied; all others, the
+    origin and the other keys stay as they are.
+    """
+    import shapely
+
+    data = _described(path)
+    values = _values(data)
+    source = _picture_of(path, values["image"])
+    frame = Pose(*values["origin"].tolist()).inverse()
+
+    def lines_in_cells(segments: Float) -> Any:
+        ends = frame.apply(segments.reshape(-1, 2)).reshape(-1, 2, 2) / values["resolution"]
+        return shapely.union_all(shapely.linestrings(ends))
+
+    old = lines_in_cells(before)
+    new = lines_in_cells(after)
+    gone = old.difference(new.buffer(_ROUNDING))
+    came = new.difference(old.buffer(_ROUNDING))
+    # Outlines that are gone enclose the cells of a wall; a doorway closes them by its jambs.
+    rings = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(gone.union(came)))))
+    along = gone.buffer(0.1)
+    filled = [
+        each for each in rings if each.exterior.intersection(along).length > 0.3 * each.length
+    ]
+    area = shapely.union_all([gone.buffer(_HALF_WALL, cap_style="flat"), *filled])
+    occupied, _ = _cells(source, values)
+    rows, columns = np.nonzero(occupied)
+    erased = shapely.contains_xy(area, columns + 0.5, rows + 0.5)
+    grey = pixels_of(source)[::-1, :, 0].copy()
+    free, full = (255 - FREE, 255 - OCCUPIED) if values["negate"] else (FREE, OCCUPIED)
+    grey[rows[erased], columns[erased]] = free
+    points, line = shapely.get_coordinates(shapely.get_parts(came), return_index=True)
+    joined = line[1:] == line[:-1]
+    drawn = np.hstack([points[:-1][joined], points[1:][joined]])
+    row, column = _walled_cells(drawn)
+    inside = (row >= 0) & (row < len(grey)) & (column >= 0) & (column < grey.shape[1])
+    grey[row[inside], column[inside]] = full
+    picture = to.with_suffix(".pgm")
+    text = re.sub(r"(?m)^image:.*$", f"image: {json.dumps(picture.name)}", read_text(path))
+    with replacing(to) as described, replacing(picture) as rewritten:
+        rewritten.write_bytes(b"P5\n%d %d\n255\n" % grey.shape[::-1] + grey[::-1].tobytes())
         described.write_text(text, encoding="utf-8")
 
 

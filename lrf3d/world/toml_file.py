@@ -42,9 +42,11 @@ class WorldFile:
         if factor == 1.0:
             return self
         robot = dict(self.tables.get("robot", {}))
-        for key in {"start", "route", "poses"} & set(robot):
+        for key in {"start", "route", "poses", "goals"} & set(robot):
             # Positions are scaled, headings stay.
             robot[key] = robot[key] * ([factor, factor, 1.0][: robot[key].shape[-1]])
+        if "keep_out" in robot:
+            robot["keep_out"] = tuple(area * factor for area in robot["keep_out"])
         tables = {**self.tables, "robot": robot}
         obstacles = tuple(
             {**obstacle, "route": obstacle["route"] * factor} for obstacle in self.obstacles
@@ -78,7 +80,7 @@ def _place(found: Any, key: str) -> tuple[float, ...]:
 def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> WorldFile:
     """Read a world file, with the converters of its settings; errors name the file and the key."""
     with reading(), schema.at(str(path)):
-        data = _parsed(path)
+        data = toml_values(path)
         keys = keys_of_file(settings)
         check_names(str(path), data, keys)
         values = {key: keys[key](data[key], key) for key in keys if key in data}
@@ -91,7 +93,7 @@ def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> Wor
         return WorldFile(_world(values, path), tables, tuple(obstacles), path, lasers)
 
 
-def _parsed(path: Path) -> dict[str, Any]:
+def toml_values(path: Path) -> dict[str, Any]:
     """The values of a TOML file; those of a large one come from a process of its own.
 
     The time for keys of many parts grows with their square: up to this size it is a second.
@@ -162,22 +164,28 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
 
 def write_toml(world: World, path: Path) -> None:
     """Write a world as TOML."""
+    write_text(path, world_text(world))
+
+
+def world_text(world: World) -> str:
+    """The text of a world file."""
     place = {} if world.place is None else {"place": world.place}
-    blocks = [_table("", {"name": world.name, **place})]
+    blocks = [toml_table("", {"name": world.name, **place})]
     described: set[int] = set()
     for number, own_looks, lines, height in runs_of(world):
         looks = {} if number in described else own_looks
         described.add(number)
         if "material" in looks:
             looks["material"] = looks["material"].name
-        blocks.append(_table("[[object]]", {"number": number, **looks, **_outline(lines, height)}))
+        values = {"number": number, **looks, **_outline(lines, height)}
+        blocks.append(toml_table("[[object]]", values))
     used = dict.fromkeys(material for material in world.materials if material is not None)
     own = [material for material in used if BUILT_IN.get(material.name) != material]
-    blocks += [_table("[[material]]", material.as_dict()) for material in own]
-    blocks += [_table("[[camera]]", asdict(camera)) for camera in world.cameras]
+    blocks += [toml_table("[[material]]", material.as_dict()) for material in own]
+    blocks += [toml_table("[[camera]]", asdict(camera)) for camera in world.cameras]
     if world.free is not None:
-        blocks.append(_table("[free]", world.free.as_dict()))
-    write_text(path, "\n".join(blocks))
+        blocks.append(toml_table("[free]", world.free.as_dict()))
+    return "\n".join(blocks)
 
 
 def _outline(lines: list[Any], height: Any) -> dict[str, Any]:
@@ -191,9 +199,16 @@ def _outline(lines: list[Any], height: Any) -> dict[str, Any]:
     return outline | ({"closed": True} if closed else {}) | {"height": height}
 
 
-def _table(head: str, values: Mapping[str, Any]) -> str:
-    """A table of TOML: JSON writes texts, numbers and lists as TOML does, but for one character."""
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()]
+def toml_table(head: str, values: Mapping[str, Any]) -> str:
+    """A table of TOML."""
+    lines = [f"{key} = {_toml(value)}" for key, value in values.items()]
     # The name of a file may hold half a pair of surrogates, which no text can.
     text = "\n".join([head, *lines, ""]).lstrip().replace("\x7f", "\\u007f")
     return text.encode(errors="replace").decode()
+
+
+def _toml(value: Any) -> str:
+    """A value; JSON writes texts, numbers and lists as TOML does, but for one character."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)

@@ -43,9 +43,9 @@ needs_browser = pytest.mark.skipif(bool(missing()), reason=missing() or "none")
 
 
 @contextmanager
-def served(what, *options):
+def served(what, *options, command="view"):
     """Serve a view of a run or a world; gives its address, and sees that Ctrl-C ends it."""
-    command = [sys.executable, "-m", "lrf3d", "view", str(what), "--no-browser", *options]
+    command = [sys.executable, "-m", "lrf3d", command, str(what), "--no-browser", *options]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         line = program.stdout.readline()

@@ -75,7 +75,7 @@ INSTEAD = {
 
 CHECKED = {
     *(f"scripts/bench {part}" for part in PARTS if part not in ("slam", "robots", "score")),
-    "ros", "scripts/bench", "scripts/paper", "scripts/stress", "view",
+    "ros", "scripts/bench", "scripts/paper", "scripts/stress", "view", "edit",
 }  # fmt: skip
 """Commands that are parsed and not called, as tests of their own call them: peers and pages take
 their time, and `view` shows its page until it is stopped."""

@@ -36,8 +36,10 @@ LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; else by their names.
 --without LAYER,LAYER,…: Layers of a drawing to leave out.
---cut M: Height of the cut of a mesh above its floor [m]; 0.5 if not given.
---level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given."""
+ --cut M: Height of the cut of a mesh above its floor [m]; 0.5 if not given.
+ --level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given.
+ --edits FILE: Decisions about a plan, as lrf3d edit writes them; FILE.edit.toml next to it if not
+ given."""
 TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
 --inside: Plan the route inside the walls, if the world has none; if not given, the world decides.
@@ -153,6 +155,21 @@ RUN|WORLD: A run.npz or its folder to play, or a world to drive in. A built-in w
 {DRIVE}
 
 Example: lrf3d view city""",
+    "edit": f"""\
+Decide by hand in the browser what a plan is, and what a robot does in it.
+
+The drawing and what was understood of it are shown; what is decided is kept in FILE.edit.toml,
+which other commands obey. A new .toml is an empty sheet. Ctrl-C ends the server.
+
+[FILE]: A drawing, a picture, a map, a world or a run, or a new world file; world.toml if not given.
+--host HOST = 127.0.0.1: Address or name to listen at; 0.0.0.0 lets other machines in.
+--port PORT: Port; if not given, 8080, or any where that is taken.
+--browser = yes: Open the browser.
+{SCALE}
+{RESOLUTION}
+{LAYERS}
+
+Example: lrf3d edit flat.dxf""",
     "ros": f"""\
 Serve a robot in ROS 2: other programs see its scans and drive it.
 

@@ -58,7 +58,7 @@ def refuse_twice(args: Namespace) -> None:
 DRIVE = "--set --inside --outside --ignore-collisions"
 
 # Options of how a world is read.
-READING = "--scale --resolution --threshold --page --layers --without --cut --level"
+READING = "--scale --resolution --threshold --page --layers --without --cut --level --edits"
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -96,13 +96,12 @@ def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
     from lrf3d.plans.reading import read_plan
 
     plan = read_plan(args.world, **options_of(args))
-    file = WorldFile(plan.world(path := find_world(args.world)), path=path)
-    return scenario_of(checked_size(args.world, file)), plan
+    return scenario_of(checked_size(args.world, plan.file(find_world(args.world)))), plan
 
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = "scale resolution threshold page layers without trees cut level".split()
+    names = "scale resolution threshold page layers without trees cut level edits".split()
     given = {name: getattr(args, name, None) for name in names}
     return {k: value for k, value in given.items() if value is not None and value is not False}
 
@@ -276,6 +275,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
     "render": (read_filmed, "runs:render"),
     "view": (read_world, "runs:view"),
+    "edit": (lambda args: None, "edit:edit"),
     "ros": (read_served, "runs:ros"),
     "score": (lambda args: load_run(args.run), "scores:score"),
     "export": (lambda args: load_run(args.run), "runs:export"),

@@ -17,7 +17,15 @@ import shapely
 
 from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
-from lrf3d.plans.canvas import CURVE_ERROR, PALEST, Canvas, Mark, contrast_to_white
+from lrf3d.plans.canvas import (
+    CURVE_ERROR,
+    PALEST,
+    Canvas,
+    Mark,
+    PerUnit,
+    contrast_to_white,
+    scale_of,
+)
 from lrf3d.plans.rules.layers import rename
 from lrf3d.plans.scale import unit_scales
 
@@ -52,7 +60,7 @@ PATTERNED = dict.fromkeys(("HATCH", "MPOLYGON"), "hatching pattern")
 EXTERNAL = 4
 
 
-def draw(path: Path, scale: float) -> Canvas:
+def draw(path: Path, scale: float | PerUnit) -> Canvas:
     """The marks of a DXF drawing, enlarged by a scale."""
     file = readfile(path)
     # Do not draw the frames of clips: CAD shows them on the screen, but does not plot them.
@@ -61,7 +69,9 @@ def draw(path: Path, scale: float) -> Canvas:
     if code not in range(25):
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
     unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
+    scale = scale_of(scale, unit)
     canvas = Canvas(CURVE_ERROR / (unit * scale))
+    canvas.unit = unit * scale
     canvas.scale = scale
     canvas.scales = unit_scales(unit)
     config = Configuration(
@@ -214,7 +224,14 @@ class _EntityPainter(Backend):
         # The parts by which other programs show their objects may lie on no layer of their own.
         whole = (_layer(e) for e, _ in self.entity_stack if e.dxftype() != "INSERT")
         layer = next(whole, "0") if properties.layer == "0" else properties.layer
-        return Mark(None, layer, (layer, next(names, "")), contrast=contrast, dashed=self.dashed)
+        return Mark(
+            None,
+            layer,
+            (layer, next(names, "")),
+            contrast=contrast,
+            dashed=self.dashed,
+            colour=properties.color[:7].lower(),
+        )
 
     def draw_line(self, start: Any, end: Any, properties: Any) -> None:
         self.canvas.line(np.array([tuple(start), tuple(end)]) * self.scale, self._mark(properties))

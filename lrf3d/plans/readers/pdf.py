@@ -23,9 +23,11 @@ from lrf3d.plans.canvas import (
     WHITE,
     Canvas,
     Mark,
+    PerUnit,
     area_of,
     contrast_to_white,
     curve_points,
+    scale_of,
 )
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
@@ -51,16 +53,21 @@ DEEPEST = 50
 MOST_ON_SCAN = 10
 
 
-def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None) -> Canvas | Plan:
+def draw(
+    path: Path, scale: float | PerUnit, page: int = 1, threshold: float | None = None
+) -> Canvas | Plan:
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
     document = pypdfium2.PdfDocument(path.read_bytes())
     if not 1 <= page <= len(document):
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle = document[page - 1]
     file = pypdf.PdfReader(path)
+    point = POINT * float(file.pages[page - 1].user_unit)
+    scale = scale_of(scale, point)
     unit = POINT * scale * float(file.pages[page - 1].user_unit)
     matrix, size = _frame(handle, unit)
     canvas = Canvas.of_sheet(float(size.max()), scale)
+    canvas.unit = unit
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
     painter = _PagePainter(canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size))
@@ -71,7 +78,8 @@ def draw(path: Path, scale: float, page: int = 1, threshold: float | None = None
         side = max(0.02, float(size.max()) / 6000)
         picture = handle.render(scale=unit / side).to_pil().convert("RGB")
         plan = plan_of_picture(np.asarray(picture), side, threshold)
-        return plan._replace(said=f"page {page} of {len(document)}, scanned: {plan.said}")
+        said = f"page {page} of {len(document)}, scanned: {plan.said}"
+        return plan._replace(said=said, unit=unit)
     pages = len(document) - 1
     notes = raw.FPDFPage_GetAnnotCount(handle)
     for reason in ["other page"] * pages + ["annotation"] * notes:
@@ -170,19 +178,20 @@ class _PagePainter:
         segments = (raw.FPDFPath_GetPathSegment(each, number) for number in range(count))
         raw.FPDFPageObj_GetStrokeWidth(each, width)
         wide = width.value * float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
+        fill = self._colour(raw.FPDFPageObj_GetFillColor, each, rule)
+        stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
         self.canvas.shape(
             self._lines(segments, matrix),
-            Mark(None, layer, (layer,), dashed=raw.FPDFPageObj_GetDashCount(each) > 0),
+            Mark(
+                None,
+                layer,
+                (layer,),
+                dashed=raw.FPDFPageObj_GetDashCount(each) > 0,
+                colour=stroke[2] if stroked.value else fill[2],
+            ),
             clip,
-            (
-                *self._colour(raw.FPDFPageObj_GetFillColor, each, rule),
-                rule.value == raw.FPDF_FILLMODE_WINDING,
-            ),
-            (
-                *self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked),
-                wide,
-                bool(raw.FPDFPageObj_GetLineCap(each)),
-            ),
+            (*fill[:2], rule.value == raw.FPDF_FILLMODE_WINDING),
+            (*stroke[:2], wide, bool(raw.FPDFPageObj_GetLineCap(each))),
         )
 
     def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:
@@ -246,10 +255,11 @@ class _PagePainter:
         return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])
 
     @staticmethod
-    def _colour(read: Callable[..., Any], each: Any, used: Any) -> tuple[float, float]:
-        """The contrast of a colour, and how opaque it is where used, both from 0 to 1."""
+    def _colour(read: Callable[..., Any], each: Any, used: Any) -> tuple[float, float, str]:
+        """The contrast of a colour, how opaque it is where used, both from 0 to 1, and itself."""
         *colours, alpha = channels = [ctypes.c_uint() for _ in range(4)]
         if not used.value or not read(each, *channels):
-            return UNKNOWN, 0.5 if used.value else 0.0
+            return UNKNOWN, 0.5 if used.value else 0.0, ""
         opaque = alpha.value / WHITE
-        return opaque * contrast_to_white(*(each.value for each in colours)), opaque
+        values = [each.value for each in colours]
+        return opaque * contrast_to_white(*values), opaque, "#" + bytes(values).hex()

@@ -7,7 +7,6 @@ ones are left out, long ones stay, as thin walls from wall to wall, else as furn
 parts are left out, too, but for pillars and chairs that stand alone.
 """
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,14 @@ import shapely
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
-from lrf3d.base.balance import Balance
 from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
-from lrf3d.plans.plan import FURNITURE_HEIGHT, THICKEST, Plan
+from lrf3d.plans.parts import FURNITURE_HEIGHT, Parts
+from lrf3d.plans.plan import THICKEST, Plan
 from lrf3d.plans.rules.enclosure import closes_rooms
+from lrf3d.plans.rules.left_out import RIM, LeftOut
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
 from lrf3d.world.grid_walls import (
@@ -44,9 +44,6 @@ THIN = 0.07
 
 # The same [pixels], for coarse pictures.
 LEAST = 3
-
-# Distance [pixels] within which cells are next to each other, also across a corner.
-RIM = 1.5
 
 # Distance [m] between parts that belong together: letters of a word, a line and the wall it meets.
 CLOSE = 0.1
@@ -105,7 +102,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (WHITE - threshold) / WHITE
     dark = contrast > found
     pixels = 1.0 / side
-    left_out = _LeftOut(dark)
+    left_out = LeftOut(dark)
     stands = left_out.without("coloured part", dark, *_marked(colours, dark))
     # A thick area is a floor if it is pale.
     floors = _floors(stands & (lightness < 0.5), key, pixels)
@@ -129,46 +126,23 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     elif not closes_rooms(walls, thin[0], pixels):
         doubt = "hardly any of it closes a room: is it a plan? "
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    left = dark & ~grown(walls | furniture, RIM)
+    seen = [
+        Parts.of(np.concatenate(parts[:2]) * side, "wall"),
+        Parts.of(np.concatenate(parts[2:]) * side, "furniture"),
+        Parts.of(walls_of_grid(left) * side, "nothing", rules="dark part"),
+    ]
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
-        left={"dark part": _rows(dark & ~grown(walls | furniture, RIM)) * side},
+        left={"dark part": _rows(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
         said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * side,
         balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
+        parts=seen[0].joined(*seen[1:]),
+        unit=resolution,
     )
-
-
-class _LeftOut:
-    """What is left out of the dark pixels of a picture, by reason: parts, and their pixels."""
-
-    def __init__(self, dark: Bool) -> None:
-        self.dark = dark
-        self.parts = Counter[str]()
-        # The number of each pixel's reason, from 1.
-        self._reason = np.zeros(dark.shape, dtype=np.uint8)
-
-    def without(self, reason: str, cells: Bool, out: Bool, parts: int) -> Bool:
-        """The cells without those that are left out for a reason, in some parts."""
-        self.parts[reason] += parts
-        taken = cells & out & (self._reason == 0)
-        self._reason[taken] = list(self.parts).index(reason) + 1
-        return cells & ~out
-
-    def balance(self, walls: Bool) -> Balance:
-        """The balance of all pixels, of which some are walls."""
-        used = self.dark & grown(walls, RIM)
-        out = self.dark & ~used
-        counts = np.bincount(self._reason[out], minlength=len(self.parts) + 1)
-        # Strokes are cut off a little away from what they meet.
-        cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
-        balance = Balance("pixel", self.dark.size, int(used.sum()))
-        balance.leave("paper", int((~self.dark).sum()))
-        balance.leave("thin stroke", int(cut.sum()))
-        for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
-            balance.leave(reason, count)
-        return balance
 
 
 def _drawn(lines: Float, shape: Any) -> Bool:
@@ -217,7 +191,7 @@ def _floors(pale: Bool, key: Int, pixels: float) -> tuple[Bool, int]:
     return floors | (pale & usual[key] & grown(floors, THICKEST * pixels)), parts
 
 
-def _cleaned(drawn: Bool, pixels: float, left_out: _LeftOut) -> tuple[Bool, Bool, list[Float]]:
+def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool, list[Float]]:
     """Which pixels are walls and which furniture, and thin walls and sides of furniture (n, 4).
 
     Args:
@@ -373,7 +347,7 @@ def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
     return found
 
 
-def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: _LeftOut) -> list[Float]:
+def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: LeftOut) -> list[Float]:
     """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
     parts, count = parts_of(strokes)
     box = sides_of(parts)
@@ -395,7 +369,7 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: _LeftOut) -
     return [sides[meets.all(axis=1)], sides[~meets.all(axis=1)]]
 
 
-def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: _LeftOut) -> Bool:
+def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: LeftOut) -> Bool:
     """Take small loose parts out of the solid pixels in place; return those that are furniture."""
     parts, count = parts_of(solid)
     sides = sides_of(parts)
@@ -439,7 +413,7 @@ def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
     return np.asarray(np.append(False, block)[parts])
 
 
-def _filled(dark: Bool, pixels: float, left_out: _LeftOut) -> Bool:
+def _filled(dark: Bool, pixels: float, left_out: LeftOut) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
     parts, count = label(~dark)
     radius = _radii(dark, parts, count)

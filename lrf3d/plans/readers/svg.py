@@ -32,9 +32,11 @@ from lrf3d.plans.canvas import (
     WHITE,
     Canvas,
     Mark,
+    PerUnit,
     contrast_to_white,
     curve_points,
     is_area,
+    scale_of,
 )
 from lrf3d.plans.scale import sheet_scales
 
@@ -102,7 +104,7 @@ class State(NamedTuple):
     layer: str = ""
 
 
-def draw(path: Path, scale: float) -> Canvas:
+def draw(path: Path, scale: float | PerUnit) -> Canvas:
     """The marks of an SVG drawing, enlarged by a scale."""
     try:
         root = ElementTree.parse(path).getroot()
@@ -111,7 +113,12 @@ def draw(path: Path, scale: float) -> Canvas:
     if _tag(root) != "svg":
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
+    sheet = _framed(root, (0.0, 0.0, width, height), State(np.eye(3), (width, height)))
+    # A unit is known to some digits, as svgelements gives it.
+    unit = float(f"{PIXEL * math.hypot(*sheet.matrix[:2, 0]):.9g}")
+    scale = scale_of(scale, unit)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
+    canvas.unit = unit * scale
     canvas.scale = scale
     texts = (text for each in root.iter() if _tag(each) == "text" for text in each.itertext())
     canvas.scales = sheet_scales(" ".join(texts), scale)
@@ -119,8 +126,8 @@ def draw(path: Path, scale: float) -> Canvas:
     painter = _ElementPainter(canvas, _style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
     up[1, 2] = scale * PIXEL * height
-    state = _framed(root, (0.0, 0.0, width, height), State(up, (width, height)))
-    painter.children(root, painter.state(root, state, transformed=False))
+    sheet = sheet._replace(matrix=up @ sheet.matrix)
+    painter.children(root, painter.state(root, sheet, transformed=False))
     for element, defined in painter.items(root):
         canvas.held += 1
         if defined:
@@ -249,7 +256,14 @@ class _ElementPainter(NamedTuple):
         canvas.begin(element)
         rings = _outline(_tag(element), state, canvas.tolerance)
         dashed = style.get("stroke-dasharray", "none")
-        mark = Mark(None, state.layer, state.names, dashed=re.search("[1-9]", dashed) is not None)
+        drawn = svgelements.Color(next(filter(_is_plain, map(style.get, ("stroke", "fill"))), ""))
+        mark = Mark(
+            None,
+            state.layer,
+            state.names,
+            dashed=re.search("[1-9]", dashed) is not None,
+            colour="" if drawn.value is None else drawn.hexrgb,
+        )
         if not {"fill", "stroke"} & set(style):
             for ring in rings:
                 canvas.line(ring, mark, state.clip)
@@ -436,6 +450,11 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
         return 0.0, 0.0
     alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
     return alpha * contrast_to_white(colour.red, colour.green, colour.blue), alpha
+
+
+def _is_plain(text: str | None) -> bool:
+    """Whether a text names a colour, and no pattern."""
+    return text is not None and text != "none" and "url(" not in text
 
 
 def _style_sheet(root: Element) -> dict[Element, dict[str, str]]:

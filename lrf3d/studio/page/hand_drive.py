@@ -15,6 +15,7 @@ from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.simulation.sensor import Caster
+from lrf3d.studio.page.errand import Errand, planned_way
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
 
@@ -122,6 +123,21 @@ class HandDrive:
         self._scans: dict[int, tuple[LaserScan, ...]] = {}
         self.latest = self.robot.scans()
         self._map_scan()
+        self._errand: Errand | None = None
+        self._lost = False
+
+    @property
+    def obstruction(self) -> str:
+        """What keeps the robot from where it is to go, in words."""
+        if self._lost:
+            return "there is no way to this place"
+        return "a wall is in the way" if self.robot.bumped else ""
+
+    def go_to(self, place: Float, heading: float | None = None) -> None:
+        """Set out for a place (2,) [m] by a planned way, and turn to a heading [rad] there."""
+        way = planned_way(self.world, np.array(self.robot.pose[:2]), place, self.radius)
+        self._lost = way is None
+        self._errand = None if way is None else Errand(way, heading)
 
     def step(self, seconds: float, forward: float = 0.0, turn: float = 0.0) -> bool:
         """Drive on for a time [s], scan and map; false where the robot rests and nothing moves.
@@ -129,6 +145,14 @@ class HandDrive:
         Forward and turn, to the left, are shares of the fastest, from −1 to 1.
         """
         robot = self.robot
+        if forward or turn:
+            self._errand = None
+            self._lost = False
+        if self._errand is not None:
+            speed, turn = self._errand.command(np.array(robot.pose))
+            forward = min(speed / self._fastest, 1.0)
+            if self._errand.done:
+                self._errand = None
         unsettled = self._stale or robot.bumped or self.facing != robot.pose.theta
         moves = any((forward, turn, robot.speed, robot.turning, self.obstacles))
         if not (moves or unsettled):

@@ -17,7 +17,7 @@ import os
 import re
 import socket
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -71,6 +71,18 @@ GUARDS = {
 # The files of the page.
 PAGE = Path(__file__).parent / "static"
 
+# Path of the socket of a scene.
+_MOMENTS = "/lrf3d/moments"
+
+# What pages load, by its path: its kind, and its bytes.
+Files = dict[str, tuple[str, bytes]]
+
+# Answers one page over its socket.
+Talk = Callable[[Any], Coroutine[Any, Any, None]]
+
+# What answers pages, by the path of their socket.
+Talks = dict[str, Talk]
+
 # Makes what one page shows: each has its own.
 Make = Callable[[], PageSession]
 
@@ -106,6 +118,23 @@ def serve(
     Raises:
         MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
+    talks = {_MOMENTS: moments_talk(make)}
+    serve_pages(
+        lambda: page_files(make()), talks, door, host=host, browser=browser, started=started
+    )
+
+
+def serve_pages(
+    files: Callable[[], Files],
+    talks: Talks,
+    door: socket.socket,
+    *,
+    host: str,
+    largest: int = MESSAGE_SIZE,
+    browser: bool = True,
+    started: Callable[[str], None] = lambda address: None,
+) -> None:
+    """Serve files by their paths, and sockets with messages [bytes], as `serve` does."""
     try:
         from websockets.asyncio.server import ServerConnection
         from websockets.asyncio.server import serve as listen
@@ -122,11 +151,11 @@ def serve(
 
     async def run() -> None:
         server = await listen(
-            partial(_show, make, asyncio.Semaphore(_PAGES_AT_WORK)),
+            lambda page: talks[_path(page.request)](page),
             sock=door,
             create_connection=Page,
-            process_request=partial(_guarded, _files(make()), host),
-            max_size=MESSAGE_SIZE,
+            process_request=partial(_guarded, files(), talks, host),
+            max_size=largest,
             # A short message could unpack to gigabytes.
             compression=None,
             open_timeout=_PATIENCE,
@@ -152,11 +181,7 @@ def serve(
     check()
 
 
-# A file of the page: its kind, and its bytes.
-_File = tuple[str, bytes]
-
-
-def _files(session: PageSession) -> dict[str, _File]:
+def page_files(session: PageSession) -> Files:
     """What the page loads, by its path."""
     stage = session.scene.stage
     # Row 0 of the ground's picture is at the smallest y, as textures have it.
@@ -173,9 +198,11 @@ def _files(session: PageSession) -> dict[str, _File]:
     return files
 
 
-def _guarded(files: dict[str, _File], host: str, connection: Any, request: Any) -> Any:
-    """Answer a request for the page, its files or its socket; None opens the socket."""
-    response = _refusal(host, connection, request) or _file(files, connection, request)
+def _guarded(files: Files, talks: Talks, host: str, connection: Any, request: Any) -> Any:
+    """Answer a request for the page, its files or a socket; None opens the socket."""
+    response = _refusal(host, connection, request)
+    if response is None and _path(request) not in talks:
+        response = _file(files, connection, request)
     if response is not None:
         for name, value in GUARDS.items():
             response.headers[name] = value
@@ -206,13 +233,15 @@ def _method(request: Any) -> str:
     return str(getattr(request, "method", "GET"))
 
 
-def _file(files: dict[str, _File], connection: Any, request: Any) -> Any:
+def _path(request: Any) -> str:
+    return str(request.path.partition("?")[0])
+
+
+def _file(files: Files, connection: Any, request: Any) -> Any:
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    path = request.path.partition("?")[0]
-    if path == "/lrf3d/moments":
-        return None
+    path = _path(request)
     if path not in files:
         return connection.respond(404, "there is no such page\n")
     kind, body = files[path]
@@ -231,6 +260,11 @@ def page_text(setup: dict[str, Any]) -> str:
         lambda found: words[found[1]],
         (PAGE / "index.html").read_text(encoding="utf-8"),
     )
+
+
+def moments_talk(make: Make) -> Talk:
+    """What answers the pages of a run or a world, some of them at a time."""
+    return partial(_show, make, asyncio.Semaphore(_PAGES_AT_WORK))
 
 
 async def _show(make: Make, turns: asyncio.Semaphore, page: Any) -> None:

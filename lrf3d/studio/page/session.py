@@ -33,6 +33,9 @@ _EVER = 1e9
 # Sides of pictures that are drawn for a page [pixels].
 _SIDES = (16.0, 8192.0)
 
+# A heading [rad] that none is: more than half a turn.
+_NO_HEADING = 9.0
+
 # The least and the largest of the numbers that a page sends, by the fields of `Wanted`.
 _LIMITS = {
     "time": (-_EVER, _EVER),
@@ -41,6 +44,10 @@ _LIMITS = {
     "forward": (-1.0, 1.0),
     "turn": (-1.0, 1.0),
     "drive": (0.0, _EVER),
+    "goal": (0.0, _EVER),
+    "x": (-_EVER, _EVER),
+    "y": (-_EVER, _EVER),
+    "heading": (-_NO_HEADING, _NO_HEADING),
 }
 
 # Width of the inset, as a share of the shorter side of the picture.
@@ -63,6 +70,10 @@ class Wanted:
         forward: Share of the robot's highest speed.
         turn: Share of its fastest turn.
         drive: Number of the drive: another starts again.
+        goal: Number of the goal; the robot sets out for another one.
+        x: Where the goal is, about the middle of the world [m].
+        y: Likewise.
+        heading: The heading there [rad]; 9 for any.
     """
 
     view: str = "follow"
@@ -72,6 +83,10 @@ class Wanted:
     forward: float = 0.0
     turn: float = 0.0
     drive: float = 0.0
+    goal: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = _NO_HEADING
 
     def changed(self, text: str) -> "Wanted":
         """What is wanted after a message from the page; a malformed one changes nothing."""
@@ -114,6 +129,7 @@ class PageSession:
         self._sender = sender or Sender()
         self._last: Wanted | None = None
         self._inset = scene.inset_view()
+        self._goal = 0.0
 
     @classmethod
     def played(cls, run: Run, playback: float, sender: Sender | None = None) -> "PageSession":
@@ -217,6 +233,10 @@ class PageSession:
         """Drive on by hand for a time [s]; false where all stands still, or a run is played."""
         if self.drive is None or self.scene.live is None:
             return False
+        if wanted.goal not in (0.0, self._goal):
+            self._goal = wanted.goal
+            place = np.array([wanted.x, wanted.y]) + self.scene.origin
+            self.drive.go_to(place, None if wanted.heading == _NO_HEADING else wanted.heading)
         moved = self.drive.step(seconds, wanted.forward, wanted.turn)
         self.scene.live.see(self.drive.latest, self.drive.robot.time)
         if moved:
@@ -251,7 +271,7 @@ class PageSession:
         hits = ranges[np.isfinite(ranges)]
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
-        bumped = self.drive is not None and self.drive.robot.bumped
+        stopped = "" if self.drive is None else self.drive.obstruction
         words = {
             "said": self._said(moment, view),
             "t": f"{moment.time:.1f}",
@@ -262,7 +282,7 @@ class PageSession:
             "theta": f"{math.degrees(math.remainder(theta, math.tau)):z.1f}",
             "beams": beams if moment.scanning else "beams off",
             "map": run.maps[snapshot].counts if snapshot >= 0 else "no map yet",
-            "stop": "a wall is in the way" if bumped else "",
+            "stop": stopped,
         }
         for name, apart in estimate_words(run, moment.scan):
             words["truth" if name == TRUTH else "believed"] = f"{name} {apart}".strip()

@@ -4,6 +4,11 @@ import numpy as np
 import pytest
 from yard import OBSTACLE, YARD, hand
 
+from lrf3d.geometry.pose import Pose
+from lrf3d.simulation.scenario import Scenario
+from lrf3d.studio.page.hand_drive import HandDrive
+from lrf3d.world import World
+
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     drive = hand(YARD, tmp_path, rng=4)
@@ -40,3 +45,21 @@ def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
     drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
     hits = drive.latest[0].ranges[drive.latest[0].hits]
     assert np.array_equal(hits, np.round(2.0 * hits) / 2.0)
+
+
+def test_a_robot_is_sent_to_a_place_through_a_door_and_turns_there_until_a_hand_takes_over():
+    walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0], [4, 0, 4, 4.5]]
+    drive = HandDrive(Scenario(World(walls), start=Pose(1.0, 1.0, 0.0), route=[[1, 1], [2, 1]]))
+    drive.go_to(np.array([7.0, 1.0]), heading=np.pi / 2)
+    while drive.step(0.1) and drive.robot.time < 60.0:
+        assert not drive.robot.bumped
+    assert np.array(drive.robot.pose) == pytest.approx([7.0, 1.0, np.pi / 2], abs=0.15)
+    drive.go_to(np.array([20.0, 1.0]))
+    assert "no way" in drive.obstruction
+    drive.go_to(np.array([1.0, 1.0]))
+    drive.step(0.1, turn=0.5)
+    assert drive.obstruction == ""
+    pose = drive.robot.pose
+    for _ in range(10):
+        drive.step(0.1)
+    assert np.hypot(pose.x - drive.robot.pose.x, pose.y - drive.robot.pose.y) < 0.1

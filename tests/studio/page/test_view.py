@@ -196,6 +196,21 @@ def test_the_name_of_a_world_is_escaped_in_the_page(tmp_path, chromium):
 
 @pytest.mark.slow
 @needs_browser
+def test_a_click_on_the_ground_sends_the_robot_there(driven, chromium):
+    with opened(chromium, driven) as page:
+        until(lambda: number(page, "x") == 2.0)
+        page.click("[data-view=top]")
+        until(lambda: page.get_attribute("[data-view=top]", "aria-pressed") == "true")
+        page.wait_for_timeout(500.0)
+        # The middle of the yard is to the right of the robot.
+        page.mouse.click(330, 170)
+        until(lambda: number(page, "x") > 2.3)
+        page.click(".lrf3d-again")
+        until(lambda: number(page, "x") == 2.0)
+
+
+@pytest.mark.slow
+@needs_browser
 def test_keys_and_pads_drive_the_robot_through_a_world(driven, chromium):
     with opened(chromium, driven) as page:
         until(lambda: number(page, "x") == 2.0)

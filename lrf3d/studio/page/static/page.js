@@ -7,6 +7,8 @@ const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
 const LONGEST = 0.5; // Seconds that a frame stands for at most: a hidden page draws none.
 const TURN = 0.006; // Angle that the camera turns for each pixel of a drag [rad].
+const STILL = 6; // How far a finger may move in a click [pixels].
+const HOLD = 350; // How long it is held down to point out a heading, too [ms].
 const ZOOM = 0.001; // How much farther off it goes for each pixel of a wheel's turn.
 
 const setup = JSON.parse(document.querySelector("#setup").textContent);
@@ -21,6 +23,8 @@ let time = 0; // What is seen of a run, from its start [s].
 let speed = setup.speed; // Seconds of the run in a second.
 let playing = false;
 let drive = 0; // The number of the drive by hand: another one starts again.
+let goal = { goal: 0 }; // Where the robot is to go, on the ground; each has a number.
+let press = null; // Where the ground was pressed, and when.
 let asked = ""; // The last question.
 let waiting = false; // For the answer to it.
 let last = performance.now(); // When the last frame began [ms].
@@ -63,7 +67,7 @@ function ask() {
   const controls = part(innerWidth < innerHeight ? "bottom" : "bar").getBoundingClientRect();
   const below = Math.max(0, 1 - controls.top / innerHeight);
   if (below !== scene.below) Object.assign(scene, { below, stale: true });
-  const wish = plays ? { time } : { drive, forward: ahead - back, turn: left - right };
+  const wish = plays ? { time } : { drive, forward: ahead - back, turn: left - right, ...goal };
   const text = JSON.stringify({ view, width, height: Math.max(16, Math.round(height * (1 - below))), ...wish });
   if (waiting || text === asked) return;
   [asked, waiting] = [text, true];
@@ -133,9 +137,24 @@ function hold(pad, on) {
   document.querySelector(`[data-pad=${pad}]`).classList.toggle("lrf3d-held", on);
 }
 
+// A click on the ground sends the robot there; where it was held down before a drag, the drag is the heading.
+function point({ clientX, clientY }) {
+  const place = press && scene.ground(press.x, press.y);
+  if (!place) return;
+  const to = heldStill() ? scene.ground(clientX, clientY) : null;
+  const turned = to && Math.hypot(clientX - press.x, clientY - press.y) > STILL;
+  const heading = turned ? Math.atan2(to[1] - place[1], to[0] - place[0]) : undefined;
+  if (!press.moved || turned) goal = { goal: goal.goal + 1, x: place[0], y: place[1], ...(turned ? { heading } : { heading: 9 }) };
+}
+
+// Whether the ground was held down before the finger moved.
+const heldStill = () => (press.moved ?? performance.now()) - press.time > HOLD;
+
 // A drag turns the camera; with two fingers it comes nearer as they part.
 function drag(event) {
   const before = fingers.get(event.pointerId);
+  if (press && !press.moved && Math.hypot(event.clientX - press.x, event.clientY - press.y) > STILL) press.moved = performance.now();
+  if (press && heldStill()) return;
   if (!before || !["follow", "orbit"].includes(view)) return;
   const now = [event.clientX, event.clientY];
   const other = [...fingers.keys()].find((id) => id !== event.pointerId);
@@ -190,7 +209,9 @@ function connect() {
   canvas.onpointerdown = (event) => {
     canvas.setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    press = plays || fingers.size > 1 ? null : { x: event.clientX, y: event.clientY, time: performance.now() };
   };
+  canvas.onpointerup = point;
   canvas.onpointermove = drag;
   canvas.onlostpointercapture = (event) => fingers.delete(event.pointerId);
   canvas.addEventListener("wheel", (event) => zoom(Math.exp(ZOOM * event.deltaY)), { passive: true });

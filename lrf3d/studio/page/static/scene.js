@@ -173,6 +173,22 @@ export class Scene {
   }
 
   // Draw with a camera into a box of the canvas: left, bottom, width, height.
+  // The place on the ground, about the middle of the world, that is seen at a point of the page; null for the sky.
+  ground(x, y) {
+    const { clientWidth, clientHeight } = this.canvas;
+    const back = new DOMMatrix(this.camera.matrix).inverse();
+    const at = (z) => {
+      const point = back.transformPoint(new DOMPoint((2 * x) / clientWidth - 1, 1 - (2 * y) / clientHeight, z));
+      return [point.x / point.w, point.y / point.w, point.z / point.w];
+    };
+    const [one, two] = [at(0.2), at(0.8)], { eye } = this.camera;
+    const way = two.map((each, i) => each - one[i]), far = one[2] / -way[2];
+    const place = one.map((each, i) => each + far * way[i]);
+    // Behind the camera, the line meets the ground, too.
+    const ahead = place.reduce((sum, each, i) => sum + (each - eye[i]) * (one[i] - eye[i]), 0);
+    return ahead > 0 && Number.isFinite(far) ? place.slice(0, 2) : null;
+  }
+
   see({ matrix, eye, thick, slack, nearer, focus }, box) {
     const { gl } = this;
     gl.viewport(...box);

@@ -1,0 +1,219 @@
+"""The editor's page and its socket, on the server of `lrf3d view`.
+
+The page sends messages in JSON: ``do`` names what is to be done. Decisions are answered by the plan
+that follows, and later by the rooms and the route, which take longer.
+"""
+
+import asyncio
+import contextlib
+import json
+import socket
+from collections.abc import Callable, Coroutine
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from lrf3d.apps.edit.editor import Editor
+from lrf3d.apps.edit.message import packed
+from lrf3d.base.errors import InputError, Lrf3dError
+from lrf3d.base.files import locked
+from lrf3d.studio.page.server import Files, Talks, moments_talk, page_files, serve_pages
+from lrf3d.studio.page.session import PageSession
+from lrf3d.world.files import edits_path
+
+# Largest message of a page [bytes]: thousands of decisions.
+LARGEST = 4_000_000
+
+# Time between two looks at the source [s].
+_WATCH = 1.0
+
+# Paths of the page's socket, and of the socket of the film.
+SOCKET = "/lrf3d/edits"
+FILM = "/lrf3d/moments"
+
+# Does what a page asks for, with the values of its message.
+Act = Callable[[Any, dict[str, Any]], Coroutine[Any, Any, bool]]
+
+STATIC = Path(__file__).parent / "static"
+
+
+class Desk:
+    """An editor and the pages that show it, of which one writes."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self.files: Files = {}
+        self.talks: Talks = {SOCKET: self.talk}
+        self._writer: Any = None
+        self._busy = asyncio.Lock()
+        # What a message may ask for; each returns whether the plan has changed.
+        self._acts: dict[str, Act] = {
+            "scan": self._scan,
+            "keep": self._keep,
+            "read": self._read_again,
+            "world": self._save,
+            "map": self._save,
+            "drive": self._film,
+        }
+        for path in sorted(STATIC.iterdir()):
+            kind = {".html": "html", ".css": "css", ".js": "javascript"}[path.suffix]
+            name = "/" if kind == "html" else f"/lrf3d/{path.name}"
+            self.files[name] = f"text/{kind}; charset=utf-8", path.read_bytes()
+        self._show_source()
+
+    def _show_source(self) -> None:
+        if picture := self.editor.picture():
+            self.files["/lrf3d/source.png"] = "image/png", picture
+
+    async def talk(self, page: Any) -> None:
+        """Answer a page until it leaves; the first of several writes, the others read."""
+        from websockets.exceptions import ConnectionClosed
+
+        if self._writer is None:
+            self._writer = page
+        follow = None
+        watch = asyncio.create_task(self._watch(page))
+        try:
+            await self._send_plan(page)
+            follow = asyncio.create_task(self._follow(page))
+            while True:
+                values = _read(await page.recv())
+                changed = await self._answer(page, values)
+                if changed:
+                    follow.cancel()
+                    follow = asyncio.create_task(self._follow(page))
+        except ConnectionClosed:
+            pass
+        finally:
+            watch.cancel()
+            if follow is not None:
+                follow.cancel()
+            if self._writer is page:
+                self._writer = None
+
+    async def _answer(self, page: Any, values: dict[str, Any]) -> bool:
+        """Do what a page asks, and answer; returns whether the plan has changed."""
+        act = self._acts.get(str(values.get("do")))
+        if act is None:
+            return False
+        try:
+            changed = await act(page, values)
+        except (KeyError, TypeError, ValueError, Lrf3dError) as error:
+            text = str(error) if isinstance(error, Lrf3dError) else "malformed message"
+            await page.send(packed({"kind": "error", "text": text}))
+            return False
+        if changed:
+            await self._send_plan(page)
+        return changed
+
+    async def _scan(self, page: Any, values: dict[str, Any]) -> bool:
+        x, y, theta = map(float, values["pose"])
+        await page.send(self.editor.scan((x, y, theta)))
+        return False
+
+    async def _keep(self, page: Any, values: dict[str, Any]) -> bool:
+        self._check_writer(page)
+        async with self._busy:
+            await asyncio.to_thread(self.editor.decide, values["edits"])
+        return True
+
+    async def _read_again(self, page: Any, values: dict[str, Any]) -> bool:
+        async with self._busy:
+            await asyncio.to_thread(self.editor.read)
+            self._show_source()
+        return True
+
+    async def _save(self, page: Any, values: dict[str, Any]) -> bool:
+        self._check_writer(page)
+        save = {"world": self.editor.save_world, "map": self.editor.save_map}[values["do"]]
+        path = await asyncio.to_thread(save)
+        await page.send(packed({"kind": "said", "text": f"{path} is written"}))
+        return False
+
+    async def _film(self, page: Any, values: dict[str, Any]) -> bool:
+        await asyncio.to_thread(self._drive)
+        await page.send(packed({"kind": "film", "address": "/film"}))
+        return False
+
+    def _check_writer(self, page: Any) -> None:
+        if self._writer is not page:
+            raise InputError("another page has this file open; this one only reads")
+
+    async def _send_plan(self, page: Any) -> None:
+        reads = self.editor.read_only or self._writer is not page
+        await page.send(packed({"kind": "role", "reads": reads}))
+        await page.send(await asyncio.to_thread(self.editor.message))
+
+    async def _follow(self, page: Any) -> None:
+        """Send the rooms and the route of the plan as it is now."""
+        for find in (self.editor.rooms, self.editor.route):
+            try:
+                answer = await asyncio.to_thread(find)
+            except (Lrf3dError, ValueError, IndexError) as error:
+                answer = packed({"kind": "none", "what": find.__name__, "text": str(error)})
+            with contextlib.suppress(Exception):
+                await page.send(answer)
+
+    async def _watch(self, page: Any) -> None:
+        """Tell a page when the source has changed."""
+        seen = self.editor.seen
+        while True:
+            await asyncio.sleep(_WATCH)
+            now = self.editor.stamp()
+            if now not in (seen, self.editor.seen):
+                await page.send(packed({"kind": "changed"}))
+            seen = now
+
+    def _drive(self) -> None:
+        """Drive through the plan as `lrf3d run` does, and serve the film."""
+        scenario = self.editor.scenario.with_route()
+        run = scenario.run(rng=0, on_collision=lambda note: None)
+
+        def make() -> PageSession:
+            return PageSession.played(run, run.playback)
+
+        files = page_files(make())
+        files["/film"] = files.pop("/")
+        self.files.update(files)
+        self.talks[FILM] = moments_talk(make)
+
+
+def _read(text: Any) -> dict[str, Any]:
+    """The values of a message; a malformed one has none."""
+    try:
+        values = json.loads(text)
+    except (RecursionError, ValueError):
+        return {}
+    return values if isinstance(values, dict) else {}
+
+
+def edit(
+    path: Path,
+    options: dict[str, Any],
+    door: socket.socket,
+    *,
+    host: str,
+    browser: bool,
+    started: Callable[[str], None],
+) -> None:
+    """Serve the editor of a file until the program is interrupted.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    with ExitStack() as stack:
+        read_only = False
+        try:
+            stack.enter_context(locked(edits_path(path)))
+        except InputError:
+            read_only = True
+        desk = Desk(Editor(path, options, read_only=read_only))
+        serve_pages(
+            lambda: desk.files,
+            desk.talks,
+            door,
+            host=host,
+            largest=LARGEST,
+            browser=browser,
+            started=started,
+        )

@@ -1,0 +1,582 @@
+// The editor: asks the server what follows from each decision, and shows it. What was decided can be undone without end.
+
+import { COLOURS, Sheet, roomsPicture } from "./sheet.js";
+import { Finder, makeTools } from "./tools.js";
+
+const TYPES = { f4: Float32Array, u1: Uint8Array, u2: Uint16Array };
+const TOOL_KEYS = {
+  KeyV: "select", KeyS: "scale", KeyW: "wall", KeyB: "room", KeyD: "door",
+  KeyE: "erase", KeyR: "robot", KeyG: "goal", KeyK: "keep", KeyO: "obstacle",
+};
+const part = (name) => document.querySelector(`.lrf3d-${name}`);
+const sheet = new Sheet(part("sheet"), part("top"));
+
+const editor = {
+  sheet,
+  finder: new Finder(sheet),
+  picked: null, // Strokes, an area, or something that was decided.
+  like: { layers: false, rules: false, colours: false },
+  doorWidth: 0.9,
+  style: {}, // Height and material of walls to be drawn.
+  past: [],
+  future: [],
+  pointer: [0, 0],
+  reads: false,
+
+  // Change a copy of the decisions, and have the server keep them.
+  change(what, make) {
+    if (this.reads) return note("this page only reads: the file is open in another editor");
+    const before = sheet.plan.edits;
+    const edits = structuredClone(before);
+    make(edits);
+    this.past.push(before);
+    this.future = [];
+    this.keep(edits, what);
+  },
+
+  keep(edits, what) {
+    const { version, source, digest, ...decisions } = edits;
+    sheet.plan.edits = edits;
+    Object.assign(sheet, { route: null });
+    part("saved").textContent = `${what} …`;
+    send({ do: "keep", edits: decisions });
+    this.what = what;
+    buttons();
+  },
+
+  undo(from = this.past, to = this.future, word = "undone") {
+    if (!from.length || this.reads) return;
+    to.push(sheet.plan.edits);
+    this.pick(null);
+    this.keep(from.pop(), word);
+  },
+
+  redo() {
+    this.undo(this.future, this.past, "done again");
+  },
+
+  // Ask for the exact beams, one question at a time.
+  scan(pose) {
+    sheet.robot = pose;
+    this.wish = [pose[0], pose[1], (pose[2] * Math.PI) / 180];
+    this.askScan();
+    sheet.stale();
+  },
+
+  askScan() {
+    if (!this.wish || this.scanning) return;
+    this.scanning = performance.now();
+    send({ do: "scan", pose: this.wish });
+    this.wish = null;
+  },
+
+  endScan() {
+    Object.assign(sheet, { robot: null, beams: null });
+    this.wish = null;
+    sheet.stale();
+  },
+
+  pick(what) {
+    this.picked = what;
+    this.like = { layers: false, rules: false, colours: false };
+    showPicked();
+    sheet.stale();
+  },
+
+  // The strokes that are meant: those that were clicked, or all like them.
+  rowsLike() {
+    const { rows } = this.picked;
+    const keys = Object.keys(this.like).filter((key) => this.like[key]);
+    if (!keys.length) return rows;
+    const { plan } = sheet;
+    const all = [];
+    for (let row = 0; row < plan.kinds.length; row += 1) {
+      if (keys.every((key) => plan[`${key}Of`][row] === plan[`${key}Of`][rows[0]])) all.push(row);
+    }
+    return all;
+  },
+
+  classify(as) {
+    const { plan } = sheet;
+    const { rows, inside } = this.picked;
+    const keys = Object.keys(this.like).filter((key) => this.like[key]);
+    const named = { layers: "layer", rules: "rule", colours: "colour" };
+    let selects;
+    if (inside) selects = [{ inside }];
+    else if (keys.length) selects = [Object.fromEntries(keys.map((key) => [named[key], escaped(plan[key][plan[`${key}Of`][rows[0]]])]))];
+    else {
+      selects = rows.map((row) => {
+        const [one, two] = this.finder.ends(row);
+        return { near: [(one[0] + two[0]) / 2 / plan.unit, (one[1] + two[1]) / 2 / plan.unit].map((each) => Math.round(1e4 * each) / 1e4) };
+      });
+    }
+    this.change(`taken for ${as}`, (edits) => (edits.class ??= []).push(...selects.map((select) => ({ select, as }))));
+    this.pick(null);
+  },
+
+  classifyBy(select, as) {
+    this.change(`taken for ${as}`, (edits) => {
+      edits.class = (edits.class ?? []).filter((each) => JSON.stringify(each.select) !== JSON.stringify(select));
+      edits.class.push({ select, as });
+    });
+  },
+
+  // Ask whether a length is right: places in units of the drawing.
+  ask(question) {
+    this.question = question;
+    const card = part("ask");
+    card.hidden = false;
+    const input = card.querySelector("input");
+    card.querySelector("p").textContent = question.metres ? `Is ${question.why} this long?` : `How long is ${question.why.replace("the length of ", "")}?`;
+    input.value = question.metres ?? "";
+    card.querySelector(".lrf3d-yes").textContent = question.metres ? "Yes" : "Set";
+    card.querySelector("[data-do=other]").hidden = !question.metres;
+    input.focus();
+    input.select();
+    part("notice").hidden = true;
+    sheet.stale();
+  },
+
+  answer(metres) {
+    const { between } = this.question;
+    part("ask").hidden = true;
+    part("top").focus();
+    this.question = null;
+    if (!(metres > 0)) return;
+    const apart = Math.hypot(between[1][0] - between[0][0], between[1][1] - between[0][1]);
+    const factor = metres / apart / sheet.plan.unit;
+    this.refit = true;
+    this.change("the scale set", (edits) => {
+      rescale(edits, factor);
+      edits.scale = { between, metres };
+    });
+    choose("select");
+  },
+};
+const tools = makeTools(editor);
+let tool = tools.select;
+let socket;
+
+// A name as a pattern that fits it alone.
+const escaped = (name) => name.replace(/[[*?]/g, "[$&]");
+const send = (values) => socket.send(JSON.stringify(values));
+const note = (text) => (part("note").textContent = text);
+
+// What was decided in metres stays where it is on a drawing that gets another scale.
+function rescale(edits, factor) {
+  const grown = (value) => (Array.isArray(value) ? value.map(grown) : factor * value);
+  for (const each of edits.wall ?? []) each.points = grown(each.points);
+  for (const each of edits.doorway ?? []) each.at = grown(each.at);
+  for (const each of edits.remove ?? []) each.between = grown(each.between);
+  for (const each of edits.move ?? []) Object.assign(each, { end: grown(each.end), to: grown(each.to) });
+  for (const each of edits.keep_out ?? []) each.points = grown(each.points);
+  for (const each of edits.obstacle ?? []) each.route = grown(each.route);
+  const { robot } = edits;
+  if (robot?.start) robot.start = [...grown(robot.start.slice(0, 2)), robot.start[2]];
+  if (robot?.route) robot.route = grown(robot.route);
+}
+
+// Answers of the server ----------------------------------------------------------------------------
+
+function unpacked(data) {
+  const length = new DataView(data).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const arrays = {};
+  for (const [name, [type, first, size]] of Object.entries(header.arrays)) arrays[name] = new TYPES[type](data, 4 + length + first, size);
+  return [header, arrays];
+}
+
+const TAKE = {
+  plan(header, { layers, rules, colours, ...arrays }) {
+    const first = !sheet.plan;
+    sheet.take(header, { ...arrays, layersOf: layers, rulesOf: rules, coloursOf: colours });
+    if (first || editor.refit) sheet.fit();
+    editor.refit = false;
+    part("title").textContent = `lrf3d edit ${header.name}`;
+    document.title = `${header.name} — lrf3d edit`;
+    const [x1, y1, x2, y2] = header.bounds;
+    part("size").textContent = header.kinds === 0 ? "" : `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m${header.scaled ? "" : ", not to scale yet"}`;
+    part("saved").textContent = editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "saved" : "";
+    part("map-only").hidden = !header.rosMap;
+    part("picture").hidden = !header.picture;
+    note(header.lost.length ? `not found any more: ${header.lost.join(", ")}` : "");
+    part("over").textContent = header.said;
+    if (first && header.picture) loadPicture(header);
+    else if (first && header.sheet) loadPicture(header);
+    showLists();
+    showPicked();
+    if (first) firstQuestion(header);
+    part("failure")?.remove();
+    buttons();
+  },
+  scan(header, { beams }) {
+    const took = performance.now() - editor.scanning;
+    editor.scanning = 0;
+    if (sheet.robot) sheet.beams = beams;
+    part("over").textContent = `${header.hits} of ${beams.length / 4} beams hit, ${took.toFixed(0)} ms`;
+    sheet.stale();
+    editor.askScan();
+  },
+  rooms(header, { cells }) {
+    sheet.rooms = roomsPicture(header, cells);
+    const missed = header.count - header.reached;
+    part("rooms").textContent = `${header.count} rooms, ${header.reached} reached`;
+    part("rooms").classList.toggle("lrf3d-some", missed > 0);
+    sheet.stale();
+  },
+  route(header) {
+    sheet.route = header.route;
+    sheet.plan.radius = header.radius;
+    if (header.notes.length) note(header.notes.join("; "));
+    sheet.stale();
+  },
+  none(header) {
+    if (header.what === "rooms") {
+      sheet.rooms = null;
+      part("rooms").textContent = "";
+    } else sheet.route = null;
+    if (sheet.plan.kinds.length) note(header.text);
+    sheet.stale();
+  },
+  role(header) {
+    editor.reads = header.reads;
+    if (header.reads) notice("This file is open in another editor: this page only shows it.");
+  },
+  error(header) {
+    editor.scanning = 0;
+    if (editor.past.length && part("saved").textContent.endsWith("…")) {
+      sheet.plan.edits = editor.past.pop();
+      part("saved").textContent = "not taken";
+    }
+    part("go-wait")?.remove();
+    notice(header.text);
+    sheet.stale();
+  },
+  said: (header) => notice(header.text),
+  changed: () => notice("The file has changed.", "Read it again", () => send({ do: "read" })),
+  film(header) {
+    part("notice").hidden = true;
+    window.open(header.address, "lrf3d-film") ?? (location.href = header.address);
+  },
+};
+
+function loadPicture() {
+  const picture = new Image();
+  picture.onload = () => {
+    sheet.picture = picture;
+    sheet.stale();
+  };
+  picture.src = "/lrf3d/source.png";
+}
+
+function firstQuestion(header) {
+  if (header.edits.scale || editor.reads) return;
+  const [suggested] = header.suggestions;
+  if (suggested) editor.ask(suggested);
+  else if (!header.scaled) {
+    choose("scale");
+    notice("How large is it? Click the two ends of something whose length you know, such as a door of 0.9 m.");
+  }
+}
+
+function notice(text, button, act) {
+  const card = part("notice");
+  card.textContent = text;
+  if (button) card.append(Object.assign(document.createElement("button"), { textContent: button, onclick: act }));
+  card.append(Object.assign(document.createElement("button"), { textContent: "×", ariaLabel: "close", onclick: () => (card.hidden = true) }));
+  card.hidden = false;
+}
+
+// Lists and cards ----------------------------------------------------------------------------------
+
+function showLists() {
+  const { plan } = sheet;
+  const count = (key) => {
+    const held = new Map();
+    for (let row = 0; row < plan.kinds.length; row += 1) {
+      const name = plan[key][plan[`${key}Of`][row]];
+      const own = held.get(name) ?? { count: 0, kinds: {}, row };
+      own.count += 1;
+      const kind = plan.classes[plan.kinds[row]];
+      own.kinds[kind] = (own.kinds[kind] ?? 0) + 1;
+      held.set(name, own);
+    }
+    return [...held].sort((a, b) => b[1].count - a[1].count);
+  };
+  fill(part("layers"), count("layers"), "layers", "layer");
+  fill(part("rules"), count("rules").filter(([name]) => name && name !== "drawn"), "rules", "rule");
+}
+
+function fill(section, rows, key, selector) {
+  section.hidden = !rows.some(([name]) => name);
+  section.lastElementChild.replaceChildren(
+    ...rows.filter(([name]) => name).map(([name, { count, kinds, row }]) => {
+      const line = Object.assign(document.createElement("div"), { className: "lrf3d-row", title: name });
+      const usual = Object.entries(kinds).sort((a, b) => b[1] - a[1])[0][0];
+      const choice = document.createElement("select");
+      choice.ariaLabel = `${name} is`;
+      for (const kind of sheet.plan.classes) choice.append(new Option(kind, kind, false, kind === usual));
+      choice.onchange = () => editor.classifyBy({ [selector]: escaped(name) }, choice.value);
+      choice.onclick = (event) => event.stopPropagation();
+      line.append(Object.assign(document.createElement("span"), { textContent: name }), Object.assign(document.createElement("i"), { textContent: count }), choice);
+      line.onclick = () => {
+        choose("select");
+        editor.pick({ rows: [row] });
+        editor.like[key] = true;
+        showPicked();
+        sheet.stale();
+      };
+      return line;
+    }),
+  );
+}
+
+const field = (text, value, change, type = "text") => {
+  const label = document.createElement("label");
+  const input = Object.assign(document.createElement("input"), { type, value: value ?? "" });
+  if (type === "checkbox") input.checked = value;
+  input.onchange = () => change(type === "checkbox" ? input.checked : input.value);
+  label.append(...(type === "checkbox" ? [input, text] : [text, input]));
+  return label;
+};
+
+function materials(value, change) {
+  const label = document.createElement("label");
+  const choice = document.createElement("select");
+  for (const each of ["plaster", "glass", "mirror", "brick", "metal", "dark cloth"]) choice.append(new Option(each, each, false, each === (value ?? "plaster")));
+  choice.onchange = () => change(choice.value === "plaster" ? undefined : choice.value);
+  label.append("made of", choice);
+  return label;
+}
+
+function showPicked() {
+  const card = part("picked");
+  const { picked } = editor;
+  const { plan } = sheet;
+  card.hidden = true;
+  card.replaceChildren();
+  if (tool === tools.door) {
+    card.append(field("width [m]", editor.doorWidth, (value) => (editor.doorWidth = Number(value) || 0.9)));
+  } else if (tool === tools.wall || tool === tools.room) {
+    card.append(
+      field("height [m]", editor.style.height ?? 2.5, (value) => (editor.style = { ...editor.style, height: Number(value) || 2.5 })),
+      materials(editor.style.material, (material) => (editor.style = { ...editor.style, material })),
+    );
+  } else if (picked?.one?.table === "wall" && plan.edits.wall?.[picked.one.number]) {
+    const { number, piece } = picked.one;
+    const wall = plan.edits.wall[number];
+    const set = (values) => editor.change("changed", (edits) => Object.assign(edits.wall[number], values));
+    card.append(
+      Object.assign(document.createElement("p"), { textContent: "a wall that was drawn" }),
+      field("height [m]", wall.height ?? 2.5, (value) => set({ height: Number(value) || 2.5 })),
+      materials(wall.material, (material) => set({ material })),
+    );
+    if (piece !== undefined) {
+      const split = Object.assign(document.createElement("button"), { textContent: "Split here" });
+      split.onclick = () => editor.change("split", (edits) => edits.wall[number].points.splice(piece + 1, 0, picked.point ?? editor.pointer.map((each) => Math.round(1e4 * each) / 1e4)));
+      card.append(split);
+    }
+    const drop = Object.assign(document.createElement("button"), { textContent: "Delete" });
+    drop.onclick = () => {
+      editor.change("deleted", (edits) => {
+        edits.wall.splice(number, 1);
+        if (!edits.wall.length) delete edits.wall;
+      });
+      editor.pick(null);
+    };
+    card.append(drop);
+  } else if (picked?.rows || picked?.inside) {
+    card.append(Object.assign(document.createElement("p"), { textContent: picked.inside ? "all in this area" : described(picked.rows[0]) }));
+    if (picked.rows) {
+      for (const [key, word] of [["layers", "layer"], ["rules", "rule"], ["colours", "colour"]]) {
+        const name = plan[key][plan[`${key}Of`][picked.rows[0]]];
+        if (!name) continue;
+        card.append(field(`all of this ${word}`, editor.like[key], (on) => {
+          editor.like[key] = on;
+          sheet.stale();
+        }, "checkbox"));
+      }
+    }
+    const classes = Object.assign(document.createElement("div"), { className: "lrf3d-classes" });
+    for (const [place, kind] of plan.classes.entries()) {
+      const button = document.createElement("button");
+      const swatch = document.createElement("b");
+      swatch.style.background = COLOURS[kind];
+      const hint = Object.assign(document.createElement("kbd"), { textContent: ` ${["wall", "furniture", "glass", "mirror", "door", "nothing"].indexOf(kind) + 1}` });
+      button.append(swatch, kind, hint);
+      button.dataset.kind = kind;
+      button.onclick = () => editor.classify(kind);
+      classes.append(button);
+      void place;
+    }
+    card.append(classes);
+  }
+  card.hidden = !card.children.length || editor.reads;
+}
+
+function described(row) {
+  const { plan } = sheet;
+  const [one, two] = editor.finder.ends(row);
+  const long = Math.hypot(two[0] - one[0], two[1] - one[1]).toFixed(2);
+  const layer = plan.layers[plan.layersOf[row]];
+  const rule = plan.rules[plan.rulesOf[row]];
+  const kind = plan.classes[plan.kinds[row]];
+  const why = rule ? `rule: ${rule}` : layer ? "by its layer" : "no rule takes it out";
+  return `${long} m${layer ? ` on ${layer}` : ""}: ${kind} (${why})`;
+}
+
+// Controls -----------------------------------------------------------------------------------------
+
+function choose(name) {
+  tool.leave?.();
+  tool = tools[name];
+  tool.start?.();
+  if (name !== "select") editor.pick(null);
+  for (const button of document.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", button.dataset.tool === name);
+  part("top").style.cursor = tool.cursor;
+  part("over").textContent = tool.hint;
+  showPicked();
+  sheet.stale();
+}
+
+function buttons() {
+  document.querySelector("[data-do=undo]").disabled = !editor.past.length;
+  document.querySelector("[data-do=redo]").disabled = !editor.future.length;
+}
+
+const ACTIONS = {
+  undo: () => editor.undo(),
+  redo: () => editor.redo(),
+  fit: () => sheet.fit(),
+  list: () => (part("keys").hidden = !part("keys").hidden),
+  world: () => send({ do: "world" }),
+  map: () => send({ do: "map" }),
+  drive() {
+    notice("It drives, and its film is made ready …");
+    send({ do: "drive" });
+  },
+  other() {
+    const { suggestions } = sheet.plan;
+    const place = suggestions.indexOf(editor.question);
+    if (suggestions[place + 1]) editor.ask(suggestions[place + 1]);
+    else {
+      part("ask").hidden = true;
+      editor.question = null;
+      choose("scale");
+    }
+  },
+  later() {
+    part("ask").hidden = true;
+    editor.question = null;
+    sheet.stale();
+  },
+};
+
+function placed(event) {
+  const box = part("top").getBoundingClientRect();
+  const at = [event.clientX - box.left, event.clientY - box.top];
+  const { altKey, shiftKey, detail } = event;
+  editor.pointer = sheet.toPlan(at);
+  return { at, point: editor.pointer, altKey, shiftKey, detail };
+}
+
+function connect() {
+  const top = part("top");
+  let pan = null;
+  let space = false;
+  let pressed = false;
+  top.onpointerdown = (event) => {
+    top.setPointerCapture(event.pointerId);
+    top.focus();
+    const where = placed(event);
+    if (space || event.button === 1 || event.button === 2) pan = where.at;
+    else if (event.button === 0) {
+      pressed = true;
+      tool.down?.(where);
+    }
+    sheet.stale();
+  };
+  top.onpointermove = (event) => {
+    const where = placed(event);
+    if (pan) {
+      sheet.move([where.at[0] - pan[0], where.at[1] - pan[1]]);
+      pan = where.at;
+      return;
+    }
+    tool.move?.(where);
+    if (tool === tools.select && !pressed) part("over").textContent = tool.over >= 0 ? described(tool.over) : tool.hint;
+    sheet.stale();
+  };
+  top.onpointerup = (event) => {
+    if (pan) pan = null;
+    else if (pressed) tool.up?.(placed(event));
+    pressed = false;
+    sheet.stale();
+  };
+  top.oncontextmenu = () => false;
+  // A press would take the focus from what a tool asks.
+  top.onmousedown = (event) => event.preventDefault();
+  top.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    sheet.zoom(placed(event).at, Math.exp(-0.0015 * event.deltaY));
+  }, { passive: false });
+  document.onkeyup = (event) => {
+    if (event.code === "Space") space = false;
+  };
+  document.onkeydown = (event) => {
+    const { code, key, ctrlKey, metaKey, shiftKey, target } = event;
+    if (target.matches("input, select")) return;
+    if ((ctrlKey || metaKey) && ["KeyZ", "KeyY"].includes(code)) code === "KeyY" || shiftKey ? editor.redo() : editor.undo();
+    else if (ctrlKey || metaKey) return;
+    else if (code === "Space" && !target.matches("button")) space = true;
+    else if (key === "Escape") {
+      tool.start?.();
+      editor.pick(null);
+      part("keys").hidden = true;
+    } else if (tool.key?.(event)) sheet.stale();
+    else if (TOOL_KEYS[code]) choose(TOOL_KEYS[code]);
+    else if (code === "KeyF") sheet.fit();
+    else if (code === "KeyH") ACTIONS.list();
+    else return;
+    event.preventDefault();
+  };
+  for (const button of document.querySelectorAll("[data-tool]")) button.onclick = () => choose(button.dataset.tool);
+  for (const button of document.querySelectorAll("[data-do]")) button.onclick = ACTIONS[button.dataset.do];
+  part("ask").onsubmit = (event) => {
+    event.preventDefault();
+    editor.answer(Number(part("ask").querySelector("input").value.replace(",", ".")));
+  };
+  part("threshold").oninput = (event) => {
+    const threshold = Number(event.target.value);
+    part("grey").textContent = threshold;
+    clearTimeout(editor.slide);
+    editor.slide = setTimeout(() => editor.change("the threshold set", (edits) => ((edits.reading ??= {}).threshold = threshold)), 150);
+  };
+  part("key").append(
+    ...Object.entries(COLOURS).flatMap(([kind, colour]) => {
+      const swatch = document.createElement("b");
+      swatch.style.background = colour;
+      return [swatch, Object.assign(document.createElement("span"), { textContent: kind === "nothing" ? "left out" : kind })];
+    }),
+  );
+  sheet.drawTool = (context) => {
+    if (editor.question) {
+      const ends = editor.question.between.map((point) => point.map((each) => each * sheet.plan.unit));
+      sheet.line(context, ends, { colour: "#37a350", width: 6 });
+      sheet.label(context, ends[1], editor.question.metres ? `${editor.question.metres} m?` : "? m", "#2b8a3e");
+    }
+    tool.draw(context);
+  };
+}
+
+connect();
+choose("select");
+sheet.resize();
+socket = new WebSocket(`ws://${location.host}/lrf3d/edits`);
+socket.binaryType = "arraybuffer";
+socket.onmessage = ({ data }) => {
+  const [header, arrays] = unpacked(data);
+  TAKE[header.kind](header, arrays);
+};
+socket.onclose = () => notice("The server has ended; all that was decided is kept.");
+window.editor = editor;

@@ -1,0 +1,311 @@
+// The sheet: the drawing as the source has it, and what was understood of it, in metres.
+
+export const COLOURS = {
+  wall: "#1c2534", furniture: "#94713f", glass: "#2f9fd8", mirror: "#8f5fd0", door: "#37a350", nothing: "#c7a8a0",
+};
+const WIDTHS = { wall: 2.2, furniture: 1.4, glass: 2.6, mirror: 2.6, door: 1.4, nothing: 0.8 };
+const ORANGE = "#f07c14";
+const MANY = 20000; // Strokes above which a moving view shows the last picture, moved.
+const CALM = 140; // Time until it is drawn again [ms].
+
+export class Sheet {
+  constructor(base, top) {
+    this.base = base;
+    this.top = top;
+    this.view = { x: 0, y: 0, scale: 50 }; // What is in the middle [m], and pixels a metre.
+    this.plan = null;
+    this.picture = null;
+    this.rooms = null;
+    this.route = null;
+    this.beams = null;
+    this.robot = null; // The pose that the beams are cast from.
+    this.still = 0;
+    new ResizeObserver(() => this.resize()).observe(base.parentElement);
+  }
+
+  resize() {
+    const { clientWidth, clientHeight } = this.base.parentElement;
+    const ratio = window.devicePixelRatio || 1;
+    for (const canvas of [this.base, this.top]) Object.assign(canvas, { width: clientWidth * ratio, height: clientHeight * ratio });
+    Object.assign(this, { width: clientWidth, height: clientHeight, ratio });
+    this.stale();
+  }
+
+  // Take a plan: paths by class, about its origin.
+  take(header, arrays) {
+    const [ox, oy] = header.origin;
+    const { strokes, kinds } = arrays;
+    const paths = header.classes.map(() => new Path2D());
+    for (let row = 0; row < kinds.length; row += 1) {
+      const path = paths[kinds[row]];
+      path.moveTo(strokes[4 * row], strokes[4 * row + 1]);
+      path.lineTo(strokes[4 * row + 2], strokes[4 * row + 3]);
+    }
+    this.plan = { ...header, ...arrays, ox, oy, paths };
+    this.stale();
+  }
+
+  fit() {
+    const [x1, y1, x2, y2] = this.plan.bounds;
+    const room = Math.min(this.width / (x2 - x1 || 1), (this.height - 40) / (y2 - y1 || 1));
+    this.view = { x: (x1 + x2) / 2, y: (y1 + y2) / 2, scale: 0.86 * room };
+    this.stale();
+  }
+
+  toScreen([x, y]) {
+    const { view } = this;
+    return [this.width / 2 + (x - view.x) * view.scale, this.height / 2 - (y - view.y) * view.scale];
+  }
+
+  toPlan([x, y]) {
+    const { view } = this;
+    return [view.x + (x - this.width / 2) / view.scale, view.y - (y - this.height / 2) / view.scale];
+  }
+
+  move(by) {
+    Object.assign(this.view, { x: this.view.x - by[0] / this.view.scale, y: this.view.y + by[1] / this.view.scale });
+    this.shift();
+  }
+
+  zoom(at, factor) {
+    const before = this.toPlan(at);
+    this.view.scale = Math.min(5000, Math.max(0.05, this.view.scale * factor));
+    const after = this.toPlan(at);
+    Object.assign(this.view, { x: this.view.x + before[0] - after[0], y: this.view.y + before[1] - after[1] });
+    this.shift();
+  }
+
+  shift() {
+    if ((this.plan?.kinds.length ?? 0) > MANY) this.still = performance.now() + CALM;
+    this.stale();
+  }
+
+  stale() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.draw();
+    });
+  }
+
+  draw() {
+    if (!this.plan || !this.width) return;
+    const left = this.still - performance.now();
+    if (left > 0 && this.shown) {
+      this.drawMoved();
+      clearTimeout(this.later);
+      this.later = setTimeout(() => this.stale(), left + 1);
+    } else this.drawBase();
+    this.drawTop();
+  }
+
+  drawMoved() {
+    const context = this.base.getContext("2d");
+    const { view, shown } = this;
+    const factor = view.scale / shown.view.scale;
+    const [x, y] = this.toScreen([shown.view.x, shown.view.y]);
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    context.clearRect(0, 0, this.width, this.height);
+    context.drawImage(shown.picture, x - (factor * this.width) / 2, y - (factor * this.height) / 2, factor * this.width, factor * this.height);
+  }
+
+  // Lines in metres about the origin of the plan.
+  metres(context) {
+    const { view, ratio, plan } = this;
+    const scale = ratio * view.scale;
+    const [x, y] = this.toScreen([plan.ox, plan.oy]);
+    context.setTransform(scale, 0, 0, -scale, ratio * x, ratio * y);
+  }
+
+  drawBase() {
+    const context = this.base.getContext("2d");
+    const { plan, view } = this;
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    context.clearRect(0, 0, this.width, this.height);
+    this.drawGrid(context);
+    if (this.picture && plan.sheet) {
+      const [x, y] = this.toScreen([0, plan.sheet[1] * plan.unit]);
+      const size = plan.sheet.map((side) => side * plan.unit * view.scale);
+      context.globalAlpha = 0.42;
+      context.drawImage(this.picture, x, y, ...size);
+      context.globalAlpha = 1;
+    }
+    if (this.rooms) {
+      const { corner, size, shape, picture } = this.rooms;
+      const [x, y] = this.toScreen([corner[0], corner[1] + size * shape[1]]);
+      context.imageSmoothingEnabled = false;
+      context.drawImage(picture, x, y, size * shape[0] * view.scale, size * shape[1] * view.scale);
+      context.imageSmoothingEnabled = true;
+    }
+    this.metres(context);
+    context.lineCap = "round";
+    for (const kind of ["nothing", "furniture", "door", "wall", "glass", "mirror"]) {
+      context.strokeStyle = COLOURS[kind];
+      context.lineWidth = WIDTHS[kind] / view.scale;
+      context.stroke(plan.paths[plan.classes.indexOf(kind)]);
+    }
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    for (const opening of plan.doors) this.line(context, opening, { colour: COLOURS.door, width: 2, dash: [5, 4] });
+    if (plan.kinds.length > MANY) {
+      const picture = document.createElement("canvas");
+      Object.assign(picture, { width: this.base.width, height: this.base.height });
+      picture.getContext("2d").drawImage(this.base, 0, 0);
+      this.shown = { picture, view: { ...view } };
+    }
+  }
+
+  // Metres as a fine grid, where they are wide enough, and a bar that is as long as its number says.
+  drawGrid(context) {
+    const { view } = this;
+    const step = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500].find((each) => each * view.scale > 70) ?? 1000;
+    const [x1, y2] = this.toPlan([0, 0]);
+    const [x2, y1] = this.toPlan([this.width, this.height]);
+    context.strokeStyle = "rgba(40, 55, 80, 0.07)";
+    context.lineWidth = 1;
+    context.beginPath();
+    for (let x = Math.ceil(x1 / step) * step; x < x2; x += step) this.run(context, [[x, y1], [x, y2]]);
+    for (let y = Math.ceil(y1 / step) * step; y < y2; y += step) this.run(context, [[x1, y], [x2, y]]);
+    context.stroke();
+    const long = step * view.scale;
+    context.fillStyle = context.strokeStyle = "#5b6b84";
+    context.lineWidth = 1.5;
+    context.beginPath();
+    context.moveTo(this.width - 24 - long, this.height - 22);
+    context.lineTo(this.width - 24 - long, this.height - 17);
+    context.lineTo(this.width - 24, this.height - 17);
+    context.lineTo(this.width - 24, this.height - 22);
+    context.stroke();
+    context.font = "12px DejaVu Sans, sans-serif";
+    context.textAlign = "center";
+    context.fillText(`${step} m`, this.width - 24 - long / 2, this.height - 23);
+  }
+
+  run(context, points) {
+    points.forEach((point, place) => context[place ? "lineTo" : "moveTo"](...this.toScreen(point)));
+  }
+
+  line(context, points, { colour, width = 2, dash = [], closed = false, fill = null }) {
+    context.beginPath();
+    this.run(context, points);
+    if (closed) context.closePath();
+    if (fill) {
+      context.fillStyle = fill;
+      context.fill();
+    }
+    Object.assign(context, { strokeStyle: colour, lineWidth: width, lineCap: "round", lineJoin: "round" });
+    context.setLineDash(dash);
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  dot(context, point, colour, radius = 5, text = "") {
+    const [x, y] = this.toScreen(point);
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.fillStyle = colour;
+    context.fill();
+    Object.assign(context, { strokeStyle: "#fff", lineWidth: 1.5, textAlign: "center", textBaseline: "middle", font: "bold 11px sans-serif" });
+    context.stroke();
+    context.fillStyle = "#fff";
+    context.fillText(text, x, y + 0.5);
+    context.textBaseline = "alphabetic";
+  }
+
+  label(context, point, text, colour = "#1c2534") {
+    const [x, y] = this.toScreen(point);
+    context.font = "600 13px DejaVu Sans, sans-serif";
+    const wide = context.measureText(text).width + 12;
+    context.fillStyle = "rgba(255, 255, 255, 0.92)";
+    context.beginPath();
+    context.roundRect(x + 12, y - 30, wide, 22, 5);
+    context.fill();
+    context.fillStyle = colour;
+    context.textAlign = "left";
+    context.fillText(text, x + 18, y - 14);
+  }
+
+  drawRobot(context, [x, y, degrees], radius, colour = ORANGE) {
+    const angle = (degrees * Math.PI) / 180;
+    const [cx, cy] = this.toScreen([x, y]);
+    const size = Math.max(7, radius * this.view.scale);
+    context.beginPath();
+    context.arc(cx, cy, size, 0, 2 * Math.PI);
+    Object.assign(context, { fillStyle: colour, strokeStyle: "#fff", lineWidth: 2 });
+    context.fill();
+    context.stroke();
+    context.beginPath();
+    context.moveTo(cx + size * Math.cos(angle), cy - size * Math.sin(angle));
+    for (const turn of [2.5, -2.5]) context.lineTo(cx + 0.6 * size * Math.cos(angle + turn), cy - 0.6 * size * Math.sin(angle + turn));
+    context.closePath();
+    context.fillStyle = "#fff";
+    context.fill();
+  }
+
+  drawBeams(context) {
+    const { beams, robot } = this;
+    if (!beams || !robot) return;
+    const here = robot.slice(0, 2);
+    const area = [here];
+    context.beginPath();
+    for (let beam = 0; beam < beams.length; beam += 4) {
+      const met = [beams[beam], beams[beam + 1]];
+      area.push(met);
+      if (Math.hypot(beams[beam + 2] - met[0], beams[beam + 3] - met[1]) > 1e-4) this.run(context, [met, [beams[beam + 2], beams[beam + 3]]]);
+    }
+    Object.assign(context, { strokeStyle: "rgba(143, 95, 208, 0.5)", lineWidth: 1 });
+    context.stroke();
+    context.beginPath();
+    for (const met of area) this.run(context, [here, met]);
+    Object.assign(context, { strokeStyle: "rgba(240, 124, 20, 0.28)", lineWidth: 1 });
+    context.stroke();
+    this.line(context, area, { colour: "rgba(240, 124, 20, 0)", closed: true, fill: "rgba(245, 166, 35, 0.16)" });
+    context.fillStyle = "#d6400d";
+    for (let beam = 0; beam < beams.length; beam += 4) {
+      const [x, y] = this.toScreen([beams[beam + 2], beams[beam + 3]]);
+      context.fillRect(x - 1.5, y - 1.5, 3, 3);
+    }
+  }
+
+  // What was decided, and what a tool is about.
+  drawTop() {
+    const context = this.top.getContext("2d");
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    context.clearRect(0, 0, this.width, this.height);
+    const { plan } = this;
+    const edits = plan.edits;
+    for (const { points } of edits.keep_out ?? []) this.line(context, points, { colour: "#d9480f", width: 1.5, dash: [6, 4], closed: true, fill: "rgba(217, 72, 15, 0.13)" });
+    for (const each of edits.obstacle ?? []) {
+      this.line(context, each.route, { colour: "#c2255c", width: 1.5, dash: [2, 4] });
+      const [x, y] = this.toScreen(each.route[0]);
+      context.beginPath();
+      context.arc(x, y, Math.max(5, (each.radius ?? 0.3) * this.view.scale), 0, 2 * Math.PI);
+      context.fillStyle = "rgba(194, 37, 92, 0.75)";
+      context.fill();
+    }
+    if (this.route) this.line(context, this.route, { colour: ORANGE, width: 2.5, dash: [1, 6] });
+    this.drawBeams(context);
+    (edits.robot?.route ?? []).forEach((goal, place) => this.dot(context, goal, "#2b6cb0", 9, String(place + 1)));
+    const pose = this.robot ?? edits.robot?.start;
+    if (pose) this.drawRobot(context, pose, this.plan.radius);
+    this.drawTool?.(context);
+  }
+}
+
+// Rooms as a picture: warm where the robot comes, hatched where it does not.
+export function roomsPicture({ corner, size, shape }, cells) {
+  const [columns, rows] = shape;
+  const data = new ImageData(columns, rows);
+  for (let column = 0; column < columns; column += 1) {
+    for (let row = 0; row < rows; row += 1) {
+      const label = cells[column * rows + row];
+      if (!label) continue;
+      const hatched = (column + row) % 6 < 2;
+      data.data.set(label === 1 ? [245, 166, 35, 34] : [205, 60, 40, hatched ? 90 : 26], 4 * ((rows - 1 - row) * columns + column));
+    }
+  }
+  const picture = document.createElement("canvas");
+  Object.assign(picture, { width: columns, height: rows });
+  picture.getContext("2d").putImageData(data, 0, 0);
+  return { corner, size, shape, picture };
+}

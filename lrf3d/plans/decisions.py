@@ -1,0 +1,387 @@
+"""The kinds of decisions that a person makes about a plan.
+
+Each has its keys in a file, and what it changes in a :class:`~lrf3d.plans.plan.Plan`. To add one,
+write its class and enter it in `DECISIONS`, which are applied in that order.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from fnmatch import fnmatch
+from typing import Any, ClassVar
+
+import numpy as np
+import shapely
+
+from lrf3d.base.errors import WorldError, check_names, expect
+from lrf3d.geometry.lines import Bool, Float, directions, lengths, number, whole_number
+from lrf3d.plans.canvas import PerUnit
+from lrf3d.plans.parts import KINDS, TOUCHED, Parts
+from lrf3d.plans.plan import Plan
+from lrf3d.plans.rules.doors import Door
+from lrf3d.plans.rules.sheet import THICKEST_WALL
+from lrf3d.simulation.tables import ROBOT
+from lrf3d.world import schema
+from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.pieces import walls
+from lrf3d.world.schema import Converter, at, row, rows, table, text
+
+# Distance [m] from a place within which the middle of a stroke is the one that was pointed at: less
+# than walls are thick.
+NEAR = 0.05
+
+# Distance [m] within which ends of walls are at one place: far less than a person can point.
+SAME = 0.002
+
+# Half the width [m] of what is cut along a line: walls are drawn at least so far apart.
+CUT = 0.02
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A decision; its values are those of its keys in a file, with `_` after a word of Python."""
+
+    # Its table in a file.
+    key: ClassVar[str]
+    # What converts its values, by their names in a file.
+    keys: ClassVar[Mapping[str, Converter]]
+    # Whether there is one at most.
+    single: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            object.__setattr__(self, each.name, _frozen(getattr(self, each.name)))
+        with at(self.key):
+            values = self.as_dict()
+            needs = [f.name.rstrip("_") for f in fields(self) if f.default is not None]
+            table(self.keys, [name for name in needs if name not in values])(values, self.key)
+
+    @classmethod
+    def of(cls, found: Any) -> "Decision":
+        """The decision that a table of a file holds."""
+        expect(found, Mapping, cls.key)
+        check_names(cls.key, found, cls.keys)
+        names = {each.name.rstrip("_"): each.name for each in fields(cls)}
+        try:
+            return cls(**{names[name]: value for name, value in found.items()})
+        except TypeError:
+            missing = ", ".join(name for name in names if name not in found)
+            raise WorldError(f"{cls.key}: expected also {missing}") from None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Its table in a file, as plain values."""
+        held = {each.name.rstrip("_"): getattr(self, each.name) for each in fields(self)}
+        return {name: _plain(value) for name, value in held.items() if value is not None}
+
+    def change(self, plan: Plan) -> Plan | None:
+        """The plan with the decision; None where it fits nothing in it."""
+        return self._change(plan) if plan.parts is not None else plan
+
+    def _change(self, plan: Plan) -> Plan | None:
+        return plan
+
+
+def _frozen(value: Any) -> Any:
+    """A value with tuples instead of lists and arrays, so that decisions can be compared."""
+    if isinstance(value, Mapping):
+        return {name: _frozen(each) for name, each in value.items()}
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    return tuple(map(_frozen, value)) if isinstance(value, list | tuple) else value
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it, with lists instead of tuples."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(each) for name, each in value.items()}
+    return [*map(_plain, value)] if isinstance(value, list | tuple) else value
+
+
+_POINT = row("x", "y")
+_LINE = rows("x", "y", least=2)
+_AREA = rows("x", "y", least=3)
+# Something that is called in a table, with its texts and its places in units of the drawing.
+SELECT = {"layer": text(), "colour": text(), "rule": text(), "near": _POINT, "inside": _AREA}
+
+
+@dataclass(frozen=True)
+class Reading(Decision):
+    """How the file is read: the grey of paper, the page of a PDF file."""
+
+    threshold: float | None = None
+    page: int | None = None
+    key = "reading"
+    keys: ClassVar[Mapping[str, Converter]] = {"threshold": number, "page": whole_number}
+    single = True
+
+
+@dataclass(frozen=True)
+class Scale(Decision):
+    """Two places in units of the drawing, and their distance [m]."""
+
+    between: Any
+    metres: float
+    key = "scale"
+    keys: ClassVar[Mapping[str, Converter]] = {"between": _LINE, "metres": schema.LENGTH}
+    single = True
+
+    @property
+    def per_unit(self) -> PerUnit:
+        """Metres per unit of the drawing."""
+        (x1, y1), (x2, y2) = np.asarray(self.between, dtype=np.float64)[:2]
+        apart = float(np.hypot(x2 - x1, y2 - y1))
+        if not apart > 0.0:
+            raise WorldError("scale.between: two places that are one; choose others")
+        return PerUnit(self.metres / apart)
+
+    def _change(self, plan: Plan) -> Plan:
+        # The file is read by it; a size that was pointed out is not doubted.
+        return plan._replace(doubt="")
+
+
+@dataclass(frozen=True)
+class Class(Decision):
+    """What selected strokes are: a key of `KINDS`, such as ``wall`` or ``nothing``.
+
+    A selector has a ``layer`` (a pattern), a ``colour``, a ``rule``, ``near`` (the middle of a
+    stroke) or ``inside`` (a polygon), in units of the drawing; of several all must hold.
+    """
+
+    select: Any
+    as_: str
+    key = "class"
+    keys: ClassVar[Mapping[str, Converter]] = {"select": table(SELECT), "as": text(*KINDS)}
+
+    def _change(self, plan: Plan) -> Plan | None:
+        assert plan.parts is not None
+        chosen = selected(plan.parts, self.select, plan.unit)
+        if not chosen.any():
+            return None
+        made = Parts.of(plan.parts.segments, self.as_)
+        names = ("kinds", "heights", "materials")
+        new = {n: np.where(chosen, getattr(made, n), getattr(plan.parts, n)) for n in names}
+        return plan.with_parts(plan.parts._replace(**new))
+
+
+def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
+    """Which strokes (n,) a selector selects, for a unit of the drawing [m]."""
+    chosen = np.ones(len(parts.segments), dtype=bool)
+    for column, name in (("layers", "layer"), ("colours", "colour")):
+        if name in select:
+            chosen &= _fits(getattr(parts, column), select[name])
+    if "rule" in select:
+        chosen &= _fits(parts.rules, select["rule"]) | _fits(parts.rules, _rule(select["rule"]))
+    middles = parts.segments.reshape(-1, 2, 2).mean(axis=1)
+    if "inside" in select:
+        area = shapely.Polygon(np.asarray(select["inside"]) * unit)
+        chosen &= shapely.contains_xy(area.buffer(0.0), middles)
+    if "near" in select:
+        away = np.hypot(*(middles - np.asarray(select["near"]) * unit).T)
+        away[~chosen] = np.inf
+        least = away.min(initial=np.inf)
+        chosen &= (away <= least + SAME) & (away <= NEAR)
+    return chosen
+
+
+def _fits(names: Any, pattern: str) -> Bool:
+    """Which names (n,) fit a pattern."""
+    fits = {name: fnmatch(name.casefold(), pattern.casefold()) for name in set(names.tolist())}
+    return np.array([fits[name] for name in names.tolist()], dtype=bool)
+
+
+def _rule(name: str) -> str:
+    """The pattern of a rule by the plural of what it finds: ``letters`` of letter strokes."""
+    return f"{name.removesuffix('s')} *"
+
+
+@dataclass(frozen=True)
+class Move(Decision):
+    """The ends of walls at one place [m] are moved to another."""
+
+    end: Any
+    to: Any
+    key = "move"
+    keys: ClassVar[Mapping[str, Converter]] = {"end": _POINT, "to": _POINT}
+
+    def _change(self, plan: Plan) -> Plan | None:
+        assert plan.parts is not None
+        ends = plan.parts.segments.reshape(-1, 2).copy()
+        here = np.hypot(*(ends - self.end).T) < SAME
+        if not here.any():
+            return None
+        ends[here] = self.to
+        moved = ends.reshape(-1, 4)
+        kept = lengths(moved) > SAME
+        return plan.with_parts(plan.parts._replace(segments=moved).taken(kept))
+
+
+@dataclass(frozen=True)
+class Remove(Decision):
+    """A piece of wall between two places [m] is taken away."""
+
+    between: Any
+    key = "remove"
+    keys: ClassVar[Mapping[str, Converter]] = {"between": _LINE}
+
+    def _change(self, plan: Plan) -> Plan | None:
+        area = shapely.LineString(self.between).buffer(CUT, cap_style="flat")
+        return _without(plan, area, _along(plan, area))
+
+
+def _along(plan: Plan, area: Any) -> Bool:
+    """Which of the strokes (n,) that stand meet an area."""
+    assert plan.parts is not None
+    lines = shapely.linestrings(plan.parts.segments.reshape(-1, 2, 2))
+    met = shapely.intersects(lines, area)
+    return np.asarray(plan.parts.stands & met)
+
+
+def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
+    """The plan without what of some strokes (n,) lies in an area; None if there are none."""
+    parts = plan.parts
+    if parts is None or not chosen.any():
+        return None
+    rows = np.flatnonzero(chosen)
+    lines = shapely.linestrings(parts.segments[rows].reshape(-1, 2, 2))
+    left, owner = shapely.get_parts(shapely.difference(lines, area), return_index=True)
+    long = shapely.length(left) > SAME
+    pieces = shapely.get_coordinates(left[long]).reshape(-1, 4)
+    cut = parts.taken(rows[owner[long]])._replace(segments=pieces)
+    return plan.with_parts(parts.taken(~chosen).joined(cut))
+
+
+@dataclass(frozen=True)
+class DrawnWall(Decision):
+    """Walls through points [m], of a height [m] and a material."""
+
+    points: Any
+    height: float | None = None
+    material: str | None = None
+    closed: bool | None = None
+    key = "wall"
+    keys: ClassVar[Mapping[str, Converter]] = {
+        name: schema.OBJECT[name] for name in ("points", "material", "closed")
+    } | {"height": schema.LENGTH}
+
+    def _change(self, plan: Plan) -> Plan:
+        assert plan.parts is not None
+        drawn = walls(np.asarray(self.points, dtype=np.float64), bool(self.closed))
+        drawn = drawn[lengths(drawn) > SAME]
+        material = self.material or ""
+        kind = material if material in KINDS else "wall"
+        height = self.height or DEFAULT_HEIGHT
+        made = Parts.of(drawn, kind, heights=height, materials=material, rules="drawn")
+        return plan.with_parts(plan.parts.joined(made))
+
+
+@dataclass(frozen=True)
+class Doorway(Decision):
+    """An opening of a width [m] in the wall nearest to a place [m], through both of its faces."""
+
+    at: Any
+    width: float
+    key = "doorway"
+    keys: ClassVar[Mapping[str, Converter]] = {"at": _POINT, "width": schema.LENGTH}
+
+    def _change(self, plan: Plan) -> Plan | None:
+        parts = plan.parts
+        assert parts is not None
+        place = np.asarray(self.at, dtype=np.float64)
+        stands = np.flatnonzero(parts.stands & (parts.kinds != "furniture"))
+        lines = shapely.linestrings(parts.segments[stands].reshape(-1, 2, 2))
+        away = shapely.distance(lines, shapely.Point(place))
+        if away.min(initial=np.inf) > THICKEST_WALL:
+            return None
+        along = directions(parts.segments[stands])[np.argmin(away)]
+        across = np.array([-along[1], along[0]])
+        half = 0.5 * self.width * along
+        deep = THICKEST_WALL * across
+        box = shapely.Polygon([place + s * half + t * deep for s, t in _CORNERS])
+        parallel = np.abs(directions(parts.segments[stands]) @ across) < 0.1
+        met = np.flatnonzero(parallel & shapely.intersects(lines, box))
+        off = (parts.segments[stands[met], :2] - place) @ across
+        faces = _faces(off)
+        chosen = np.zeros(len(parts.segments), dtype=bool)
+        chosen[stands[met[np.isin(np.round(off, 3), np.round(faces, 3))]]] = True
+        cut = _without(plan, box, chosen)
+        if cut is None or cut.parts is None:
+            return None
+        ends = [[place + s * half + t * across for t in faces] for s in (-1.0, 1.0)]
+        corners = np.array([ends[0][0], ends[1][0], ends[0][0] + self.width * across])
+        door = Door(corners, self.width)
+        # The ends of a wall of two faces are closed.
+        owner = parts.objects[stands[met]].max(initial=TOUCHED)
+        jambs = np.array(ends).reshape(2, -1) if len(faces) > 1 else np.empty((0, 4))
+        closed = cut.parts.joined(Parts.of(jambs, "wall", rules="drawn", objects=owner))
+        return cut.with_parts(closed)._replace(doors=[*plan.doors, door])
+
+
+# The corners of a box, in halves of its sides.
+_CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+
+
+def _faces(off: Float) -> list[float]:
+    """Of the distances (k,) [m] of parallel lines from a place those of the faces of one wall."""
+    near = sorted({round(float(each), 6) for each in off}, key=abs)
+    return near[:1] + [each for each in near[1:2] if abs(each - near[0]) <= THICKEST_WALL]
+
+
+@dataclass(frozen=True)
+class PlacedRobot(Decision):
+    """Where the robot starts, the places that it drives to, its radius [m] and its speed [m/s]."""
+
+    start: Any = None
+    route: Any = None
+    radius: float | None = None
+    speed: float | None = None
+    key = "robot"
+    keys: ClassVar[Mapping[str, Converter]] = {
+        name: ROBOT[name] for name in ("start", "route", "radius", "speed")
+    }
+    single = True
+
+    def _change(self, plan: Plan) -> Plan:
+        values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
+        # A person points at places; the way between them is planned.
+        if "route" in values:
+            values["goals"] = values.pop("route")
+        return _with_robot(plan, values)
+
+
+@dataclass(frozen=True)
+class KeepOut(Decision):
+    """An area [m] that routes avoid."""
+
+    points: Any
+    key = "keep_out"
+    keys: ClassVar[Mapping[str, Converter]] = {"points": _AREA}
+
+    def _change(self, plan: Plan) -> Plan:
+        areas = plan.tables.get("robot", {}).get("keep_out", ())
+        return _with_robot(plan, {"keep_out": (*areas, np.asarray(self.points, np.float64))})
+
+
+def _with_robot(plan: Plan, values: Mapping[str, Any]) -> Plan:
+    robot = {**plan.tables.get("robot", {}), **values}
+    return plan._replace(tables={**plan.tables, "robot": robot})
+
+
+@dataclass(frozen=True)
+class Obstacle(Decision):
+    """A dynamic obstacle: the keys of ``[[obstacle]]`` in a world file."""
+
+    route: Any
+    speed: float | None = None
+    radius: float | None = None
+    height: float | None = None
+    points: Any = None
+    key = "obstacle"
+    keys: ClassVar[Mapping[str, Converter]] = schema.OBSTACLE
+
+    def _change(self, plan: Plan) -> Plan:
+        values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
+        return plan._replace(obstacles=(*plan.obstacles, values))
+
+
+# All kinds of decisions, in the order in which they are applied.
+DECISIONS: list[type[Decision]] = [
+    Reading, Scale, Class, Move, Remove, DrawnWall, Doorway, PlacedRobot, KeepOut, Obstacle,
+]  # fmt: skip

@@ -1,0 +1,43 @@
+"""What is left out of the dark pixels of a picture: parts enter with a reason, a balance leaves."""
+
+from collections import Counter
+
+import numpy as np
+
+from lrf3d.base.balance import Balance
+from lrf3d.geometry.lines import Bool
+from lrf3d.world.grid_walls import grown
+
+# Distance [pixels] within which cells are next to each other, also across a corner.
+RIM = 1.5
+
+
+class LeftOut:
+    """What is left out of the dark pixels of a picture, by reason: parts, and their pixels."""
+
+    def __init__(self, dark: Bool) -> None:
+        self.dark = dark
+        self.parts = Counter[str]()
+        # The number of each pixel's reason, from 1.
+        self._reason = np.zeros(dark.shape, dtype=np.uint8)
+
+    def without(self, reason: str, cells: Bool, out: Bool, parts: int) -> Bool:
+        """The cells without those that are left out for a reason, in some parts."""
+        self.parts[reason] += parts
+        taken = cells & out & (self._reason == 0)
+        self._reason[taken] = list(self.parts).index(reason) + 1
+        return cells & ~out
+
+    def balance(self, walls: Bool) -> Balance:
+        """The balance of all pixels, of which some are walls."""
+        used = self.dark & grown(walls, RIM)
+        out = self.dark & ~used
+        counts = np.bincount(self._reason[out], minlength=len(self.parts) + 1)
+        # Strokes are cut off a little away from what they meet.
+        cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
+        balance = Balance("pixel", self.dark.size, int(used.sum()))
+        balance.leave("paper", int((~self.dark).sum()))
+        balance.leave("thin stroke", int(cut.sum()))
+        for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
+            balance.leave(reason, count)
+        return balance

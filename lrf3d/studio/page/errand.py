@@ -1,0 +1,68 @@
+"""Errands: a robot that is sent to a place drives there by a planned way, and turns as told.
+
+A way and poses enter; a speed and a turn leave, until the robot is there.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.base.errors import InputError
+from lrf3d.geometry.lines import Float
+from lrf3d.planning.free_space import Ground, find_free_space
+from lrf3d.planning.planner import INDOOR_SPEED, path_to
+from lrf3d.world import World
+
+# Distance from a way-point [m] at which the robot makes for the next one: planned ways keep farther
+# away from walls.
+_NEAR = 0.25
+
+# Distance from the last one [m] at which it has arrived.
+_THERE = 0.08
+
+# Difference in heading [rad] above which it turns on the spot, and that at which it has turned.
+_TURNS = 0.5
+_TURNED = 0.03
+
+# Share of the fastest turn for each radian of a difference in heading [1/rad].
+_GAIN = 2.0
+
+# Speed [m/s] for each metre to the last way-point [1/s]: it stops there without a jerk.
+_BRAKES = 1.5
+
+
+@dataclass
+class Errand:
+    """A way (m, 2) [m] that is driven, and the heading [rad] at its end, or any."""
+
+    way: Float
+    heading: float | None = None
+    done: bool = False
+
+    def command(self, pose: Float) -> tuple[float, float]:
+        """The speed [m/s] and the share of the fastest turn from a pose (3,)."""
+        while len(self.way) > 1 and np.hypot(*(self.way[0] - pose[:2])) < _NEAR:
+            self.way = self.way[1:]
+        ahead = self.way[0] - pose[:2]
+        if len(self.way) == 1 and np.hypot(*ahead) < _THERE:
+            off = 0.0 if self.heading is None else math.remainder(self.heading - pose[2], math.tau)
+            self.done = abs(off) < _TURNED
+            return 0.0, _turn(off)
+        off = math.remainder(math.atan2(ahead[1], ahead[0]) - pose[2], math.tau)
+        left = float(np.hypot(*(self.way[-1] - pose[:2])))
+        speed = min(INDOOR_SPEED, _BRAKES * left) * float(np.cos(off))
+        return speed if abs(off) < _TURNS else 0.0, _turn(off)
+
+
+def _turn(off: float) -> float:
+    return float(np.clip(_GAIN * off, -1.0, 1.0))
+
+
+def planned_way(world: World, start: Float, goal: Float, radius: float) -> Float | None:
+    """Way-points (m, 2) [m] from a start to a goal (2,) [m]; None where walls are in the way."""
+    try:
+        space = find_free_space(Ground(world, start), radius, start=start)
+    except InputError:
+        return None
+    return path_to(space, start, goal)

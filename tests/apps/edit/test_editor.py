@@ -1,0 +1,118 @@
+"""The editor without its page: what it keeps, sends and writes."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lrf3d.apps.edit.editor import Editor
+from lrf3d.base.errors import InputError
+from lrf3d.casting import PlanarCaster
+from lrf3d.plans.edits import read_edits
+from lrf3d.simulation.scenario import load_scenario
+from lrf3d.world import World, load_world, save_world
+
+pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
+
+KINDS = {"f4": np.float32, "u1": np.uint8, "u2": np.uint16}
+ROOMS = {
+    "wall": [
+        {"points": [[0, 0], [8, 0], [8, 5], [0, 5]], "closed": True},
+        {"points": [[4, 0], [4, 5]], "height": 2.0, "material": "mirror"},
+    ],
+    "doorway": [{"at": [4, 2.5], "width": 1.0}],
+    "robot": {"start": [1, 1, 0], "route": [[7, 4]]},
+}
+
+
+def unpacked(message):
+    size = int.from_bytes(message[:4], "little")
+    header = json.loads(message[4 : 4 + size])
+    arrays = {
+        name: np.frombuffer(message, KINDS[kind], count, 4 + size + first)
+        for name, (kind, first, count) in header["arrays"].items()
+    }
+    return header, arrays
+
+
+def test_a_world_drawn_on_an_empty_sheet_is_kept_at_each_step_and_written(tmp_path):
+    path = tmp_path / "new.toml"
+    Editor(path).decide(ROOMS)
+    # Another editor goes on where a killed one was.
+    editor = Editor(path)
+    header, arrays = unpacked(editor.message())
+    assert header["edits"]["doorway"] == ROOMS["doorway"] and len(arrays["kinds"]) == 6
+    header, arrays = unpacked(editor.rooms())
+    assert (header["count"], header["reached"], set(arrays["cells"].tolist())) == (2, 2, {0, 1})
+    assert unpacked(editor.route())[0]["route"][-1] == pytest.approx([7, 4], abs=0.1)
+    assert editor.save_world() == path
+    scenario = load_scenario(path)
+    assert scenario.start[:2] == (1.0, 1.0) and scenario.goals.tolist() == [[7, 4]]
+    assert np.array_equal(scenario.world.segments, editor.scenario.world.segments)
+    # It stays one that was drawn: nothing is decided twice.
+    assert Editor(path).empty and len(Editor(path).plan.segments) == 6
+
+
+def test_the_beams_under_the_mouse_are_those_of_the_planar_caster_also_behind_mirrors(tmp_path):
+    editor = Editor(tmp_path / "new.toml")
+    editor.decide(ROOMS)
+    _, arrays = unpacked(editor.scan([1.0, 1.0, 0.3]))
+    beams = arrays["beams"].reshape(-1, 4).astype(float)
+    scan = PlanarCaster(editor.scenario.world).cast(editor.scenario.lrf, (1.0, 1.0, 0.3))
+    first = np.hypot(*(beams[:, :2] - [1, 1]).T)
+    beyond = np.hypot(*(beams[:, 2:] - beams[:, :2]).T)
+    assert first + beyond == pytest.approx(scan.ranges, abs=1e-5)
+    assert (beyond > 0.5).sum() > 20, "some are mirrored"
+    ends = beams[beyond > 0.5, 2:]
+    off = np.minimum(ends, [8, 5] - ends).min(axis=1)
+    assert off == pytest.approx(0.0, abs=1e-5), "and end at a wall of the other room's mirror image"
+
+
+def test_a_second_editor_only_reads_and_a_wrong_decision_changes_nothing(tmp_path):
+    path = tmp_path / "new.toml"
+    editor = Editor(path)
+    editor.decide(ROOMS)
+    kept = editor.journal.read_bytes()
+    with pytest.raises(InputError, match="only reads"):
+        Editor(path, read_only=True).decide({})
+    with pytest.raises(InputError, match="wall\\[0\\]"):
+        editor.decide({"wall": [{"points": [[0, 0]]}]})
+    assert editor.journal.read_bytes() == kept and len(editor.plan.segments) == 6
+
+
+def test_a_ros_map_is_cleaned_and_drawn_on_in_its_own_cells(tmp_path):
+    cells = np.full((60, 80), 254, np.uint8)
+    cells[5:55, [5, 74]] = cells[[5, 54], 5:75] = 0
+    cells[20:24, 30:34] = 0
+    cells[:, 78:] = 205
+    Image.fromarray(cells).save(tmp_path / "map.pgm")
+    described = "image: map.pgm\nresolution: 0.1\norigin: [-1.2345678901234567, 7e-1, 0]\n"
+    described += "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    (tmp_path / "map.yaml").write_text(described)
+    editor = Editor(tmp_path / "map.yaml")
+    x, y = -1.2345678901234567, 0.7
+    speck = [[x + 2.8, y + 3.4], [x + 3.6, y + 3.4], [x + 3.6, y + 4.2], [x + 2.8, y + 4.2]]
+    wall = [[x + 0.55, y + 2.05], [x + 3.05, y + 2.05]]
+    editor.decide({
+        "class": [{"select": {"inside": speck}, "as": "nothing"}], "wall": [{"points": wall}],
+    })  # fmt: skip
+    path = editor.save_map()
+    assert path.read_text() == described.replace("map.pgm", '"map_edited.pgm"')
+    new = np.asarray(Image.open(tmp_path / "map_edited.pgm"))
+    changed = np.argwhere(new != cells)
+    assert (new[20:24, 30:34] == 254).all()
+    assert len(changed) == 16 + 25 and (new[39, 6:31] == 0).all()
+    # Commands obey the decisions about the map, too.
+    assert len(load_world(tmp_path / "map.yaml").segments) == len(editor.plan.segments)
+
+
+def test_decisions_about_a_world_keep_its_objects_and_are_saved_next_to_it(tmp_path):
+    path = tmp_path / "w.toml"
+    walls = [[0, 0, 4, 0], [4, 0, 4, 3], [0, 5, 3, 5]]
+    save_world(World(walls, [0, 0, 1], object_names=["house", "fence"]), path)
+    editor = Editor(path)
+    editor.decide({"class": [{"select": {"layer": "fence"}, "as": "glass"}]})
+    saved = load_world(editor.save_world())
+    assert saved.object_names == ("house", "fence") and saved.materials[1].name == "glass"
+    assert load_world(path).materials == () and read_edits(editor.journal).source == "w.toml"

@@ -1,0 +1,104 @@
+"""The editor's page: a world is drawn and a drawing corrected by mouse and keyboard alone."""
+
+import pytest
+from browser import needs_browser, opened, served, started, until
+
+from lrf3d.plans.edits import read_edits
+
+DRAWING = """<svg width="10m" height="8m" viewBox="0 0 1000 800" fill="none" stroke="black">
+<g id="walls"><rect x="100" y="100" width="800" height="600"/></g>
+<g id="shelf"><path stroke="#ff0000" d="M300 300 h200 v100 h-200 z"/></g></svg>"""
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with started() as browser:
+        yield browser
+
+
+def place(page, x, y):
+    """Where a place [m] is on the page [pixels]."""
+    box = page.locator(".lrf3d-top").bounding_box()
+    across, down = page.evaluate("point => editor.sheet.toScreen(point)", [x, y])
+    return box["x"] + across, box["y"] + down
+
+
+def click(page, *point):
+    page.mouse.move(*place(page, *point))
+    page.mouse.click(*place(page, *point))
+
+
+def drag(page, one, two):
+    page.mouse.move(*place(page, *one))
+    page.mouse.down()
+    page.mouse.move(*place(page, *two), steps=3)
+    page.mouse.up()
+
+
+def kept(page, journal):
+    """The decisions in the file, once the page says that they are saved."""
+    until(lambda: page.inner_text(".lrf3d-saved").endswith(", saved"))
+    return read_edits(journal).as_dict()
+
+
+@needs_browser
+def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium):
+    path = tmp_path / "new.toml"
+    journal = tmp_path / "new.toml.edit.toml"
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        page.keyboard.press("b")
+        drag(page, (2, 2), (8, 6))
+        (room,) = kept(page, journal)["wall"]
+        assert room["closed"] and room["points"][2] == pytest.approx([8, 6], abs=0.03)
+        # A wall from side to side: it begins on the lower wall, and is level with the sheet.
+        page.keyboard.press("w")
+        click(page, 5, 2.05)
+        click(page, 5.03, 6.02)
+        page.keyboard.press("Enter")
+        until(lambda: len(read_edits(journal).as_dict()["wall"]) == 2)
+        (x1, y1), (x2, y2) = read_edits(journal).as_dict()["wall"][1]["points"]
+        assert (x1, y1) == pytest.approx((x2, room["points"][0][1]), abs=1e-3)
+        assert y2 == pytest.approx(room["points"][2][1], abs=0.06)
+        page.keyboard.press("d")
+        click(page, 5, 4)
+        until(lambda: "doorway" in read_edits(journal).as_dict())
+        page.keyboard.press("Control+z")
+        until(lambda: "doorway" not in read_edits(journal).as_dict())
+        page.keyboard.press("Control+Shift+z")
+        until(lambda: "doorway" in read_edits(journal).as_dict())
+        page.keyboard.press("r")
+        drag(page, (3, 3), (3.8, 3))
+        assert until(lambda: "beams hit" in page.inner_text(".lrf3d-over"))
+        page.keyboard.press("g")
+        click(page, 7, 5)
+        until(lambda: read_edits(journal).as_dict().get("robot", {}).get("route"))
+        until(lambda: page.inner_text(".lrf3d-rooms") == "2 rooms, 2 reached")
+        until(lambda: page.evaluate("(editor.sheet.route ?? []).length > 1"))
+
+
+@needs_browser
+def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(tmp_path, chromium):
+    path = tmp_path / "room.svg"
+    path.write_text(DRAWING)
+    journal = tmp_path / "room.svg.edit.toml"
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        page.keyboard.press("s")
+        click(page, 1, 1)
+        click(page, 9, 1)
+        page.keyboard.type("4")
+        page.keyboard.press("Enter")
+        scale = kept(page, journal)["scale"]
+        assert scale == {"between": [[100, 100], [900, 100]], "metres": 4.0}
+        # The shelf is half as far away now. All of its colour is furniture.
+        click(page, 1.5, 2.5)
+        assert "on shelf" in page.inner_text(".lrf3d-picked")
+        page.get_by_label("all of this colour").check()
+        page.click("[data-kind=furniture]")
+        until(lambda: read_edits(journal).as_dict().get("class"))
+        chosen = read_edits(journal).as_dict()["class"]
+        assert chosen == [{"select": {"colour": "#ff0000"}, "as": "furniture"}]
+        # A second page only reads.
+        with opened(chromium, address, (1000, 640)) as other:
+            until(lambda: "only shows it" in other.inner_text(".lrf3d-notice"))
+        path.write_text(DRAWING.replace("h200", "h210"))
+        until(lambda: "has changed" in page.inner_text(".lrf3d-notice"))
