@@ -86,7 +86,7 @@ def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
 
 def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
     with pytest.raises(InputError, match=r"no poses in it.*lrf3d slam finds them"):
-        lrf3d.map_log(write(tmp_path / "a", mounted(), *scans(0.0)))
+        lrf3d.map_log(write(tmp_path / "a", mounted(), *scans(0.0, 1.0)))
     moves = list(drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)]))
     with pytest.raises(InputError, match="no topic of sensor_msgs/msg/LaserScan"):
         load_log(write(tmp_path / "b", mounted(), *moves))
@@ -109,7 +109,7 @@ def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
 def test_frames_in_a_circle_end_the_search(tmp_path):
     circle = [*drives("laser", "base_link", [(0, 0, 0), (1, 0, 0)]), mounted()]
     with pytest.raises(InputError, match="no poses"):
-        lrf3d.map_log(write(tmp_path / "bag", *circle, *scans(0.5)))
+        lrf3d.map_log(write(tmp_path / "bag", *circle, *scans(0.5, 1.0)))
 
 
 def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp_path):
