@@ -4,7 +4,19 @@ from itertools import chain
 
 import numpy as np
 import pytest
-from bags import STORE, mounted, odometry, pose, rosbag2, scan, scans, transform, wheels, write
+from bags import (
+    STORE,
+    mounted,
+    odometry,
+    of_scan,
+    pose,
+    rosbag2,
+    scan,
+    scans,
+    transform,
+    wheels,
+    write,
+)
 
 import lrf3d
 from lrf3d.base.errors import InputError
@@ -99,6 +111,13 @@ def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
         load_log(tmp_path / "e")
     with pytest.raises(InputError, match="no such file"):
         load_log(tmp_path / "none.mcap")
+
+
+def test_one_scan_alone_is_mapped_without_a_pose(tmp_path):
+    room = lrf3d.load_world("paper_room")
+    fan = lrf3d.PlanarCaster(room).cast(lrf3d.LaserRangeFinder(beams=361), (2.0, 2.0, 0.5))
+    bag = write(tmp_path / "bag", ("/scan", 0.0, SCAN, of_scan(fan)))
+    assert len(lrf3d.map_log(bag).world.segments) > 2
 
 
 def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
