@@ -50,7 +50,7 @@ SENSORS: dict[str, tuple[Lidar | DepthCamera, tuple[str, ...]]] = {
 }  # fmt: skip
 
 
-def scene_of(world: World, floor: float) -> tuple[Callable[[Float, Float], Float], Any]:
+def scene_of(world: World, floor: float) -> tuple[Callable[[Any, Any], Float], Any]:
     """What casts prepared rays among the walls and the floor around them [m], by bare Embree."""
     low, high = world.bounds
     x0, y0 = low - floor

@@ -1,5 +1,6 @@
 """Exporting runs for other programs."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,15 @@ from lrf3d.base.files import as_path, replacing
 from lrf3d.base.formats import function, of_kind
 from lrf3d.geometry.lines import whole_number
 from lrf3d.simulation.run import Run
+
+# Largest page that is shared [bytes]: what most programs for mail and chats take without a word.
+_LARGEST_PAGE = 3_000_000
+
+# Every n-th moment that a page keeps at the least: with fewer it leaps.
+_FEWEST = 32
+
+# Width and height of its preview [pixels].
+_PREVIEW = (640, 336)
 
 
 def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
@@ -49,3 +59,29 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     # A scene keeps moments, not scans: what it is made of is the whole run.
     with replacing(path) as unfinished:
         unfinished.write_bytes(write(run, every=every))
+
+
+def share_run(run: Run, path: str | Path) -> int:
+    """Write a run as one page of up to 3 MB, and return which n-th moments it keeps.
+
+    It opens from a disk, plays its film in any browser, and has a picture as its preview.
+    """
+    from PIL import Image
+
+    from lrf3d.studio.page.page_file import page_file
+
+    path = as_path(path)
+    if path.suffix.lower() != ".html":
+        raise InputError(f"--out {path}: expected a name that ends in .html")
+    # The film begins in the dark: its end shows what it is of.
+    shown = run.frame(float(run.trajectory.times.max()), size=_PREVIEW, view="overview")
+    picture = io.BytesIO()
+    Image.fromarray(shown).save(picture, "PNG")
+    every = 1
+    page = page_file(run, preview=picture.getvalue())
+    while len(page) > _LARGEST_PAGE and every < _FEWEST:
+        every *= 2
+        page = page_file(run, every=every, preview=picture.getvalue())
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(page)
+    return every

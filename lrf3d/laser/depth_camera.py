@@ -129,6 +129,13 @@ class DepthImage(Value):
             return, −inf nearer than range_min.
         walls: (height, width) index of the segment that was hit, or −1.
         time: Time of the picture [s].
+
+    Examples:
+        >>> import lrf3d
+        >>> camera = lrf3d.DepthCamera(4, 3, fov=1.0, mount=(0, 0, 1))
+        >>> image = lrf3d.PlanarCaster(lrf3d.World([[3, -9, 3, 9]])).cast_depth(camera, (0, 0, 0))
+        >>> image.points().shape
+        (12, 3)
     """
 
     pose: Pose

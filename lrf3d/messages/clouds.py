@@ -15,12 +15,15 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 IMAGE = "sensor_msgs/msg/Image"
 CAMERA = "sensor_msgs/msg/CameraInfo"
 
+# Where the fields of a point begin [bytes].
+OFFSETS = [0, 4, 8, 12, 16, 20]
+
 # A point of a cloud [m, m, m, 1, 1, s], as drivers of rotating lidars write it.
 POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "ring", "time"],
         "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f4"],
-        "offsets": [0, 4, 8, 12, 16, 20],
+        "offsets": OFFSETS,
         "itemsize": 24,
     }
 )
@@ -49,8 +52,8 @@ def point_cloud(scan: LidarScan, stamp: Stamp, frame: str) -> Fields:
     """A scan as sensor_msgs/PointCloud2, in the frame of the lidar."""
     rows = records_of(scan)
     columns = [
-        {"name": name, "offset": POINT.fields[name][1], "count": 1, "datatype": DATATYPES[kind.str]}
-        for name, (kind, _) in ((name, POINT.fields[name][:2]) for name in POINT.names or ())
+        {"name": name, "offset": offset, "count": 1, "datatype": DATATYPES[POINT[name].str]}
+        for name, offset in zip(POINT.names or (), OFFSETS, strict=True)
     ]
     return {
         "header": header_fields(stamp, frame),

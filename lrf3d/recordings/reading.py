@@ -116,7 +116,7 @@ def log_of_file(
     *,
     largest_range: float | None,
     without_repairs: Sequence[str],
-    smallest_range: float | None,
+    smallest_range: float,
     mask: Any,
     **given: Any,
 ) -> LaserLog:

@@ -425,6 +425,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigmas = noise.get("sigma", SIGMA)
     sensors = motion_sensors(file, tables)
+    clouds: Mapping[str, Any] = file.tables
     with file.at("mapper"):
         LineMapper(**tables["mapper"])
     with file.at("robot"):
@@ -438,8 +439,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             mapper=tables["mapper"],
             **sensors,
             film=film,
-            lidars=file.tables.get("lidar", ()),
-            depth_cameras=file.tables.get("depth_camera", ()),
+            lidars=tuple(clouds.get("lidar", ())),
+            depth_cameras=tuple(clouds.get("depth_camera", ())),
             name=own_name(file.path, file.world.name),
             robot=as_drive(**tables["drive"]) if tables["drive"] else None,
             **robot,

@@ -206,6 +206,17 @@ is the page of lrf3d view in one file, which plays in any browser.
 --every N = 1: Keep every n-th scan, or moment of a page.
 
 Example: lrf3d export out/city --to mcap""",
+    "share": f"""\
+Write a run as one page to send to others.
+
+The page has up to 3 MB, opens from a disk without a server, and plays in any browser, on phones,
+too.
+
+{RUN}
+-o --out FILE: The file, run.html in the run's folder if not given.
+{FORCED_FILE}
+
+Example: lrf3d share out/city""",
     "crosscheck": f"""\
 Compare bare Embree in float32 with the exact ranges.
 

@@ -279,6 +279,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "ros": (read_served, "runs:ros"),
     "score": (lambda args: load_run(args.run), "scores:score"),
     "export": (lambda args: load_run(args.run), "runs:export"),
+    "share": (lambda args: load_run(args.run), "runs:share"),
     "crosscheck": (read_world, "world:crosscheck"),
     "map": (read_log, "logs:map_"),
     "slam": (read_log, "logs:slam"),

@@ -10,7 +10,7 @@ from typing import Any
 from lrf3d.apps.cli.console import Console, say, warn
 from lrf3d.apps.cli.folder import file_of_run
 from lrf3d.apps.cli.inputs import refuse, routed
-from lrf3d.apps.export import export_run
+from lrf3d.apps.export import export_run, share_run
 from lrf3d.base.errors import InputError, MissingLibraryError
 from lrf3d.base.files import replacing
 from lrf3d.base.formats import by_name
@@ -201,4 +201,17 @@ def export(run: Run, args: Namespace, console: Console) -> None:
     console.print(
         {"file": str(path), "format": args.to, **kept, "bytes": size},
         [(args.to, str(path)), *((n, f"{each:,}") for n, each in kept.items()), ("size", shown)],
+    )
+
+
+def share(run: Run, args: Namespace, console: Console) -> None:
+    """Write a run as one page for others."""
+    with file_of_run(args, "run.html") as path:
+        every = share_run(run, path)
+    size = path.stat().st_size
+    shown = f"{size / 1e6:.1f} MB"
+    kept = [("kept", f"one of {every} moments")] if every > 1 else []
+    console.print(
+        {"file": str(path), "every": every, "bytes": size},
+        [("page", str(path)), *kept, ("size", shown)],
     )

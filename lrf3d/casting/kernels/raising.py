@@ -87,7 +87,7 @@ class Standing(NamedTuple):
     highest: float  # The height of the highest [m].
 
 
-class Piece(NamedTuple):
+class UprightWall(NamedTuple):
     """One wall as it stands."""
 
     wall: Wall
@@ -276,7 +276,7 @@ def raise_obstacles(
             for k in range(mover.first, mover.stop):
                 after = k + 1 if k + 1 < mover.stop else mover.first
                 corners = Wall(sides[before].px, sides[before].py, sides[after].qx, sides[after].qy)
-                piece = Piece(side_at(sides, k), mover.height, sense, corners, -2 - k)
+                piece = UprightWall(side_at(sides, k), mover.height, sense, corners, -2 - k)
                 # A wall of the world may be higher: it covers by itself.
                 fits = _raise_exactly(piece, i, beam, seen, np.inf, skies) and fits
                 before = k
@@ -295,9 +295,9 @@ def _sense(sides: Records, first: int, stop: int) -> int:
 
 
 @inner
-def _piece(walls: Standing, row: int) -> Piece:
+def _piece(walls: Standing, row: int) -> UprightWall:
     """The wall in a row."""
-    return Piece(
+    return UprightWall(
         wall_at(walls.tree.walls, row),
         walls.heights[row],
         int(walls.inner[row]),
@@ -319,7 +319,7 @@ def _farthest(eye: Eye, highest: float) -> float:
 
 @inner
 def _raise_exactly(
-    piece: Piece, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
+    piece: UprightWall, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
 ) -> bool:
     """Enter a wall at an azimuth if its beam meets it, exactly; whether there was room."""
     wall = piece.wall
@@ -351,7 +351,7 @@ def _raise_exactly(
 
 @inner
 def _raise_along(
-    piece: Piece, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
+    piece: UprightWall, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
 ) -> bool:
     """Enter a low wall whose line goes through the sensor: where it begins, and where it ends."""
     wall = piece.wall
@@ -379,7 +379,7 @@ def _raise_along(
 
 
 @inner
-def _exits_at_end(piece: Piece, beam: Beam, exits: bool) -> bool:
+def _exits_at_end(piece: UprightWall, beam: Beam, exits: bool) -> bool:
     """Whether a beam comes to a wall of a closed object from inside, also through its ends."""
     px, py, qx, qy = piece.wall
     ax, ay, bx, by = piece.corners

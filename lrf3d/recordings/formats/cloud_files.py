@@ -13,11 +13,11 @@ from lrf3d.base.errors import InputError, OutputError
 from lrf3d.base.files import replacing, unfinished_folder, writing
 from lrf3d.geometry.lines import Records
 from lrf3d.messages.clouds import POINT, records_of
-from lrf3d.recordings.formats.run_file import write_npz
+from lrf3d.recordings.formats.npz import write_npz
 from lrf3d.simulation.run import Run
 
 # Points without gaps between their fields, as files hold them.
-PACKED = np.dtype([(name, POINT.fields[name][0]) for name in POINT.names or ()])
+PACKED = np.dtype([(name, POINT[name]) for name in POINT.names or ()])
 
 # The types of a point's fields in PLY.
 PLY_TYPES = {"<f4": "float", "<u2": "ushort"}

@@ -144,7 +144,7 @@ def fingerprint_of(simulation: Simulation) -> str:
         path = [name_of(drive.controller), drive.start, drive.interval, body]
     bodies = [[each.outline, each.height, each.poses] for each in simulation.obstacles]
     walls = [world.segments, world.objects, world.heights, world.colours, world.name]
-    parts = {
+    parts: dict[str, Any] = {
         "world": [*walls, world.materials],
         "range finder": simulation.lasers,
         "drive": path,

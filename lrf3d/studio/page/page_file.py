@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import html
 import io
 import json
 import re
@@ -39,8 +40,11 @@ _MOST_MOMENTS = 400
 _LEAST_SIZE = 1e-6
 
 
-def page_file(run: Run, *, every: int = 1) -> bytes:
-    """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept."""
+def page_file(run: Run, *, every: int = 1, preview: bytes = b"") -> bytes:
+    """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept.
+
+    A PNG picture may be its preview, where pages are listed (the Open Graph protocol).
+    """
     record = _Record()
     shown = PageSession.played(run, run.playback, record)
     setup = shown.setup()
@@ -90,6 +94,11 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
         '<script type="module" src="/lrf3d/page.js"></script>': "",
         "</body>": f'{data}<script type="module">\n{script}</script>\n</body>',
     }
+    if preview:
+        source = f"data:image/png;base64,{base64.b64encode(preview).decode()}"
+        named = {"og:title": html.escape(setup["title"]), "og:type": "website", "og:image": source}
+        tags = (f'<meta property="{name}" content="{value}">\n' for name, value in named.items())
+        parts["</head>"] = f"{''.join(tags)}</head>"
     for old, new in parts.items():
         page = page.replace(old, new)
     return page.encode()
