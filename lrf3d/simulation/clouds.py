@@ -6,6 +6,7 @@ sensors, their noise, a seed, and the motion of the robot during each scan.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,13 @@ class Clouds:
         self, world: World, sensors: CloudSensors, obstacles: Sequence[DynamicObstacle] | Crowd
     ) -> None:
         self.sensors = sensors
-        self._caster = PlanarCaster(world)
+        self._world = world
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
+
+    @cached_property
+    def _caster(self) -> PlanarCaster:
+        # Most robots have no sensors of clouds.
+        return PlanarCaster(self._world)
 
     def lidar(
         self, number: int, pose: Float, time: float, motion: Float | None, *, noisy: bool = True

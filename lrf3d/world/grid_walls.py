@@ -21,7 +21,6 @@ from scipy.ndimage import (
     label,
     maximum_filter,
 )
-from scipy.spatial import cKDTree
 
 from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import Bool, Float, Int, lengths
@@ -198,6 +197,9 @@ def _merged(pairs: Any) -> list[Complex]:
 
 def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     """Pairs (k, 2) across holes, between ends of walls and single cells, the nearest first."""
+    # Slow to import.
+    from scipy.spatial import cKDTree
+
     ends = np.array([end for chain in chains for end in (chain[0], chain[-1])])
     _, where, count = np.unique(ends, return_inverse=True, return_counts=True)
     single = np.flatnonzero(count[where] == 1)

@@ -37,6 +37,10 @@ LEAST = 0.5
 # Side [m] below which a plan may be a drawing on paper.
 SHEET = 2.0
 
+# Geometric mean [m] of the size and the usual walls of buildings: 8 of a flat, 30 of a town.
+# Below 7.5, centimetres are taken for inches; the size that comes of it is told.
+TYPICAL = 12.0
+
 # Largest factor by which a plan is enlarged.
 LARGEST_SCALE = 1e6
 
@@ -196,8 +200,8 @@ def size_problem(world: World, least: float = SHEET) -> str | None:
     if most.max() <= 1000.0 or usual <= 100.0:
         return None
     scales = {0.01: "centimetres", 0.001: "millimetres", 0.0254: "inches"}
-    # The sizes of buildings are tens of metres.
-    scale = min(scales, key=lambda each: abs(np.log(each * most.max() / 30.0)))
+    between = np.sqrt(usual * most.max())
+    scale = min(scales, key=lambda each: abs(np.log(each * between / TYPICAL)))
     large = f"{width:,.0f} m by {height:,.0f} m, with walls of {usual:,.0f} m, is too large"
     fitting = f"{scale * width:.3g} m by {scale * height:.3g} m, if it is in {scales[scale]}"
     return f"{large} to plan a route in; --scale {scale:g} makes it {fitting}"

@@ -359,7 +359,7 @@ def test_a_room_that_is_seen_at_one_look_is_driven_through_for_some_seconds():
 @pytest.mark.parametrize(("unit", "scale"), [(1000.0, "0.001"), (100.0, "0.01")])
 def test_a_plan_in_other_units_is_refused_with_the_scale_that_fits(unit, scale):
     flat = house(0.9, 0.9)
-    with pytest.raises(InputError, match=rf"--scale {scale}, if the drawing"):
+    with pytest.raises(InputError, match=rf"--scale {scale} makes it 12 m by 9 m"):
         plan_route(flat.scaled(unit))
     town = np.vstack([STREETS.segments + np.tile([x, 0.0], 2) for x in (0.0, 4000.0)])
     assert len(plan_route(World(town))) > 2

@@ -4,7 +4,19 @@ from itertools import chain
 
 import numpy as np
 import pytest
-from bags import STORE, mounted, odometry, pose, rosbag2, scan, scans, transform, wheels, write
+from bags import (
+    STORE,
+    mounted,
+    odometry,
+    of_scan,
+    pose,
+    rosbag2,
+    scan,
+    scans,
+    transform,
+    wheels,
+    write,
+)
 
 import lrf3d
 from lrf3d.base.errors import InputError
@@ -86,7 +98,7 @@ def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
 
 def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
     with pytest.raises(InputError, match=r"no poses in it.*lrf3d slam finds them"):
-        lrf3d.map_log(write(tmp_path / "a", mounted(), *scans(0.0)))
+        lrf3d.map_log(write(tmp_path / "a", mounted(), *scans(0.0, 1.0)))
     moves = list(drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)]))
     with pytest.raises(InputError, match="no topic of sensor_msgs/msg/LaserScan"):
         load_log(write(tmp_path / "b", mounted(), *moves))
@@ -101,6 +113,13 @@ def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
         load_log(tmp_path / "none.mcap")
 
 
+def test_one_scan_alone_is_mapped_without_a_pose(tmp_path):
+    room = lrf3d.load_world("paper_room")
+    fan = lrf3d.PlanarCaster(room).cast(lrf3d.LaserRangeFinder(beams=361), (2.0, 2.0, 0.5))
+    bag = write(tmp_path / "bag", ("/scan", 0.0, SCAN, of_scan(fan)))
+    assert len(lrf3d.map_log(bag).world.segments) > 2
+
+
 def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
     log = load_log(write(tmp_path / "bag", *wheels(2), *scans(0.5)))
     assert log.scans[0].pose == pytest.approx((0.5, 0, 0)) and "middle of base_link" in log.source
@@ -109,7 +128,7 @@ def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
 def test_frames_in_a_circle_end_the_search(tmp_path):
     circle = [*drives("laser", "base_link", [(0, 0, 0), (1, 0, 0)]), mounted()]
     with pytest.raises(InputError, match="no poses"):
-        lrf3d.map_log(write(tmp_path / "bag", *circle, *scans(0.5)))
+        lrf3d.map_log(write(tmp_path / "bag", *circle, *scans(0.5, 1.0)))
 
 
 def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp_path):

@@ -154,4 +154,4 @@ def test_clouds_go_into_bags_and_live_topics(scene: Any, tmp_path: Path) -> None
     assert {topic.name for topic in stream.topics} >= set(sent)
     assert sent["lidar/points"]["width"] == stream.robots[0].robot.clouds()[0].__next__().hits.sum()
     frames = {each["child_frame_id"] for each in sent["tf_static"]["transforms"]}
-    assert frames == {"laser", "lidar", "camera", "camera_optical"}
+    assert frames == {"base_footprint", "laser", "lidar", "camera", "camera_optical"}

@@ -25,8 +25,11 @@ def text(tmp_path_factory):
     run = make_run(world, around(5, 4, 2.5, 40, heading=np.pi / 2), lrf, sigma=0.04)
     path = tmp_path_factory.mktemp("drive") / "drive.log"
     export_run(run, "carmen", path)
-    lines = path.read_text().splitlines()
-    return "\n".join(line for line in lines if line.startswith("FLASER")) + "\n"
+    messages = [line.split() for line in path.read_text().splitlines()]
+    scans = [words for words in messages if words[0] == "ROBOTLASER1"]
+    # As old logs have them: readings, the poses of laser and robot, and times.
+    old = [[*words[8:189], *words[190:196], *words[-3:]] for words in scans]
+    return "".join(" ".join(["FLASER", *words]) + "\n" for words in old)
 
 
 @pytest.fixture
