@@ -63,7 +63,8 @@ class Editor:
         self._sources.clear()
         self.seen = self.stamp()
         self.digest = "" if self.empty else digest_of(self.path)
-        self.sheet: Sheet | None = None if self.empty else sheet_of(self.path)
+        page = {**self._options, **self.edits.options()}.get("page", 1)
+        self.sheet: Sheet | None = None if self.empty else sheet_of(self.path, page)
         self._follow(self.edits)
 
     def stamp(self) -> float:
@@ -81,8 +82,8 @@ class Editor:
         if self.empty:
             return empty_plan()
         options = {**self._options, **edits.options()}
-        if is_picture(self.path) and "scale" not in options:
-            options.setdefault("resolution", guessed_resolution(self.path))
+        if is_picture(self.path) and self.sheet is not None and "scale" not in options:
+            options.setdefault("resolution", guessed_resolution(self.sheet))
         key = repr(options)
         if key not in self._sources:
             self._sources.clear()
@@ -252,7 +253,7 @@ class Editor:
 
     def picture(self) -> bytes | None:
         """The source as a picture, where it has one, as PNG."""
-        if self.sheet is None or self.sheet.picture is None:
+        if self.sheet is None:
             return None
         file = io.BytesIO()
         Image.fromarray(self.sheet.picture).save(file, "PNG", compress_level=1)

@@ -7,11 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lrf3d.base.errors import WorldError
+from lrf3d.base.formats import by_ending, unpacked
+from lrf3d.base.isolation import read_file
 from lrf3d.geometry.lines import Float
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
-from lrf3d.world.files import is_picture
 from lrf3d.world.pixels import pixels_of
+from lrf3d.world.schema import at
 
 # Longest side of the picture of a sheet [pixels].
 LONGEST = 3000
@@ -28,10 +31,10 @@ OFFERED = 3
 
 
 class Sheet(NamedTuple):
-    """The size of a sheet in units of the drawing, and its picture from above, if it has one."""
+    """The size of a sheet in units of the drawing, and its picture from above."""
 
     size: tuple[float, float]
-    picture: NDArray[np.uint8] | None
+    picture: NDArray[np.uint8]
 
 
 def empty_plan() -> Plan:
@@ -40,27 +43,38 @@ def empty_plan() -> Plan:
     return Plan(nothing, np.empty(0), parts=Parts.of(nothing, "wall"))
 
 
-def guessed_resolution(path: Path) -> float:
+def guessed_resolution(sheet: Sheet) -> float:
     """The side of a pixel [m] by which a picture of a plan is read until its scale is known."""
-    with Image.open(path) as picture:
-        return USUAL_SIZE / max(picture.size)
+    return USUAL_SIZE / max(sheet.size)
 
 
 def sheet_of(path: Path, page: int = 1) -> Sheet | None:
     """The sheet of a picture or a PDF; other drawings are shown by their strokes."""
-    if is_picture(path):
-        pixels = pixels_of(path)
-        size = float(pixels.shape[1]), float(pixels.shape[0])
-        colours = pixels[..., :3] if pixels.shape[2] == 4 else pixels[..., 0]
-        return Sheet(size, _smaller(Image.fromarray(np.ascontiguousarray(colours))))
-    if path.suffix.lower() == ".pdf":
+    row = by_ending(path, "picture", "drawing")
+    if row is None or not (row.kind == "picture" or "page" in row.options):
+        return None
+    reader = "lrf3d.apps.edit.sources:size_and_picture"
+    with at(str(path)):
+        found = read_file(reader, path, {"page": page}, isolated=row.apart, error=WorldError)
+    return Sheet(*found)
+
+
+def size_and_picture(path: Path, page: int) -> tuple[tuple[float, float], NDArray[np.uint8]]:
+    """The size and the picture of a sheet; a process of its own calls this function."""
+    row = by_ending(path, "picture", "drawing")
+    assert row is not None
+    with unpacked(path, row.largest) as plain:
+        if row.kind == "picture":
+            pixels = pixels_of(plain)
+            size = float(pixels.shape[1]), float(pixels.shape[0])
+            colours = pixels[..., :3] if pixels.shape[2] == 4 else pixels[..., 0]
+            return size, _smaller(Image.fromarray(np.ascontiguousarray(colours)))
         import pypdfium2
 
-        handle = pypdfium2.PdfDocument(path)[page - 1]
+        handle = pypdfium2.PdfDocument(plain.read_bytes())[page - 1]
         size = handle.get_size()
         scale = min(4.0, LONGEST / max(size))
-        return Sheet(size, _smaller(handle.render(scale=scale).to_pil()))
-    return None
+        return size, _smaller(handle.render(scale=scale).to_pil())
 
 
 def _smaller(picture: Any) -> NDArray[np.uint8]:
