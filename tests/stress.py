@@ -7,6 +7,7 @@ right within a nanometre, but for beams that pass an end of a wall by less than 
 """
 
 import math
+import warnings
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.apps.cli import main
 from lrf3d.apps.cli.parser import read_value
 from lrf3d.base.cores import core_count, process_pool
+from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.base.interrupts import Progress, silent
 from lrf3d.geometry.lines import Float
 
@@ -138,7 +140,10 @@ def some_fan(rng: Rng, range_max: float) -> LaserRangeFinder:
     """A fan about straight ahead, from there on, or anywhere."""
     beams, width = FANS[rng.integers(len(FANS))]
     first = float(rng.choice([-0.5 * width, 0.0, rng.uniform(-4.0, 4.0)]))
-    return LaserRangeFinder(first, first + width, beams, range_max=range_max)
+    with warnings.catch_warnings():
+        # A fan that goes round more than once is warned of.
+        warnings.simplefilter("ignore", Lrf3dWarning)
+        return LaserRangeFinder(first, first + width, beams, range_max=range_max)
 
 
 def some_places(rng: Rng, walls: Float, scale: float, count: int) -> Float:

@@ -167,7 +167,7 @@ def test_a_folder_that_is_deleted_meanwhile_keeps_no_scans(tmp_path):
     arguments = ("run", "paper_room", "--no-video", "--mapper", "deletes.py:Mapper", "--out", "out")
     done = program(*arguments, cwd=tmp_path)
     assert done.returncode == 1
-    assert "cannot be written: No such file" in done.stderr
+    assert "out: No such file" in done.stderr
     assert "kept" not in done.stderr and done.stderr.count("\n") == 1
 
 
