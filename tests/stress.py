@@ -140,10 +140,14 @@ def some_fan(rng: Rng, range_max: float) -> LaserRangeFinder:
     """A fan about straight ahead, from there on, or anywhere."""
     beams, width = FANS[rng.integers(len(FANS))]
     first = float(rng.choice([-0.5 * width, 0.0, rng.uniform(-4.0, 4.0)]))
+    return fan(first, first + width, beams, 0.0, range_max)
+
+
+def fan(*values: float) -> LaserRangeFinder:
+    """A range finder that may go round more than once, which is warned of."""
     with warnings.catch_warnings():
-        # A fan that goes round more than once is warned of.
         warnings.simplefilter("ignore", Lrf3dWarning)
-        return LaserRangeFinder(first, first + width, beams, range_max=range_max)
+        return LaserRangeFinder(*values)  # type: ignore[arg-type]
 
 
 def some_places(rng: Rng, walls: Float, scale: float, count: int) -> Float:
@@ -190,8 +194,8 @@ def at_limits(rng: Rng) -> Batch:
         return Batch(walls, lrf, poses)
     limit = float(np.nextafter(rng.choice(ranges), rng.choice([0.0, 1e12, 1.0])))
     near, far = (limit, 1e10) if rng.random() < 0.5 else (0.0, limit)
-    return Batch(walls, LaserRangeFinder(
-        lrf.angle_min, lrf.angle_max, lrf.beams, near, min(far, 1e9)), poses)  # fmt: skip
+    limited = fan(lrf.angle_min, lrf.angle_max, lrf.beams, near, min(far, 1e9))
+    return Batch(walls, limited, poses)
 
 
 def through_corners(rng: Rng) -> Batch:
