@@ -54,7 +54,7 @@ def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
     mapped, rooms = tmp_path / "first" / "map.geojson", tmp_path / "rooms.toml"
     assert lrf3d("world", "convert", mapped, rooms).returncode == 0
     for world in (mapped, rooms):
-        second = lrf3d("run", world, *quiet, "--out", tmp_path / "second")
+        second = lrf3d("run", world, *quiet, "--out", tmp_path / "second", "--force")
         assert second.returncode == 0, second.stderr
         assert "in the cells that the map shows to be free" in second.stderr
         run = load_run(tmp_path / "second")
