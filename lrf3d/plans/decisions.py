@@ -7,7 +7,7 @@ write its class and enter it in `DECISIONS`, which are applied in that order.
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from fnmatch import fnmatch
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_args
 
 import numpy as np
 import shapely
@@ -38,14 +38,21 @@ CUT = 0.02
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision; its values are those of its keys in a file, with `_` after a word of Python."""
+    """A decision; its values are those of its keys in a file, with `_` after a word of Python.
+
+    Each is annotated with what converts it.
+    """
 
     # Its table in a file.
     key: ClassVar[str]
-    # What converts its values, by their names in a file.
+    # What converts its values, by their names in a file: the notes of its fields.
     keys: ClassVar[Mapping[str, Converter]]
     # Whether there is one at most.
     single: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        kinds = {name.rstrip("_"): get_args(kind) for name, kind in cls.__annotations__.items()}
+        cls.keys = {name: convert for name, (_, convert) in kinds.items()}
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -60,12 +67,7 @@ class Decision:
         """The decision that a table of a file holds."""
         expect(found, Mapping, cls.key)
         check_names(cls.key, found, cls.keys)
-        names = {each.name.rstrip("_"): each.name for each in fields(cls)}
-        try:
-            return cls(**{names[name]: value for name, value in found.items()})
-        except TypeError:
-            missing = ", ".join(name for name in names if name not in found)
-            raise WorldError(f"{cls.key}: expected also {missing}") from None
+        return cls(**{each.name: found.get(each.name.rstrip("_")) for each in fields(cls)})
 
     def as_dict(self) -> dict[str, Any]:
         """Its table in a file, as plain values."""
@@ -74,7 +76,7 @@ class Decision:
 
     def change(self, plan: Plan) -> Plan | None:
         """The plan with the decision; None where it fits nothing in it."""
-        return self._change(plan) if plan.parts is not None else plan
+        return self._change(plan)
 
     def _change(self, plan: Plan) -> Plan | None:
         return plan
@@ -106,10 +108,9 @@ SELECT = {"layer": text(), "colour": text(), "rule": text(), "near": _POINT, "in
 class Reading(Decision):
     """How the file is read: the grey of paper, the page of a PDF file."""
 
-    threshold: float | None = None
-    page: int | None = None
+    threshold: Annotated[float | None, number] = None
+    page: Annotated[int | None, whole_number] = None
     key = "reading"
-    keys: ClassVar[Mapping[str, Converter]] = {"threshold": number, "page": whole_number}
     single = True
 
 
@@ -117,10 +118,9 @@ class Reading(Decision):
 class Scale(Decision):
     """Two places in units of the drawing, and their distance [m]."""
 
-    between: Any
-    metres: float
+    between: Annotated[Any, _LINE]
+    metres: Annotated[float, schema.LENGTH]
     key = "scale"
-    keys: ClassVar[Mapping[str, Converter]] = {"between": _LINE, "metres": schema.LENGTH}
     single = True
 
     @property
@@ -145,20 +145,18 @@ class Class(Decision):
     stroke) or ``inside`` (a polygon), in units of the drawing; of several all must hold.
     """
 
-    select: Any
-    as_: str
+    select: Annotated[Any, table(SELECT)]
+    as_: Annotated[str, text(*KINDS)]
     key = "class"
-    keys: ClassVar[Mapping[str, Converter]] = {"select": table(SELECT), "as": text(*KINDS)}
 
     def _change(self, plan: Plan) -> Plan | None:
-        assert plan.parts is not None
         chosen = selected(plan.parts, self.select, plan.unit)
         if not chosen.any():
             return None
         made = Parts.of(plan.parts.segments, self.as_)
         names = ("kinds", "heights", "materials")
         new = {n: np.where(chosen, getattr(made, n), getattr(plan.parts, n)) for n in names}
-        return plan.with_parts(plan.parts._replace(**new))
+        return plan._replace(parts=plan.parts._replace(**new))
 
 
 def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
@@ -196,13 +194,11 @@ def _rule(name: str) -> str:
 class Move(Decision):
     """The ends of walls at one place [m] are moved to another."""
 
-    end: Any
-    to: Any
+    end: Annotated[Any, _POINT]
+    to: Annotated[Any, _POINT]
     key = "move"
-    keys: ClassVar[Mapping[str, Converter]] = {"end": _POINT, "to": _POINT}
 
     def _change(self, plan: Plan) -> Plan | None:
-        assert plan.parts is not None
         ends = plan.parts.segments.reshape(-1, 2).copy()
         here = np.hypot(*(ends - self.end).T) < SAME
         if not here.any():
@@ -210,16 +206,15 @@ class Move(Decision):
         ends[here] = self.to
         moved = ends.reshape(-1, 4)
         kept = lengths(moved) > SAME
-        return plan.with_parts(plan.parts._replace(segments=moved).taken(kept))
+        return plan._replace(parts=plan.parts._replace(segments=moved).taken(kept))
 
 
 @dataclass(frozen=True)
 class Remove(Decision):
     """A piece of wall between two places [m] is taken away."""
 
-    between: Any
+    between: Annotated[Any, _LINE]
     key = "remove"
-    keys: ClassVar[Mapping[str, Converter]] = {"between": _LINE}
 
     def _change(self, plan: Plan) -> Plan | None:
         area = shapely.LineString(self.between).buffer(CUT, cap_style="flat")
@@ -228,7 +223,6 @@ class Remove(Decision):
 
 def _along(plan: Plan, area: Any) -> Bool:
     """Which of the strokes (n,) that stand meet an area."""
-    assert plan.parts is not None
     lines = shapely.linestrings(plan.parts.segments.reshape(-1, 2, 2))
     met = shapely.intersects(lines, area)
     return np.asarray(plan.parts.stands & met)
@@ -237,7 +231,7 @@ def _along(plan: Plan, area: Any) -> Bool:
 def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
     """The plan without what of some strokes (n,) lies in an area; None if there are none."""
     parts = plan.parts
-    if parts is None or not chosen.any():
+    if not chosen.any():
         return None
     rows = np.flatnonzero(chosen)
     lines = shapely.linestrings(parts.segments[rows].reshape(-1, 2, 2))
@@ -245,45 +239,39 @@ def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
     long = shapely.length(left) > SAME
     pieces = shapely.get_coordinates(left[long]).reshape(-1, 4)
     cut = parts.taken(rows[owner[long]])._replace(segments=pieces)
-    return plan.with_parts(parts.taken(~chosen).joined(cut))
+    return plan._replace(parts=parts.taken(~chosen).joined(cut))
 
 
 @dataclass(frozen=True)
 class DrawnWall(Decision):
     """Walls through points [m], of a height [m] and a material."""
 
-    points: Any
-    height: float | None = None
-    material: str | None = None
-    closed: bool | None = None
+    points: Annotated[Any, _LINE]
+    height: Annotated[float | None, schema.LENGTH] = None
+    material: Annotated[str | None, text()] = None
+    closed: Annotated[bool | None, schema.OBJECT["closed"]] = None
     key = "wall"
-    keys: ClassVar[Mapping[str, Converter]] = {
-        name: schema.OBJECT[name] for name in ("points", "material", "closed")
-    } | {"height": schema.LENGTH}
 
     def _change(self, plan: Plan) -> Plan:
-        assert plan.parts is not None
         drawn = walls(np.asarray(self.points, dtype=np.float64), bool(self.closed))
         drawn = drawn[lengths(drawn) > SAME]
         material = self.material or ""
         kind = material if material in KINDS else "wall"
         height = self.height or DEFAULT_HEIGHT
         made = Parts.of(drawn, kind, heights=height, materials=material, rules="drawn")
-        return plan.with_parts(plan.parts.joined(made))
+        return plan._replace(parts=plan.parts.joined(made))
 
 
 @dataclass(frozen=True)
 class Doorway(Decision):
     """An opening of a width [m] in the wall nearest to a place [m], through both of its faces."""
 
-    at: Any
-    width: float
+    at: Annotated[Any, _POINT]
+    width: Annotated[float, schema.LENGTH]
     key = "doorway"
-    keys: ClassVar[Mapping[str, Converter]] = {"at": _POINT, "width": schema.LENGTH}
 
     def _change(self, plan: Plan) -> Plan | None:
         parts = plan.parts
-        assert parts is not None
         place = np.asarray(self.at, dtype=np.float64)
         stands = np.flatnonzero(parts.stands & (parts.kinds != "furniture"))
         lines = shapely.linestrings(parts.segments[stands].reshape(-1, 2, 2))
@@ -302,7 +290,7 @@ class Doorway(Decision):
         chosen = np.zeros(len(parts.segments), dtype=bool)
         chosen[stands[met[np.isin(np.round(off, 3), np.round(faces, 3))]]] = True
         cut = _without(plan, box, chosen)
-        if cut is None or cut.parts is None:
+        if cut is None:
             return None
         ends = [[place + s * half + t * across for t in faces] for s in (-1.0, 1.0)]
         corners = np.array([ends[0][0], ends[1][0], ends[0][0] + self.width * across])
@@ -311,7 +299,7 @@ class Doorway(Decision):
         owner = parts.objects[stands[met]].max(initial=TOUCHED)
         jambs = np.array(ends).reshape(2, -1) if len(faces) > 1 else np.empty((0, 4))
         closed = cut.parts.joined(Parts.of(jambs, "wall", rules="drawn", objects=owner))
-        return cut.with_parts(closed)._replace(doors=[*plan.doors, door])
+        return cut._replace(parts=closed, doors=[*plan.doors, door])
 
 
 # The corners of a box, in halves of its sides.
@@ -328,14 +316,11 @@ def _faces(off: Float) -> list[float]:
 class PlacedRobot(Decision):
     """Where the robot starts, the places that it drives to, its radius [m] and its speed [m/s]."""
 
-    start: Any = None
-    route: Any = None
-    radius: float | None = None
-    speed: float | None = None
+    start: Annotated[Any, ROBOT["start"]] = None
+    route: Annotated[Any, ROBOT["route"]] = None
+    radius: Annotated[float | None, ROBOT["radius"]] = None
+    speed: Annotated[float | None, ROBOT["speed"]] = None
     key = "robot"
-    keys: ClassVar[Mapping[str, Converter]] = {
-        name: ROBOT[name] for name in ("start", "route", "radius", "speed")
-    }
     single = True
 
     def _change(self, plan: Plan) -> Plan:
@@ -350,9 +335,8 @@ class PlacedRobot(Decision):
 class KeepOut(Decision):
     """An area [m] that routes avoid."""
 
-    points: Any
+    points: Annotated[Any, _AREA]
     key = "keep_out"
-    keys: ClassVar[Mapping[str, Converter]] = {"points": _AREA}
 
     def _change(self, plan: Plan) -> Plan:
         areas = plan.tables.get("robot", {}).get("keep_out", ())
@@ -368,13 +352,12 @@ def _with_robot(plan: Plan, values: Mapping[str, Any]) -> Plan:
 class Obstacle(Decision):
     """A dynamic obstacle: the keys of ``[[obstacle]]`` in a world file."""
 
-    route: Any
-    speed: float | None = None
-    radius: float | None = None
-    height: float | None = None
-    points: Any = None
+    route: Annotated[Any, schema.OBSTACLE["route"]]
+    speed: Annotated[float | None, schema.LENGTH] = None
+    radius: Annotated[float | None, schema.LENGTH] = None
+    height: Annotated[float | None, schema.LENGTH] = None
+    points: Annotated[Any, schema.OBSTACLE["points"]] = None
     key = "obstacle"
-    keys: ClassVar[Mapping[str, Converter]] = schema.OBSTACLE
 
     def _change(self, plan: Plan) -> Plan:
         values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}

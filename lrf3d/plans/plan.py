@@ -93,10 +93,9 @@ class Layer(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Walls (n, 4) with heights (n,) [m], doors, what was left out, and the layers."""
+    """The strokes of a drawing and what they were taken for, doors, and what was left out."""
 
-    segments: Float
-    heights: Float
+    parts: Parts
     doors: Sequence[Door] = ()
     # Strokes (k, 4) [m] that were left out, by the name of the rule that found them.
     left: Mapping[str, Float] = {}
@@ -113,8 +112,6 @@ class Plan(NamedTuple):
     doubt: str = ""
     # What the source holds: used, and left out by reason.
     balance: Balance = Balance("item")
-    # All strokes, with what they were taken for.
-    parts: Parts | None = None
     # Unit of the drawing [m].
     unit: float = 1.0
     # The tables of the robot and its obstacles that were decided by hand.
@@ -125,21 +122,23 @@ class Plan(NamedTuple):
     # Decisions that fit nothing any more, in words.
     lost: tuple[str, ...] = ()
 
-    def with_parts(self, parts: Parts) -> "Plan":
-        """The plan whose walls are those of the parts that stand."""
-        stands = parts.stands
-        return self._replace(
-            parts=parts, segments=parts.segments[stands], heights=parts.heights[stands]
-        )
+    @property
+    def segments(self) -> Float:
+        """The walls (n, 4) [m]: the parts that stand."""
+        return self.parts.taken(self.parts.stands).segments
+
+    @property
+    def heights(self) -> Float:
+        """The heights (n,) of the walls [m]."""
+        return self.parts.taken(self.parts.stands).heights
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
         return self._replace(
-            segments=self.segments * factor,
+            parts=self.parts._replace(segments=self.parts.segments * factor),
             left={name: strokes * factor for name, strokes in self.left.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,
-            parts=self.parts and self.parts._replace(segments=self.parts.segments * factor),
             unit=self.unit * factor,
         )
 
@@ -174,8 +173,7 @@ class Plan(NamedTuple):
     def walled(self, path: Path) -> World:
         """The world of the walls; of one that was edited with what the drawing was."""
         world = world_of_walls(self.segments, self.heights, path, self.gap)
-        edited = self.base is not None or (self.parts is not None and any(self.parts.materials))
-        if not edited or self.parts is None:
+        if self.base is None and not any(self.parts.materials):
             return world
         standing = self.parts.taken(self.parts.stands)
         world = World(standing.segments, connected(standing.segments, self.gap), name=world.name)
@@ -224,8 +222,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     counts["doorway line"] = len(cut)
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     return Plan(
-        parts.segments[parts.stands],
-        parts.heights[parts.stands],
+        parts,
         strokes.doors,
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
@@ -233,7 +230,6 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         "; ".join(said),
         balance=balance,
         doubt=size_doubt(canvas, strokes),
-        parts=parts,
         unit=canvas.unit,
     )
 

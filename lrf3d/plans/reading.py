@@ -87,7 +87,7 @@ def drawn_plan(
         return plan
     factor = scale.metres if isinstance(scale, PerUnit) else scale
     world = load_world(path, edits=(), isolated=isolated, scale=factor, **options)
-    return Plan(world.segments, world.heights, parts=Parts.of_world(world), base=world)
+    return Plan(Parts.of_world(world), base=world)
 
 
 def plan_of_file(

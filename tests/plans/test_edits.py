@@ -148,7 +148,7 @@ def test_a_route_avoids_an_area_that_is_kept_out_of(room):
     [
         ("version = 2", "newer lrf3d"),
         ('source = "other.svg"', "another drawing, other.svg"),
-        ("[[class]]\nselect = {}", "class.0.: class: expected also as"),
+        ("[[class]]\nselect = {}", "class.0.: class: expected a as"),
         ('[[class]]\nselect = {layr = "a"}\nas = "wall"', "did you mean 'layer'"),
         ('[[class]]\nselect = {layer = "a"}\nas = "wal"', "expected one of wall, furniture"),
         ("[wall]\npoints = [[0, 0], [1, 1]]", r"wall: expected \[\[wall\]\]"),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.plans.parts import KINDS, Parts
+from lrf3d.plans.parts import KINDS
 from lrf3d.plans.plan import Plan
 
 
@@ -29,7 +29,6 @@ def packed(header: Mapping[str, Any], **arrays: Any) -> bytes:
 def plan_message(plan: Plan, header: Mapping[str, Any]) -> bytes:
     """A plan as rows of strokes about an origin, and what is known of each by its number."""
     parts = plan.parts
-    assert isinstance(parts, Parts)
     ends = parts.segments.reshape(-1, 2)
     seen = ends if len(ends) else np.array([[0.0, 0.0], [12.0, 8.0]])
     origin = np.round(seen.mean(axis=0))

@@ -10,7 +10,6 @@ from PIL import Image
 from lrf3d.base.errors import WorldError
 from lrf3d.base.formats import by_ending, unpacked
 from lrf3d.base.isolation import read_file
-from lrf3d.geometry.lines import Float
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.world.pixels import pixels_of
@@ -39,8 +38,7 @@ class Sheet(NamedTuple):
 
 def empty_plan() -> Plan:
     """An empty sheet."""
-    nothing: Float = np.empty((0, 4))
-    return Plan(nothing, np.empty(0), parts=Parts.of(nothing, "wall"))
+    return Plan(Parts.of(np.empty((0, 4)), "wall"))
 
 
 def guessed_resolution(sheet: Sheet) -> float:

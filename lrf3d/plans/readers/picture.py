@@ -19,7 +19,7 @@ from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
-from lrf3d.plans.parts import FURNITURE_HEIGHT, Parts
+from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import THICKEST, Plan
 from lrf3d.plans.rules.enclosure import closes_rooms
 from lrf3d.plans.rules.left_out import RIM, LeftOut
@@ -34,7 +34,6 @@ from lrf3d.world.grid_walls import (
     sides_of,
     walls_of_grid,
 )
-from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pieces import groups, pairs_within
 from lrf3d.world.pixels import pixels_of
 
@@ -133,14 +132,12 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         Parts.of(walls_of_grid(left) * side, "nothing", rules="dark part"),
     ]
     return Plan(
-        segments,
-        np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
+        seen[0].joined(*seen[1:]),
         left={"dark part": _rows(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
         said=f"{doubt}walls are {darker}{how}{coarse}",
         gap=0.5 * side,
         balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
-        parts=seen[0].joined(*seen[1:]),
         unit=resolution,
     )
 
