@@ -2,14 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 from math import cos, sin
-from typing import Any
 
 import numpy as np
 
 from lrf3d.geometry.lines import Records
 from lrf3d.laser import DepthCamera, DepthImage, LidarScan, Stamp
 from lrf3d.laser.cloud_sensors import CloudSensors
-from lrf3d.messages.ros import BASE, Fields, header_fields, place
+from lrf3d.messages.ros import BASE, Fields, header_fields, place, turned
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 IMAGE = "sensor_msgs/msg/Image"
@@ -126,10 +125,10 @@ def mount_transforms(sensors: CloudSensors, stamp: Stamp, prefix: str = "") -> l
     for each in sensors:
         x, y, z, *turns = each.mount
         turn = quaternion(*turns)
-        found.append(_transform(stamp, prefix + BASE, prefix + each.name, place(x, y, z), turn))
+        found.append(turned(stamp, prefix + BASE, prefix + each.name, place(x, y, z), turn))
     for camera in sensors.depth_cameras:
         name = prefix + camera.name
-        found.append(_transform(stamp, name, optical(name), place(0.0, 0.0), OPTICAL))
+        found.append(turned(stamp, name, optical(name), place(0.0, 0.0), OPTICAL))
     return found
 
 
@@ -152,8 +151,3 @@ def quaternion(yaw: float, pitch: float, roll: float) -> dict[str, float]:
         "z": sy * cp * cr - cy * sp * sr,
         "w": cy * cp * cr + sy * sp * sr,
     }
-
-
-def _transform(stamp: Stamp, parent: str, child: str, shift: Any, turn: Any) -> Fields:
-    moved = {"translation": shift, "rotation": turn}
-    return {"header": header_fields(stamp, parent), "child_frame_id": child, "transform": moved}

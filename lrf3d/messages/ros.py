@@ -85,7 +85,12 @@ def turn(theta: float) -> Fields:
 
 def transform(stamp: Stamp, parent: str, child: str, pose: Pose, height: float = 0.0) -> Fields:
     """The transform of a frame in its parent, at a height [m] above it."""
-    moved = {"translation": place(pose.x, pose.y, height), "rotation": turn(pose.theta)}
+    return turned(stamp, parent, child, place(pose.x, pose.y, height), turn(pose.theta))
+
+
+def turned(stamp: Stamp, parent: str, child: str, shift: Fields, rotation: Fields) -> Fields:
+    """The transform of a frame that is shifted and turned in its parent."""
+    moved = {"translation": shift, "rotation": rotation}
     return {"header": header_fields(stamp, parent), "child_frame_id": child, "transform": moved}
 
 

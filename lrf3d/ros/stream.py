@@ -257,13 +257,11 @@ class DrivenRobot:
     def _wheel_frames(self, stamp: Stamp) -> list[ros.Fields]:
         frames = []
         for wheel, angle in zip(self._wheels, self._turned, strict=True):
-            where = Pose(0.0, wheel.left, 0.0)
             name = self.prefix + wheel.name
-            frame = ros.transform(stamp, self.prefix + ros.BASE, name, where, wheel.radius)
+            where = ros.place(0.0, wheel.left, wheel.radius)
             # They turn about their axis, which points to the left.
             rotation = {"x": 0.0, "y": sin(0.5 * angle), "z": 0.0, "w": cos(0.5 * angle)}
-            frame["transform"]["rotation"] = rotation
-            frames.append(frame)
+            frames.append(ros.turned(stamp, self.prefix + ros.BASE, name, where, rotation))
         return frames
 
     def obey(self, message: Any) -> None:

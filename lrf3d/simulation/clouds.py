@@ -4,7 +4,7 @@ A run does not hold clouds, which would take gigabytes, but what casts them agai
 sensors, their noise, a seed, and the motion of the robot during each scan.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -40,6 +40,19 @@ class Clouds:
         # Most robots have no sensors of clouds.
         return PlanarCaster(self._world)
 
+    def at(
+        self, pose: Float, time: float, sweeps: Float | None = None
+    ) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """The scans of all lidars and the pictures of all depth cameras, cast one by one.
+
+        The robot is at a pose (3,) and moves by sweeps (lidars, 3) during the scans, or stands.
+        """
+        motions = [None] * len(self.sensors.lidars) if sweeps is None else sweeps
+        return (
+            (self.lidar(k, pose, time, motion) for k, motion in enumerate(motions)),
+            (self.depth(k, pose, time) for k in range(len(self.sensors.depth_cameras))),
+        )
+
     def lidar(
         self, number: int, pose: Float, time: float, motion: Float | None, *, noisy: bool = True
     ) -> LidarScan:
@@ -50,9 +63,8 @@ class Clouds:
         scan = self._caster.cast_lidar(lidar, place, Conditions(time, moves, self._crowd))
         if not noisy:
             return scan
-        ranges = self._measured(scan.ranges, scan.walls, lidar.planar, number, time)
-        walls = np.where(np.isfinite(ranges), scan.walls, np.int32(-1))
-        return replace(scan, ranges=sealed(ranges), walls=sealed(walls))
+        ranges, walls = self._measured(scan.ranges, scan.walls, lidar.planar, number, time)
+        return replace(scan, ranges=ranges, walls=walls)
 
     def depth(self, number: int, pose: Float, time: float, *, noisy: bool = True) -> DepthImage:
         """The picture of a depth camera, where its robot is at a pose (3,)."""
@@ -65,14 +77,13 @@ class Clouds:
         half = 0.5 * camera.fov
         fan = LaserRangeFinder(-half, half, camera.width, camera.range_min, camera.range_max)
         stream = len(self.sensors.lidars) + number
-        depth = self._measured(image.depth, image.walls, fan, stream, time)
-        walls = np.where(np.isfinite(depth), image.walls, np.int32(-1))
-        return replace(image, depth=sealed(depth), walls=sealed(walls))
+        depth, walls = self._measured(image.depth, image.walls, fan, stream, time)
+        return replace(image, depth=depth, walls=walls)
 
     def _measured(
         self, ranges: Float, walls: Any, fan: LaserRangeFinder, stream: int, time: float
-    ) -> Float:
-        """The measured ranges (layers, beams) of true ones; the time seeds their noise."""
+    ) -> tuple[Float, Any]:
+        """The measured ranges (layers, beams) of true ones, and walls; the time seeds the noise."""
         moment = int(np.float64(time).view(np.uint64))
         rng = np.random.default_rng([self.sensors.seed, stream, moment])
         noise = Chain([self.sensors.noise])
@@ -87,7 +98,8 @@ class Clouds:
                 for row in zip(ranges, walls, strict=True)
             ]
             found = np.array([noise(row, rng).ranges for row in rows])
-        return np.where((found < limits[0]) & (found > -np.inf), -np.inf, found)
+        found = np.where((found < limits[0]) & (found > -np.inf), -np.inf, found)
+        return sealed(found), sealed(np.where(np.isfinite(found), walls, np.int32(-1)))
 
 
 def sweeps_of(lidars: Iterable[Lidar], path: Any, pose: Float, time: float) -> Float:

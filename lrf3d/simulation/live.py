@@ -79,12 +79,7 @@ class LiveRobot(Driven):
 
     def clouds(self) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """Measure with each lidar and each depth camera from where the robot is now."""
-        sensors = self._clouds.sensors
-        place = np.array(self.pose), self.time
-        return (
-            (self._clouds.lidar(k, *place, None) for k in range(len(sensors.lidars))),
-            (self._clouds.depth(k, *place) for k in range(len(sensors.depth_cameras))),
-        )
+        return self._clouds.at(np.array(self.pose), self.time)
 
     @property
     def speed(self) -> float:

@@ -79,18 +79,12 @@ class Step:
     @property
     def lidar_scans(self) -> tuple[LidarScan, ...]:
         """The measured scan of each lidar, cast anew each time that it is asked."""
-        clouds = self._simulation.clouds
-        return tuple(
-            clouds.lidar(number, np.array(self.pose), self.time, motion)
-            for number, motion in enumerate(self.sweeps)
-        )
+        return tuple(self._simulation.clouds.at(np.array(self.pose), self.time, self.sweeps)[0])
 
     @property
     def depth_images(self) -> tuple[DepthImage, ...]:
         """The measured picture of each depth camera, likewise."""
-        clouds = self._simulation.clouds
-        count = len(clouds.sensors.depth_cameras)
-        return tuple(clouds.depth(k, np.array(self.pose), self.time) for k in range(count))
+        return tuple(self._simulation.clouds.at(np.array(self.pose), self.time)[1])
 
     @property
     def scan(self) -> LaserScan:

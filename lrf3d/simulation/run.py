@@ -308,12 +308,8 @@ class Run(Value, Pictured):
 
     def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the pictures of all depth cameras with an index from 0."""
-        lidars = range(len(self.cloud_sensors.lidars))
-        cameras = range(len(self.cloud_sensors.depth_cameras))
-        return (
-            (self.lidar(index, number=number) for number in lidars),
-            (self.depth(index, number=number) for number in cameras),
-        )
+        sweeps = None if self.sweeps is None else self.sweeps[index]
+        return self._clouds.at(*self._moment(index), sweeps)
 
     def _moment(self, index: int) -> tuple[Float, float]:
         """The pose of the robot at a scan, as casters get it, and the time [s]."""

@@ -29,7 +29,8 @@ from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.simulation.tables import (
     TABLES,
-    as_drive,
+    drive_of,
+    in_radians,
     lasers_with_noise,
     motion_sensors,
     read_file,
@@ -448,6 +449,6 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             lidars=tuple(clouds.get("lidar", ())),
             depth_cameras=tuple(clouds.get("depth_camera", ())),
             name=own_name(file.path, file.world.name),
-            robot=as_drive(**tables["drive"]) if tables["drive"] else None,
+            robot=drive_of(**in_radians(tables["drive"])) if tables["drive"] else None,
             **robot,
         )

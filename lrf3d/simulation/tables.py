@@ -31,11 +31,17 @@ from lrf3d.world.schema import Converter, at, poses, row, rows, several
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
+def in_radians(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a table with its angles, which are in degrees, in radians."""
+    return {
+        key.removesuffix("_deg"): math.radians(each) if key.endswith("_deg") else each
+        for key, each in values.items()
+    }
+
+
 def laser_of(noise: Any = None, **laser: Any) -> LaserRangeFinder:
     """The laser of a table, without its noise."""
-    for key in [key for key in laser if key.endswith("_deg")]:
-        laser[key.removesuffix("_deg")] = math.radians(laser.pop(key))
-    lrf = LaserRangeFinder(**laser)
+    lrf = LaserRangeFinder(**in_radians(laser))
     width = 2.0 * math.degrees(lrf.spread[1])
     # [°] Range finders have no narrower and no wider field; angles in radians would be narrower.
     narrowest = 10.0
@@ -71,11 +77,6 @@ def drive_of(
     return OmniDrive() if kind == "omni" else Unicycle()
 
 
-def as_drive(steering_deg: float = 45.0, **values: Any) -> Any:
-    """How the robot of a table moves, whose angle is in degrees."""
-    return drive_of(steering=math.radians(steering_deg), **values)
-
-
 # The keys of the table of the robot.
 ROBOT: Mapping[str, Converter] = {
     "start": poses(row("x", "y", "degrees")),
@@ -90,7 +91,7 @@ ROBOT: Mapping[str, Converter] = {
 # What checks the values of each table, in the order in which tables are checked.
 TABLES: Mapping[str, Callable[..., object]] = {
     "robot": dict,
-    "drive": as_drive,
+    "drive": lambda **values: drive_of(**in_radians(values)),
     "laser": lambda noise=None, **values: noise_of(laser_of(**values), **(noise or {})),
     "noise": lambda **values: noise_of(LaserRangeFinder(), **values),
     "odometry": WheelOdometry,
@@ -116,11 +117,6 @@ def lidar_of(preset: str = "", **values: Any) -> Lidar:
     if preset or "elevations" not in values:
         raise InputError("expected a preset or elevations_deg")
     return Lidar(**values)
-
-
-def depth_camera_of(fov_deg: float, **values: Any) -> DepthCamera:
-    """The depth camera of a table."""
-    return DepthCamera(fov=math.radians(fov_deg), **values)
 
 
 # The keys of the table of a lidar.
@@ -179,7 +175,12 @@ def read_file(path: Path) -> WorldFile:
     clouds = {
         "lidar": schema.tables(schema.table(LIDAR, make=lidar_of), alone=True),
         "depth_camera": schema.tables(
-            schema.table(DEPTH_CAMERA, ["width", "height", "fov_deg"], depth_camera_of), alone=True
+            schema.table(
+                DEPTH_CAMERA,
+                ["width", "height", "fov_deg"],
+                lambda **values: DepthCamera(**in_radians(values)),
+            ),
+            alone=True,
         ),
     }
     lasers = {"laser": several_lasers}
