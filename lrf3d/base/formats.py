@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrf3d.base.errors import WorldError
+from lrf3d.base.files import opened
 
 # First bytes of packed files.
 GZIP = b"\x1f\x8b"
@@ -275,13 +276,13 @@ def unpacked(path: Path, largest: int) -> Iterator[Path]:
         yield copy
 
 
-def head_of(path: Path) -> bytes:
-    """The first bytes of a file, unpacked if gzip packed it."""
-    with open(path, "rb") as file:
-        head = file.read(HEAD)
+def head_of(path: Path, most: int = HEAD, what: str = "a file") -> bytes:
+    """The first bytes of a regular file, at most so many, unpacked if gzip packed it."""
+    with opened(path, what=what) as file:
+        head = file.read(most)
     if head.startswith(GZIP):
         with suppress(zlib.error):
-            return zlib.decompressobj(31).decompress(head, HEAD)
+            return zlib.decompressobj(31).decompress(head, most)
     return head
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.base.files import opened, own_name
+from lrf3d.base.formats import GZIP
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, Value, sealed
 from lrf3d.geometry.pose import Pose
@@ -236,9 +237,6 @@ LARGEST_RANGE = 50.0
 # Time that is assumed between scans without stamps [s].
 UNTIMED = 0.1
 
-# First bytes of gzipped files, whatever their name is.
-GZIPPED = b"\x1f\x8b"
-
 
 @dataclass
 class Intake:
@@ -284,7 +282,7 @@ class Intake:
         # lines.
         longest_line = 1 << 20
         with opened(self.path, what="a log") as file:
-            packed = file.read(len(GZIPPED)) == GZIPPED
+            packed = file.read(len(GZIP)) == GZIP
             file.seek(0)
             stream: Any = gzip.open(file) if packed else file
             try:

@@ -1,15 +1,13 @@
 """Reading logs: the name of a file or a folder, or else its content, selects the reader."""
 
 import re
-import zlib
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from lrf3d.base.errors import InputError, expect, shown
-from lrf3d.base.files import as_path, opened, own_name
-from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function
+from lrf3d.base.files import as_path, own_name
+from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, function, head_of
 from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
 from lrf3d.geometry.lines import as_rows, number, whole_number
@@ -18,7 +16,7 @@ from lrf3d.recordings.formats.bags.json_lines import TOPIC, is_messages
 from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
-from lrf3d.recordings.log import GZIPPED, Intake, LaserLog
+from lrf3d.recordings.log import Intake, LaserLog
 from lrf3d.world import world_names
 
 # Number of bytes at the beginning of a file from which its format is recognised.
@@ -184,8 +182,7 @@ def _format_of(path: Path, in_columns: bool) -> Format:
     # Other formats use the endings of CARMEN logs, arrays and runs, too: the content decides.
     if named is not None and name not in ("CARMEN", "arrays", "run"):
         return named
-    with opened(path, what="a log") as file:
-        head = file.read(HEAD)
+    head = head_of(path, HEAD, "a log")
     if name in ("arrays", "run"):
         return by_name("log", "arrays" if name == "arrays" or is_foreign(path) else "run")
     return _format_by_looks(path, head, is_carmen=name == "CARMEN")
@@ -197,11 +194,6 @@ def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
     # Arrays are read only from files with their own endings.
     if looks is not None and looks[0].kind == "log" and looks[0].name != "arrays":
         return looks[0]
-    if head.startswith(GZIPPED):
-        # The first piece of a packed file can be unpacked; a damaged one stays as it is.
-        with suppress(zlib.error):
-            head = zlib.decompressobj(31).decompress(head, HEAD)
-        looks = by_looks(head)
     is_text = b"\0" not in head and looks is None
     if is_text and TOPIC(head):
         return by_name("log", "messages")

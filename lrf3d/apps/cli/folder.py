@@ -136,9 +136,8 @@ def _remove(folder: Path, names: Iterable[str], console: Console) -> None:
     for name in sorted(names):
         file = folder / name
         # Only plain files of the folder, and of folders in it, are its results.
-        if file.parent.resolve() / file.name != home / name or not file.is_file():
-            continue
-        if file.is_symlink():
+        plain = file.is_file() and not file.is_symlink()
+        if file.parent.resolve() / file.name != home / name or not plain:
             continue
         file.unlink()
         console.note(f"{file}: removed, as it was of the run before")

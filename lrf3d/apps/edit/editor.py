@@ -94,9 +94,8 @@ class Editor:
         plan = edits.applied(self._source(edits), self.journal.name)
         self.edits = edits
         self.plan = plan
-        self.__dict__.pop("scenario", None)
-        self.__dict__.pop("caster", None)
-        self.__dict__.pop("_plain_caster", None)
+        for name in ("scenario", "caster", "_plain_caster"):
+            self.__dict__.pop(name, None)
 
     def decide(self, values: Mapping[str, Any]) -> None:
         """Take the decisions of a page in place of those before, and keep them.

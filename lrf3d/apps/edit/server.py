@@ -17,7 +17,7 @@ from lrf3d.apps.edit.editor import Editor
 from lrf3d.apps.edit.message import packed
 from lrf3d.base.errors import InputError, Lrf3dError
 from lrf3d.base.files import locked
-from lrf3d.studio.page.server import Files, Talks, moments_talk, page_files, serve_pages
+from lrf3d.studio.page.server import MOMENTS, Files, Talks, moments_talk, page_files, serve_pages
 from lrf3d.studio.page.session import PageSession
 from lrf3d.world.files import edits_path
 
@@ -27,9 +27,8 @@ LARGEST = 4_000_000
 # Time between two looks at the source [s].
 _WATCH = 1.0
 
-# Paths of the page's socket, and of the socket of the film.
+# Path of the page's socket.
 SOCKET = "/lrf3d/edits"
-FILM = "/lrf3d/moments"
 
 # Does what a page asks for, with the values of its message.
 Act = Callable[[Any, dict[str, Any]], Coroutine[Any, Any, bool]]
@@ -175,7 +174,7 @@ class Desk:
         files = page_files(make())
         files["/film"] = files.pop("/")
         self.files.update(files)
-        self.talks[FILM] = moments_talk(make)
+        self.talks[MOMENTS] = moments_talk(make)
 
 
 def _read(text: Any) -> dict[str, Any]:

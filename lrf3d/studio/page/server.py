@@ -72,7 +72,7 @@ GUARDS = {
 PAGE = Path(__file__).parent / "static"
 
 # Path of the socket of a scene.
-_MOMENTS = "/lrf3d/moments"
+MOMENTS = "/lrf3d/moments"
 
 # What pages load, by its path: its kind, and its bytes.
 Files = dict[str, tuple[str, bytes]]
@@ -118,7 +118,7 @@ def serve(
     Raises:
         MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
-    talks = {_MOMENTS: moments_talk(make)}
+    talks = {MOMENTS: moments_talk(make)}
     serve_pages(
         lambda: page_files(make()), talks, door, host=host, browser=browser, started=started
     )

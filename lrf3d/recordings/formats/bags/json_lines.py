@@ -3,7 +3,6 @@
 A file of an object a line, or of an array of objects, enters; messages leave, as those of a bag.
 """
 
-import gzip
 import json
 import re
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from lrf3d.base.errors import InputError
-from lrf3d.base.files import opened
+from lrf3d.base.formats import head_of
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
 
 # Finds the topic of a message in the first bytes of a file.
@@ -37,12 +36,7 @@ RENAMED = {"secs": "sec", "nsecs": "nanosec", "nsec": "nanosec"}
 
 def is_messages(path: Path) -> bool:
     """Whether a file holds messages with topics as JSON."""
-    if not path.is_file():
-        return False
-    with opened(path, what="a log") as file, suppress(OSError, EOFError):
-        return bool(TOPIC(gzip.open(file).read(BEGINNING)))
-    with opened(path, what="a log") as file:
-        return bool(TOPIC(file.read(BEGINNING)))
+    return path.is_file() and bool(TOPIC(head_of(path, BEGINNING)))
 
 
 def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]:
