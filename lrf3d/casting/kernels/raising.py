@@ -308,7 +308,7 @@ def _piece(walls: Standing, row: int) -> UprightWall:
 
 @inner
 def _farthest(eye: Eye, highest: float) -> float:
-    """Distance [m] up to which a ray's layers can hit walls, before the floor or passing over all."""
+    """Distance [m] from which all layers of a ray meet the floor or pass over the highest wall."""
     reach = eye.reach
     if eye.most < 0.0:
         reach = min(reach, -eye.z / eye.most)
