@@ -78,7 +78,7 @@ class Step:
 
     @property
     def lidar_scans(self) -> tuple[LidarScan, ...]:
-        """The measured scan of each lidar, cast anew each time that it is asked."""
+        """The measured scan of each lidar, cast again on each access."""
         clouds = self._simulation.clouds
         return tuple(
             clouds.lidar(number, np.array(self.pose), self.time, motion)
@@ -87,7 +87,7 @@ class Step:
 
     @property
     def depth_images(self) -> tuple[DepthImage, ...]:
-        """The measured picture of each depth camera, likewise."""
+        """The measured image of each depth camera, cast again on each access."""
         clouds = self._simulation.clouds
         count = len(clouds.sensors.depth_cameras)
         return tuple(clouds.depth(k, np.array(self.pose), self.time) for k in range(count))
