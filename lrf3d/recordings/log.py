@@ -312,7 +312,7 @@ class Intake:
         )  # fmt: skip
 
     def _unmasked(self, scans: Sequence[LaserScan]) -> Sequence[LaserScan]:
-        """The scans without readings that the user leaves out; these become −inf and are counted."""
+        """The scans; readings that the user leaves out become −inf and are counted."""
         if not self.smallest_range and not self.mask:
             return scans
         turn = 2.0 * np.pi
