@@ -11,10 +11,10 @@ from lrf3d.base.formats import function, of_kind
 from lrf3d.geometry.lines import whole_number
 from lrf3d.simulation.run import Run
 
-# Largest page that is shared [bytes]: what most programs for mail and chats take without a word.
+# Largest page that is shared [bytes]: most mail and chat programs accept attachments of this size.
 _LARGEST_PAGE = 3_000_000
 
-# Every n-th moment that a page keeps at the least: with fewer it leaps.
+# A page keeps at least every n-th moment; with fewer its film is jerky.
 _FEWEST = 32
 
 # Width and height of its preview [pixels].
@@ -62,9 +62,9 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
 
 
 def share_run(run: Run, path: str | Path) -> int:
-    """Write a run as one page of up to 3 MB, and return which n-th moments it keeps.
+    """Write a run as a single page of up to 3 MB; it keeps every n-th moment, and n is returned.
 
-    It opens from a disk, plays its film in any browser, and has a picture as its preview.
+    The page opens without a server, plays its film in any browser, and has a preview picture.
     """
     from PIL import Image
 
@@ -73,7 +73,7 @@ def share_run(run: Run, path: str | Path) -> int:
     path = as_path(path)
     if path.suffix.lower() != ".html":
         raise InputError(f"--out {path}: expected a name that ends in .html")
-    # The film begins in the dark: its end shows what it is of.
+    # The preview is from the film's end, as its beginning is dark.
     shown = run.frame(float(run.trajectory.times.max()), size=_PREVIEW, view="overview")
     picture = io.BytesIO()
     Image.fromarray(shown).save(picture, "PNG")

@@ -1,7 +1,7 @@
-"""A balance of what a source holds: what of it was used, and what was left out for which reason.
+"""A balance of the items of a source: how many were used, and how many left out, by reason.
 
-The total is counted apart from the two, as by the library that reads the format, so that an item
-which a reader overlooks shows as missing.
+The total is counted independently, for example by the library that reads the format, so that items
+which a reader overlooks are found missing.
 """
 
 import warnings
@@ -15,7 +15,7 @@ from lrf3d.base.text import counted
 
 @dataclass
 class Balance:
-    """What a source holds, counted; used and left out add up to all where nothing is missing.
+    """The items of a source, counted; used and left out add up to all unless some are missing.
 
     Args:
         noun: What is counted, in the singular, such as ``entity``.
@@ -43,22 +43,22 @@ class Balance:
 
     @property
     def missing(self) -> int:
-        """How many items are neither used nor left out; other than 0 is an error of the reader."""
+        """The number of items neither used nor left out; unless 0, the reader has a defect."""
         return self.all - self.used - sum(self.left_out.values())
 
     @property
     def overlooked(self) -> Counter[str]:
-        """How many items are missing, as a reason."""
+        """The number of missing items, as a reason."""
         return Counter({f"overlooked {self.noun}": self.missing} if self.missing else {})
 
     def note(self, path: object, *said: str) -> None:
-        """Warn of what a file holds that was left out, and of what was assumed."""
+        """Warn of what was left out of a file, and of what was assumed."""
         words = f"left out: {self.words()}" if self.words() else ""
         if text := "; ".join(filter(None, [*said, words])):
             warnings.warn(f"{path}: {text}", Lrf3dNote, stacklevel=3)
 
     def words(self, most: int = 12) -> str:
-        """What was left out, in words: the most frequent reasons, and how many have others."""
+        """What was left out, in words: the most frequent reasons, and the number of other items."""
         return ", ".join(in_words(Counter(self.left_out) + self.overlooked, most))
 
 
@@ -72,7 +72,7 @@ def in_words(reasons: Counter[str], most: int = 12) -> Iterable[str]:
         names.setdefault(noun, []).extend(filter(None, [name]))
     ranked = numbers.most_common(most)
     for noun, count in sorted(ranked):
-        # Many names say no more than a few.
+        # A few names are enough.
         held = f" ({', '.join(names[noun][:5])}{', …' if len(names[noun]) > 5 else ''})"
         head, of, what = noun.partition(" of ")
         yield counted(count, head) + of + what + (held if names[noun] else "")

@@ -1,9 +1,9 @@
-"""The process that reads a stranger's file: it confines itself, reads, answers and ends.
+"""The process that reads an untrusted file: it confines itself, reads, answers and ends.
 
-`lrf3d.base.isolation` starts it, with a question on its input: the reader, the path and the
-options. What it may use is limited before it reads, and from when it opens the file on it writes
-in its own temporary folder alone, starts no program and opens no connection, where Linux can see
-to that (Landlock). The answer goes to its output; the end of its input ends it.
+`lrf3d.base.isolation` starts it and sends a request to its input: the reader, the path and the
+options. Its memory and computing time are limited before it reads. Once it opens the file, Linux
+(Landlock, where available) lets it write only in its own temporary folder, start no program and
+open no connection. The answer goes to its output. It ends when its input ends.
 """
 
 import ctypes
@@ -19,27 +19,28 @@ from lrf3d.base.errors import Lrf3dError, Lrf3dWarning
 from lrf3d.base.isolation import OUT_OF_MEMORY, read_directly
 from lrf3d.base.packing import receive, send
 
-# Largest question [bytes]: a reader, a path, and options that users give.
+# Largest request [bytes]: a reader, a path, and options that users give.
 LARGEST_QUESTION = 1 << 26
 
-# Numbers of the system calls of Landlock, which are the same on all processors.
+# Numbers of Landlock's system calls, the same on all processors.
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = range(444, 447)
 
-# Code of prctl: no program gains rights.
+# Option of prctl that keeps a process from gaining privileges, which Landlock requires.
 NO_NEW_PRIVILEGES = 38
 
-# Kinds of access to files: all that Landlock knows but reading files and folders (bits 2 and 3), up
-# to the bit that each version of it knows; the kinds of the first versions lack moving and cutting.
+# Number of kinds of access to files, one bit each, that each version of Landlock knows: version 2
+# adds moving between folders, version 3 truncating. All are denied but reading files and folders,
+# bits 2 and 3.
 FILE_BITS = {1: 13, 2: 14, 3: 15}
 READING = 0b1100
 
-# Kinds of access to the network: to listen, and to connect; from the fourth version on.
+# Kinds of access to the network, from version 4 on: to listen, and to connect.
 NETWORK = 0b11
 
 
 def main() -> None:
     """Read a file and answer."""
-    # What libraries print does not reach the answer.
+    # Keep what libraries print out of the answer.
     out = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_RDWR), 1)
     try:
@@ -55,18 +56,18 @@ def main() -> None:
             try:
                 send(stream, _answer(reader, path, options))
             except TypeError as error:
-                # A reader of ours returns what `packing` does not know.
+                # A reader returned a value that `packing` cannot send.
                 send(stream, [False, ["Lrf3dError", f"{path}: {error}", []], []])
         status = 0
     except MemoryError:
         status = OUT_OF_MEMORY
     finally:
-        # Not by the usual end, which waits for threads of libraries.
+        # The usual exit would wait for threads of libraries.
         os._exit(status)
 
 
 def _answer(reader: str, path: str, options: dict[str, Any]) -> list[Any]:
-    """What the reader returns, or the class, the text and the notes of its error; its warnings."""
+    """The reader's value, or the class, text and notes of its error; and its warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", Lrf3dWarning)
@@ -79,15 +80,15 @@ def _answer(reader: str, path: str, options: dict[str, Any]) -> list[Any]:
 
 
 def _end_with_parent() -> None:
-    """End when the parent does, however it ends."""
+    """End when the parent process ends, in whatever way."""
     sys.stdin.buffer.read()
-    # A parent that was killed has left it.
+    # A parent that was killed leaves the folder behind.
     rmtree(gettempdir(), ignore_errors=True)
     os._exit(0)
 
 
 def _limit(memory: int, seconds: int) -> None:
-    """Limit the memory [bytes] and the computing time [s] of this process, where systems can."""
+    """Limit the memory [bytes] and the computing time [s] of this process, where possible."""
     try:
         import resource
     except ImportError:  # Windows.
@@ -96,14 +97,14 @@ def _limit(memory: int, seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     resource.setrlimit(resource.RLIMIT_FSIZE, (memory, memory))
     if sys.platform == "linux":
-        # What libraries take before they read does not count.
+        # The time that libraries took to load does not count.
         with open("/proc/self/statm") as file:
             own = int(file.read().split()[5]) * os.sysconf("SC_PAGE_SIZE")
         resource.setrlimit(resource.RLIMIT_DATA, (own + memory, own + memory))
 
 
 def _confine_at(path: str) -> None:
-    """Confine this process once it opens the file; Python may write what it compiles until then."""
+    """Confine this process once it opens the file; until then Python may write compiled modules."""
     opening = {"open", "os.listdir", "os.scandir"}
 
     def hook(event: str, values: tuple[Any, ...]) -> None:
@@ -116,7 +117,7 @@ def _confine_at(path: str) -> None:
 
 
 def _confine() -> None:
-    """Let this process write in its temporary folder alone; nothing where Landlock is unknown."""
+    """Let this process write only in its temporary folder; does nothing without Landlock."""
     libc = ctypes.CDLL(None)
     version = libc.syscall(CREATE_RULESET, None, 0, 1)
     if version < 1:
@@ -125,7 +126,7 @@ def _confine() -> None:
     limited = (ctypes.c_uint64 * 2)(changing, NETWORK)
     rules = libc.syscall(CREATE_RULESET, limited, 16 if version > 3 else 8, 0)
     folder = os.open(gettempdir(), os.O_RDONLY)
-    # A rule is the kinds of access that it allows, and an open folder, without a gap.
+    # A packed struct: the allowed kinds of access, and the descriptor of an open folder.
     rule = changing.to_bytes(8, "little") + folder.to_bytes(4, "little")
     libc.syscall(ADD_RULE, rules, 1, rule, 0)
     libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)

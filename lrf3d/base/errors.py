@@ -108,9 +108,9 @@ class OutputError(Lrf3dError, OSError):
 
 
 class Lrf3dWarning(UserWarning):
-    """Something is done in another way than usual; the results are those that were asked for.
+    """A note: something is done differently than usual, with the results that were requested.
 
-    The logger ``lrf3d`` gets the text, too, which is printed where the program has set up logging.
+    The text also goes to the logger ``lrf3d``, for programs that have set up logging.
     """
 
     def __init__(self, message: object = "") -> None:
@@ -183,7 +183,7 @@ def expect(value: object, kind: "Any", name: str) -> None:
 
 
 def index_of(value: object, count: int, name: str) -> int:
-    """A number from outside of one of some things, counted from 0, or from −1 backwards."""
+    """Check an index from a user: it counts from 0, or backwards from −1."""
     try:
         place = operator.index(value)  # type: ignore[arg-type]
     except TypeError:

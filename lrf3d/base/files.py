@@ -92,7 +92,7 @@ def read_text(path: str | Path, *, what: str = "a text file", largest: int = LAR
 
 
 def toml_as_json(path: Path) -> str:
-    """The values of a TOML file as JSON; a date is a list, which no key takes."""
+    """The values of a TOML file as JSON; a date becomes a list, which no key accepts."""
     import json
     import tomllib
 

@@ -23,7 +23,7 @@ from lrf3d.base.files import opened
 # First bytes of packed files.
 GZIP = b"\x1f\x8b"
 
-# Number of bytes at the beginning of a file that say what it is.
+# Number of first bytes of a file that identify its format.
 HEAD = 1 << 11
 
 # First bytes of the files of bags: MCAP, SQLite, those of ROS 1, and files packed by Zstandard.
@@ -39,19 +39,19 @@ class Format:
     """A kind of file.
 
     Args:
-        kind: What is in it: ``world``, ``drawing``, ``picture``, ``log``, ``map``, ``trajectory``,
-            ``film``, ``frame``; ``export`` for what other programs read; ``other`` for what none
-            of these is.
-        name: What an option or a program calls it, where its ending does not say that.
-        endings: Endings of its files, in lower case; it is written under the first one.
-        looks: First bytes of its files after blanks, or a tag of XML among the first ones, and what
-            a message says of such a file.
-        read: What reads a path: a function, or its module and name as ``module:function``.
-        write: What writes a value to a path, likewise.
+        kind: Its content: ``world``, ``drawing``, ``picture``, ``log``, ``map``, ``trajectory``,
+            ``film``, ``frame``; ``export`` for other programs; ``other`` for anything else.
+        name: Its name in options and programs, if the ending does not identify it.
+        endings: Endings of its files, in lower case; files are written with the first one.
+        looks: First bytes of its files after blanks, or an XML tag among the first bytes, and a
+            description of such a file for messages.
+        read: The function that reads a path, or its module and name as ``module:function``.
+        write: The function that writes a value to a path, likewise.
         largest: Largest file that is read [bytes].
         options: Options of the function that reads it, or else of the one that writes it.
         extra: The extra of lrf3d that it needs.
-        apart: Whether a file is read in a process of its own, which knows the rows below alone.
+        apart: Whether its files are read in a process of their own, which knows only the rows of
+            this table.
     """
 
     kind: str
@@ -262,7 +262,7 @@ def _plain_name(name: str) -> str:
 
 @contextmanager
 def unpacked(path: Path, largest: int) -> Iterator[Path]:
-    """The path of a file, or of an unpacked copy of one that gzip packed, under its plain name."""
+    """Yield the path of a file, or of an unpacked copy of a gzip file, under its plain name."""
     with open(path, "rb") as file:
         packed = file.read(2) == GZIP
     if not packed:
@@ -295,7 +295,7 @@ def by_looks(head: bytes) -> tuple[Format, str] | None:
         for magic, text in row.looks.items()
         if plain.startswith(magic) or (magic[:1] == b"<" and plain[:1] == b"<" and magic in plain)
     ]
-    # The longest one says most; a tag of XML says more than that it is XML.
+    # The longest match is the most specific; a tag is more specific than XML's own first bytes.
     _, row, text = max(looks, key=lambda each: each[0], default=(0, None, ""))
     return None if row is None else (row, text)
 

@@ -1,8 +1,9 @@
-"""A stranger's file is read in a process of its own, with limits on memory and time.
+"""Reading an untrusted file in a process of its own, with limits on memory and time.
 
-Whatever a file does to the library that reads it, to the memory or to the time, is one line in this
-process, which gets the value through a pipe. The other one is a fresh interpreter, since a fork of
-a process with threads may hang, and runs `lrf3d.base.confinement`.
+A path and a reader enter; the value that the reader returns leaves, through a pipe. If the file
+crashes its library, or takes too much memory or time, this process raises an error of one line. The
+reading process is a fresh interpreter that runs `lrf3d.base.confinement`, since a fork of a process
+with threads may hang.
 """
 
 import json
@@ -27,32 +28,33 @@ from lrf3d.base.formats import function
 from lrf3d.base.interrupts import unfinished
 from lrf3d.base.packing import receive, send
 
-# Name of the environment variable by which the limits are multiplied; 0 reads in this process.
+# Environment variable with a factor of the limits; 0 reads in this process.
 FACTOR = "LRF3D_READING"
 
-# Memory [bytes] and computing time [s] that a file of any size may take. Of sound plans, maps,
-# towns and logs of others up to 4 MB, the dearest took 0.2 GB, and 4.6 s on an overloaded machine.
+# Memory [bytes] and computing time [s] that a file of any size may take. Undamaged plans, maps,
+# towns and logs of others up to 4 MB took up to 0.2 GB, and 4.6 s on an overloaded machine.
 LEAST_MEMORY = 1_200_000_000
 LEAST_SECONDS = 12
 
-# What each byte of a file adds to that: memory [bytes] and time [s]. Texts of numbers take 17 bytes
-# and 0.4 µs, ten times as much where they are packed.
+# Memory [bytes] and computing time [s] that each byte of a file adds to these limits. Texts of
+# numbers take 17 bytes and 0.4 µs a byte, and ten times as much if they are packed.
 MEMORY_OF_BYTE = 24
 SECONDS_OF_BYTE = 2.5e-6
 
-# Time [s] without any computing after which a process waits for what never comes, such as a pipe.
+# A process that has not computed for this time [s] is ended: it waits for input that never comes,
+# such as from a pipe.
 PATIENCE = 20.0
 
-# Longest time [s] of a process whose computing time cannot be seen, in computing times.
+# Longest duration of a process whose computing time is unknown, in limits of computing time.
 SLOWEST = 8
 
-# Time [s] between two looks at the process; on macOS each starts a program.
+# Time [s] between two checks of the process; on macOS each check starts a program.
 STEP = 0.05 if sys.platform == "linux" else 0.5
 
 # Exit status of a process that ran out of memory.
 OUT_OF_MEMORY = 77
 
-# What the other interpreter runs; its module paths are those of this one.
+# The program of the other interpreter, which gets the module paths of this one.
 START = """
 import json, sys
 sys.path[:] = json.loads(sys.argv[1])
@@ -72,13 +74,13 @@ def read_file(
     isolated: bool,
     error: type[InputError] = InputError,
 ) -> Any:
-    """What a reader, ``module:function``, returns for a path: in a process of its own if isolated.
+    """Return what a reader, ``module:function``, makes of a path: in its own process if isolated.
 
     Raises:
-        InputError: What the reader raises, or a limit is met, as the given class.
+        InputError: The reader raised it, or a limit was exceeded; of the given class.
     """
     factor = _factor()
-    # What is wrong with the path itself is said at once.
+    # An error of the path itself needs no process.
     apart = isolated and factor > 0.0 and _has_interpreter() and path.exists()
     if not (apart and isinstance(reader, str)):
         return read_directly(reader, path, options, error)
@@ -104,7 +106,7 @@ def read_directly(
     options: Mapping[str, Any],
     error: type[InputError] = InputError,
 ) -> Any:
-    """What a reader returns; what a library raises on a damaged file becomes one line."""
+    """Return what a reader returns; a library's error on a damaged file becomes one line."""
     path = Path(path)
     try:
         return function(reader)(path, **options)
@@ -124,20 +126,20 @@ def read_directly(
 
 
 def check_memory(problem: Exception) -> None:
-    """Raise MemoryError if a library's error says no more than that: the file is not damaged."""
+    """Raise MemoryError if a library's error means just that: the file is not damaged."""
     if isinstance(problem, MemoryError) or re.search("bad_?alloc|allocat", str(problem)):
         raise MemoryError from problem
 
 
 class ReadingLimits(NamedTuple):
-    """What a process that reads may use: memory [bytes] and computing time [s]."""
+    """Limits of a reading process: memory [bytes] and computing time [s]."""
 
     memory: int
     seconds: int
     factor: float
 
     def advice(self, used: str) -> str:
-        """The end of a message on a limit that was met."""
+        """The end of a message about a limit that was exceeded."""
         more = 4 * self.factor
         return f"{used}; cut it down to what is needed, or raise the limit: {FACTOR}={more:g}"
 
@@ -147,7 +149,7 @@ class _Stopped(Exception):
 
 
 def _factor() -> float:
-    """The factor of the limits that the user has set."""
+    """The factor by which the user multiplies the limits."""
     text = os.environ.get(FACTOR, "1")
     with suppress(ValueError):
         if 0.0 <= (factor := float(text)) <= 1e6:
@@ -156,7 +158,7 @@ def _factor() -> float:
 
 
 def _has_interpreter() -> bool:
-    """Whether another interpreter can be started: a program that embeds Python has none."""
+    """Whether another interpreter can be started; a program that embeds Python has none."""
     name = os.path.basename(sys.executable or "").lower()
     return "python" in name and not hasattr(sys, "frozen")
 
@@ -170,7 +172,7 @@ def _limits(path: Path, factor: float) -> ReadingLimits:
 
 
 def _ask(reader: str, path: str, options: dict[str, Any], limits: ReadingLimits) -> Any:
-    """The answer of another process: whether it is a value, that or an error, and warnings."""
+    """The answer of another process: whether it succeeded, its value or error, and its warnings."""
     with _process() as process, _Watch(process, limits) as watch:
         assert process.stdin is not None and process.stdout is not None
         try:
@@ -187,10 +189,10 @@ def _ask(reader: str, path: str, options: dict[str, Any], limits: ReadingLimits)
 
 @contextmanager
 def _process() -> "Iterator[subprocess.Popen[bytes]]":
-    """A fresh interpreter that waits for a question; it ends with the block."""
+    """A fresh interpreter that waits for a request; it ends with the block."""
     home = str(Path(__file__).parents[2])
     paths = [*(os.path.abspath(each) for each in sys.path), home]
-    # Readers unpack into temporary files, which one that is killed leaves.
+    # Readers unpack into temporary files, which a killed reader leaves behind.
     folder = mkdtemp(prefix="lrf3d-")
     unfinished.add(folder)
     try:
@@ -200,14 +202,14 @@ def _process() -> "Iterator[subprocess.Popen[bytes]]":
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, **ONE_THREAD, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)},
-            # A session of its own: Ctrl-C of a terminal comes to this process alone.
+            # In a session of its own, so that Ctrl-C in a terminal reaches this process alone.
             start_new_session=os.name == "posix",
         )
         try:
             yield process
         finally:
             process.kill()
-            # It ends with what was not taken by the process.
+            # Closing raises this if the process has not read all of the request.
             with suppress(BrokenPipeError), process:
                 pass
     finally:
@@ -232,14 +234,14 @@ def _memory(limits: ReadingLimits) -> str:
 
 
 def _named(name: object, otherwise: type[Any]) -> type[Any]:
-    """The error or the warning of this name."""
+    """The class of errors or warnings of this name, or else the given one."""
     found = getattr(errors, name, None) if isinstance(name, str) else None
     base = Lrf3dWarning if issubclass(otherwise, Warning) else Lrf3dError
     return found if isinstance(found, type) and issubclass(found, base) else otherwise
 
 
 class _Watch:
-    """A thread that ends a process which takes too much memory, or waits for ever."""
+    """A thread that ends a process that takes too much memory or waits forever."""
 
     def __init__(self, process: "subprocess.Popen[bytes]", limits: ReadingLimits) -> None:
         self.process = process
@@ -275,10 +277,10 @@ class _Watch:
 
 
 def _used(number: int) -> tuple[list[str], int]:
-    """Computing times of a process, of which none are known on Windows, and its memory [bytes]."""
+    """Computing times of a process, unknown on Windows, and its memory [bytes]."""
     if sys.platform == "linux":
         with suppress(OSError, LookupError):
-            # Names of programs may have spaces; the numbers are behind them.
+            # Names of programs may contain spaces; the numbers come after them.
             values = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
             pages = int(values[21]) * os.sysconf("SC_PAGE_SIZE")
             return values[11:13], pages

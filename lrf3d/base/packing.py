@@ -1,9 +1,9 @@
-"""Values as JSON and arrays: what one process hands to another, never pickled.
+"""Values as JSON and arrays: how one process sends them to another, without pickling.
 
-A value enters a stream as 16 bytes of sizes, a text of JSON, and the bytes of its arrays. The text
-names records, which are dataclasses and NamedTuples of the rooms that hold values; each is made
-again by its constructor, which checks it. Whoever took over the writer can hand over a wrong
-value, but no code.
+A value is written to a stream as 16 bytes of sizes, a text of JSON, and the bytes of its arrays.
+The text names records: dataclasses and NamedTuples of lrf3d's packages of values. The receiver
+rebuilds each by its constructor, which validates it. A writer that an attacker controls can send a
+wrong value, but no code.
 """
 
 import json
@@ -14,13 +14,13 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from typing import IO, Any
 
-# Each array begins at a multiple of this [bytes], so that it is used where it lies.
+# Each array begins at a multiple of this [bytes], so that it is used without a copy.
 ALIGNED = 8
 
 # Shortest list of floats that is written as an array; JSON is as small for shorter ones.
 MANY = 16
 
-# Rooms whose records are handed over, and the file of balances.
+# Packages, and the module of balances, whose records may be sent.
 ROOMS = re.compile(r"lrf3d\.(base\.balance|(geometry|laser|plans|recordings|world)(\.\w+)+)")
 
 # Types that JSON keeps as they are.
@@ -28,7 +28,7 @@ PLAIN = (bool, int, float, str, type(None))
 
 
 def send(stream: IO[bytes], value: Any) -> None:
-    """Write a value; raises TypeError if it holds what is not handed over."""
+    """Write a value; raises TypeError if it holds something that cannot be sent."""
     packer = _Packer()
     tree = packer.packed(value)
     text = json.dumps([tree, [[each.dtype.str, *each.shape] for each in packer.arrays]]).encode()
@@ -43,11 +43,11 @@ def receive(stream: IO[bytes], most: int) -> Any:
     """Read a value of at most this size [bytes]; its arrays are read-only.
 
     Raises:
-        EOFError: The stream ended before.
-        ValueError: It is too large, or not what `send` writes.
+        EOFError: The stream ended before the value did.
+        ValueError: The value is too large, or was not written by `send`.
     """
     text_size, size = (int.from_bytes(_read(stream, 8), "little") for _ in range(2))
-    # A text takes some times its size as objects.
+    # Parsed, a text takes several times its size.
     if 4 * text_size + size > most:
         raise ValueError(f"{(text_size + size) / 1e6:,.0f} MB")
     text = _read(stream, text_size)
@@ -65,7 +65,7 @@ def _filled(size: int) -> int:
 
 
 def _read(stream: IO[bytes], size: int) -> bytearray:
-    """A number of bytes of a stream."""
+    """Read a number of bytes of a stream."""
     data = bytearray(size)
     view = memoryview(data)
     place = 0
@@ -78,7 +78,7 @@ def _read(stream: IO[bytes], size: int) -> bytearray:
 
 
 def _arrays(shapes: list[Any], data: bytearray) -> Iterator[Any]:
-    """The arrays in bytes, by their types and shapes."""
+    """The arrays that bytes hold, by their types and shapes."""
     import numpy as np
 
     place = 0
@@ -94,14 +94,14 @@ def _arrays(shapes: list[Any], data: bytearray) -> Iterator[Any]:
 
 
 def _names(kind: type) -> Sequence[str]:
-    """The names of the values that make a record; none if it is of another kind."""
+    """The names of a record's fields; none if the class is no record."""
     if is_dataclass(kind):
         return [each.name for each in fields(kind)]
     return getattr(kind, "_fields", ())
 
 
 class _Packer:
-    """Turns a value into a tree of JSON, and collects its arrays, each once."""
+    """Converts a value to a tree of JSON, and collects its arrays, each once."""
 
     def __init__(self) -> None:
         self.arrays: list[Any] = []
@@ -124,7 +124,7 @@ class _Packer:
         return ["record", name, [self.packed(getattr(value, each)) for each in _names(kind)]]
 
     def _many(self, values: list[Any]) -> list[Any]:
-        """The trees of several values; those of one kind by columns, so that many take no time."""
+        """The trees of several values; those of one class by columns, which is fast for many."""
         kinds = {type(each) for each in values}
         kind = kinds.pop() if len(kinds) == 1 else None
         count = len(values)
@@ -142,7 +142,7 @@ class _Packer:
         return ["each", *map(self.packed, values)]
 
     def _stack(self, values: list[Any]) -> list[Any]:
-        """Arrays; of one type and shape as one array of those that differ, and which is where."""
+        """Arrays; those of one type and shape as an array of distinct ones, and indices into it."""
         import numpy as np
 
         different = {id(each): each for each in values}
@@ -160,7 +160,7 @@ class _Packer:
         """The number of an array among those that are sent."""
         if id(array) not in self._places:
             self._places[id(array)] = len(self.arrays)
-            # Kept here, no other array gets its identity.
+            # Kept alive, so that no other array gets its identity.
             self.arrays.append(array)
         return self._places[id(array)]
 
@@ -212,7 +212,7 @@ def _values(many: list[Any], arrays: list[Any]) -> list[Any]:
 
 
 def _maker(name: str) -> Any:
-    """What makes a record of its values, by its name."""
+    """The constructor of a record, by its name."""
     module, _, kind_name = name.partition(":")
     if not ROOMS.fullmatch(module):
         raise ValueError(f"a record of {module}")

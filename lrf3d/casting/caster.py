@@ -189,9 +189,10 @@ class PlanarCaster:
     ) -> LidarScan:
         """The true scan of a lidar from its pose: walls up to their heights, tops, and the floor.
 
-        Objects of one height that are closed, and that nothing else reaches into, have tops. The
-        decisions of a level lidar are exact, as those of `cast`, which is its layer of elevation 0;
-        ranges are rounded by about 1e-16 of their size. Behind mirrors and glass only walls count.
+        A closed object of one height has a top, unless walls of another object reach into it. For a
+        level lidar every decision is exact, as in `cast`, which equals its layer of elevation 0;
+        ranges are rounded by about 1e-16 of their size. Tops are not seen in mirrors or through
+        glass.
         """
         expect(lidar, Lidar, "lidar")
         pose = as_pose(pose)
@@ -202,7 +203,7 @@ class PlanarCaster:
     def cast_depth(
         self, camera: DepthCamera, pose: Sequence[float] | Float, moment: Conditions = STILL
     ) -> DepthImage:
-        """The true picture of a depth camera from its pose, of what `cast_lidar` meets."""
+        """The true depth image of a camera from its pose, of the same surfaces as `cast_lidar`."""
         expect(camera, DepthCamera, "depth camera")
         pose = as_pose(pose)
         depth, walls = self._layered(camera, pose, moment)
@@ -220,7 +221,7 @@ class PlanarCaster:
         return ranges, walls
 
     def _mirror(self, lidar: Lidar, pose: Pose, ranges: Float, walls: Rows) -> None:
-        """Let the beams of a still lidar that meet mirrors and glass go on, in place."""
+        """Continue, in place, the beams of a still lidar that hit mirrors and glass."""
         assert self.lighting is not None
         turning = np.array(
             [bool(one and (one.mirrors or one.passes)) for one in self.world.materials]
@@ -233,7 +234,7 @@ class PlanarCaster:
         directions = beams[None] if len(beams) else np.empty((0, 1, 3))
         lit = self.lighting.light_layers(lrf, self.tree(-np.inf), origin, directions)
         found = lit.ranges.ravel()
-        # Upright mirrors leave the way down to the floor as long as it is.
+        # Upright mirrors do not change the length of a beam down to the floor.
         floor = np.where(beams[:, 2] < 0.0, -origin[2] / np.minimum(beams[:, 2], -TINY), np.inf)
         lower = (floor < found) & (floor <= lidar.range_max)
         ranges[chosen] = np.where(lower, floor, found)

@@ -1,8 +1,8 @@
-"""Casting lidars and depth cameras among the walls of a world, from floor to height.
+"""Casting lidars and depth cameras among walls that stand on the floor, z = 0.
 
-Level sensors are exact: see `kernels.skyline`. A tilted one casts each beam as a column of its own,
-with the same decisions for its float64 direction. Behind mirrors and glass, and in meshes, beams
-are cast in float64. The floor is z = 0.
+Level sensors are exact: see `kernels.skyline`. A tilted sensor casts each beam as a column of its
+own, with the same exact decisions for its float64 direction. Behind mirrors and glass, and in
+meshes, beams are cast in float64.
 """
 
 import math
@@ -31,18 +31,18 @@ from lrf3d.world import World
 
 Rows = NDArray[np.int32]
 
-# Entries of a skyline for which there is room at first; it is doubled as needed.
+# Initial capacity of a skyline in entries; it is doubled as needed.
 ROOM_AT_FIRST = 8
 
-# [share] How much the boundary of what walls enclose may differ from them by rounding.
+# [share] Rounding tolerance between the length of walls and that of the boundary of their area.
 WHOLE = 1e-9
 
-# [m] In place of the length in the plane of a beam that has none, straight up or down.
+# [m] Length in the plane that stands for 0, of a beam straight up or down.
 UPRIGHT = 1e-20
 
 
 class Layered(NamedTuple):
-    """Layers that ascend, as kernels take them, and how far they measure."""
+    """Layers by ascending slope, as kernels take them, and how far they measure."""
 
     plain: Plain
     extent: tuple[float, float, float]
@@ -50,7 +50,7 @@ class Layered(NamedTuple):
 
     @classmethod
     def of(cls, slopes: Float, stretches: Float, sensor: Any) -> "Layered":
-        """Layers of slopes (k, layers), in which beams are so long (layers,) in a metre."""
+        """Layers of slopes (k, layers); stretches (layers,) are a beam's length for t = 1."""
         slopes = np.ascontiguousarray(slopes)
         limits = float(sensor.range_min), float(sensor.range_max)
         nears, reaches = (limit / stretches for limit in limits)
@@ -59,7 +59,7 @@ class Layered(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What moves: the motion (3,) of the robot during a scan, and obstacles at a time [s]."""
+    """What moves: the robot by a motion (3,) during a scan, and dynamic obstacles at a time [s]."""
 
     time: float = 0.0
     motion: Float | None = None
@@ -80,7 +80,7 @@ class Solids(NamedTuple):
 
 
 class StandingWalls:
-    """The walls of a world as they stand, with the tops of closed objects."""
+    """The walls of a world with their heights, and the tops of closed objects."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -102,7 +102,7 @@ class StandingWalls:
         inner, corners = self._plain
         if self._lowest < z:
             found, tree = self._solids
-            # An outline around the sensor is the wall of a yard.
+            # An outline around the sensor is the wall of a yard, and has no top.
             around = tree.query(shapely.Point(pose[0], pose[1]), predicate="within")
             rows = self._tree.rows
             inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)[rows]
@@ -118,16 +118,16 @@ class StandingWalls:
         return np.empty(self.room * columns, ENTRY), *empty[:2], self.room, empty[2]
 
     def keep(self, skies: Plain) -> None:
-        """Keep skylines that are empty again for the next scan."""
+        """Keep skylines, which are empty again, for the next scan."""
         self._arrays["skies"] = skies
 
     def reused(self, name: str, shape: tuple[int, ...], kind: Any) -> Any:
-        """An array without values: the last one of its name, if nothing else holds it any more.
+        """An uninitialised array: the last one of its name, unless it is still in use.
 
-        New memory costs as much time as a scan.
+        Allocating new memory takes as long as a scan.
         """
         array = self._arrays.pop(name, None)
-        # Held by its name here, and as the argument of the count.
+        # Two references are this variable and the argument of getrefcount.
         if array is None or getrefcount(array) > 2 or array.shape != shape:
             array = np.empty(shape, kind)
         self._arrays[name] = array
@@ -135,9 +135,9 @@ class StandingWalls:
 
 
 def solids(world: World) -> Solids:
-    """The closed objects of a world: of one height, all of whose walls are the outline of an area.
+    """The closed objects of a world: all walls of one have one height and are an area's outline.
 
-    Objects that the walls of another one reach into are rooms.
+    Objects into which walls of others reach are rooms, without a top.
     """
     count = len(world.segments)
     lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
@@ -179,7 +179,7 @@ def solids(world: World) -> Solids:
 def cast_lidar(
     walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions = STILL
 ) -> tuple[Float, Rows]:
-    """Ranges and walls (layers, columns) of a lidar at a pose (3,), or of one that moves on."""
+    """Ranges and walls (layers, columns) of a lidar at a pose (3,), at rest or moving."""
     z = lidar.mount[2]
     standing = walls.standing(pose, z)
     columns = lidar.columns
@@ -212,7 +212,7 @@ def cast_lidar(
 
 
 def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:
-    """Poses (columns, 3) of a lidar, at the times of its columns, whose robot moves on evenly."""
+    """Poses (columns, 3) of a lidar at the times of its columns; its robot moves uniformly."""
     mount = np.array(lidar.planar.mount)
     shares = np.linspace(0.0, 1.0, lidar.columns)[:, None]
     return compose(pose, between(mount, compose(shares * motion, mount)))
@@ -225,7 +225,7 @@ def cast_depth(
     z = camera.mount[2]
     standing = walls.standing(pose, z)
     if camera.is_level:
-        # Those of any row: a picture of directions would take longer than its depths.
+        # Azimuths are the same in all rows; directions of all pixels would take longer than depths.
         theta = float(pose[2])
         ahead, left = turn(np.ones(camera.width), camera.lefts, math.cos(theta), math.sin(theta))
         beams = np.column_stack([ahead, left])
@@ -243,7 +243,7 @@ def cast_depth(
 
 @lru_cache(8)
 def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
-    """The layers of a level lidar, their order unless they ascend, and it as kernels take it."""
+    """A level lidar's layers, their order unless ascending, and the lidar as kernels take it."""
     order = np.argsort(lidar.slopes, kind="stable")
     layers = Layered.of(lidar.slopes[None, order], lidar.stretches[order], lidar)
     back = None if (order[1:] > order[:-1]).all() else np.argsort(order)
@@ -251,7 +251,7 @@ def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
 
 
 def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:
-    """Rays (n,) in the plane from a pose, or the columns x, y of some, along beams (n, 2 or 3)."""
+    """Rays (n,) in the plane along beams (n, 2 or 3), from one pose or from one for each ray."""
     rays = np.zeros(len(beams), RAY)
     rays["x"] = pose[0]
     rays["y"] = pose[1]
@@ -267,7 +267,7 @@ def _columns(
     walls: StandingWalls, standing: Plain, rays: Records, z: float, layers: Layered,
     fan: tuple[Plain, Float] | None = None, crowd: Crowd | None = None,
 ) -> tuple[Float, Rows]:  # fmt: skip
-    """Ranges and walls (columns, layers) along rays (columns,), which may be a fan at a pose."""
+    """Ranges and walls (columns, layers) along rays (columns,), or along a fan at a pose."""
     slopes = layers.plain[0]
     eye = z, *layers.extent
     count = len(rays)

@@ -74,7 +74,7 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
 def numbers(values: Any, name: str) -> Any:
     """Values from outside as an array of numbers: floats, integers or booleans."""
     try:
-        # Masked values are missing: NaN, which is refused where nothing may be missing.
+        # Masked values become NaN, which is refused where no value may be missing.
         if isinstance(values, np.ma.MaskedArray):
             values = np.where(np.ma.getmaskarray(values), np.nan, np.ma.getdata(values))
         array = np.asarray(values)

@@ -13,7 +13,7 @@ from lrf3d.base.errors import InputError, Lrf3dWarning, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE as LARGEST
 from lrf3d.geometry.lines import TINY, Float, Int, as_rows, numbers, wrap_angle
 
-# Headings [rad] of this or more, in whole halves of it, are degrees as a rule.
+# Multiples of half of this heading, from this one on, are probably degrees.
 _LEAST_DEGREES = 30.0
 
 

@@ -71,39 +71,39 @@ Array = NDArray[Any]
 
 
 class _Limited:
-    """An environment that truncates episodes itself, and says so in its specification."""
+    """An environment that truncates episodes itself, and declares so in its specification."""
 
     max_steps: int
     _spec: Any = None
 
     @property
     def spec(self) -> Any:
-        """The specification that Gymnasium made it of."""
+        """The specification from which Gymnasium made it."""
         return self._spec
 
     @spec.setter
     def spec(self, spec: Any) -> None:
-        # Registered with a number of steps, Gymnasium would also cut off longer episodes.
+        # If steps were registered, Gymnasium would truncate episodes a second time.
         self._spec = spec and replace(spec, max_episode_steps=self.max_steps)
 
 
 class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
     """Robots that each drive to a goal, as in DriveEnv, in one world.
 
-    A robot whose episode has ended is placed again in the step after, in which its action is
-    ignored (autoreset ``NEXT_STEP``), or in the same step, with its last observation in
-    ``infos["final_obs"]`` (``SAME_STEP``), or it stands until it is reset (``DISABLED``).
-    ``poses`` (k, 3) and ``goals`` (k, 2) are the current ones.
+    A robot whose episode has ended is placed again in the next step, which ignores its action
+    (autoreset ``NEXT_STEP``); or in the same step, with its last observation in
+    ``infos["final_obs"]`` (``SAME_STEP``); or it rests until it is reset (``DISABLED``). ``poses``
+    (k, 3) and ``goals`` (k, 2) are the current ones.
 
     Args:
         num_envs: Number of robots.
         world: A built-in world or a world file, or a Scenario.
         sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
-        max_steps: Steps after which an episode is cut off.
-        together: Whether the robots see and touch each other, and share the time of the dynamic
-            obstacles; without it each is alone with these.
+        max_steps: Steps after which an episode is truncated.
+        together: Whether the robots see and touch each other, and meet the dynamic obstacles at the
+            same time; otherwise each is alone with them.
         autoreset: When a robot whose episode has ended is placed again, an AutoresetMode.
-        render_mode: None; pictures are DriveEnv's.
+        render_mode: None; only DriveEnv draws pictures.
 
     Raises:
         InputError: An argument is invalid, or there is no free space to drive in.

@@ -1,7 +1,7 @@
 """Robots that drive to goals in one world, as a parallel environment of PettingZoo.
 
-Each is an agent: ``robot1``, ``robot2``, …. They see and touch each other; one whose episode has
-ended stands where it is.
+Each is an agent: ``robot1``, ``robot2``, …. They see and touch each other; a robot whose episode
+has ended rests where it is.
 """
 
 from pathlib import Path
@@ -70,7 +70,7 @@ class DriveParallelEnv(ParallelEnv):  # type: ignore[misc]
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Drive with an action (2,) for each agent; those whose episode ends are agents no more."""
+        """Drive with an action (2,) for each agent; agents whose episode ends are removed."""
         given = [actions.get(agent, np.zeros(2)) for agent in self.possible_agents]
         observation, rewards, ended, cut, found = self.robots.step(np.array(given))
         numbers = {agent: self.possible_agents.index(agent) for agent in self.agents}

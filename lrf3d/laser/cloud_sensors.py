@@ -1,4 +1,4 @@
-"""CloudSensors: the lidars and the depth cameras of a robot, as a run keeps them."""
+"""CloudSensors: the lidars and depth cameras of a robot, as a run stores them."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -30,7 +30,7 @@ _WRITTEN = {
 
 @dataclass(frozen=True, eq=False)
 class CloudSensors(Value):
-    """The lidars and the depth cameras of a robot, with the noise of all, and its seed."""
+    """The lidars and depth cameras of a robot, with the noise of all and its seed."""
 
     lidars: tuple[Lidar, ...] = ()
     depth_cameras: tuple[DepthCamera, ...] = ()
@@ -47,7 +47,7 @@ class CloudSensors(Value):
 
     @classmethod
     def of(cls, lidars: Any, depth_cameras: Any, noise: Noise) -> "CloudSensors":
-        """Sensors from outside, one or several of each kind."""
+        """Sensors from arguments of users: one or several of each kind."""
         one = [lidars] if isinstance(lidars, Lidar) else lidars
         other = [depth_cameras] if isinstance(depth_cameras, DepthCamera) else depth_cameras
         found = tuple(each_of(one, Lidar, "lidar"))
@@ -55,7 +55,7 @@ class CloudSensors(Value):
 
     @property
     def sweep(self) -> float:
-        """The longest time that a scan takes [s]."""
+        """The duration of the longest scan [s]."""
         return max((each.scan_duration for each in self.lidars), default=0.0)
 
     def as_dict(self) -> dict[str, Any]:
@@ -75,7 +75,7 @@ class CloudSensors(Value):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "CloudSensors":
-        """The sensors of a file."""
+        """The sensors from the plain values of a file."""
         check_names("noise", [name for name, _ in values["noise"]], _WRITTEN)
         return cls(
             tuple(Lidar(**each) for each in values["lidars"]),
@@ -85,5 +85,5 @@ class CloudSensors(Value):
         )
 
 
-# The sensors of a robot that has neither lidars nor depth cameras.
+# No lidars and no depth cameras.
 NO_SENSORS = CloudSensors()

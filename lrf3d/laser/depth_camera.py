@@ -1,8 +1,8 @@
-"""DepthCamera: a pinhole camera that measures depth, and DepthImage, what it measures.
+"""DepthCamera: a pinhole camera that measures depth, and DepthImage, its measurement.
 
-The pixel in column k and row r looks along (1, −y, −z), ahead, to the left and up, with
-y = (k + ½ − width / 2) / f and z = (r + ½ − height / 2) / f; the depth is the distance along the
-optical axis, so that all of a flat wall across it has one depth.
+The pixel in column k and row r looks along (1, −y, −z), with axes ahead, to the left and up, where
+y = (k + ½ − width / 2) / f and z = (r + ½ − height / 2) / f. Depth is the distance along the
+optical axis, so a wall at a right angle to it has the same depth everywhere.
 """
 
 import math
@@ -36,14 +36,14 @@ class DepthCamera(Value):
     """A depth camera, level unless its mount is tilted.
 
     Args:
-        width: Number of pixels of a row.
+        width: Number of pixels in a row.
         height: Number of rows.
         fov: Horizontal field of view [rad], up to 179°; pixels are square.
-        mount: x, y, z [m], or x, y, z, yaw, pitch, roll [m, rad] on the robot, as of `Lidar`; a
-            positive pitch looks down.
+        mount: Pose on the robot, x, y, z [m], or x, y, z, yaw, pitch, roll [m, rad], as for
+            `Lidar`; a positive pitch looks down.
         range_min: Least depth that is measured [m].
         range_max: Largest depth that is measured [m].
-        name: Name among the sensors of a robot, and of its frame.
+        name: Name of the sensor and of its frame.
 
     Raises:
         InputError: A number is invalid, or the mount is below the floor.
@@ -89,23 +89,23 @@ class DepthCamera(Value):
 
     @property
     def is_level(self) -> bool:
-        """Whether the columns of its pixels are upright."""
+        """Whether its columns of pixels are upright: neither pitched nor rolled."""
         return not any(self.mount[4:])
 
     @cached_property
     def lefts(self) -> Float:
-        """How far (width,) the columns lie to the left at depth 1."""
+        """Offsets (width,) of the columns to the left, at depth 1."""
         columns = np.arange(self.width, dtype=np.float64)
         return sealed((0.5 * (self.width - 1) - columns) / self.focal_length)
 
     @cached_property
     def slopes(self) -> Float:
-        """How far (height,) the rows lie up at depth 1, from the top row on down."""
+        """Offsets (height,) of the rows upward, at depth 1, the top row first."""
         rows = np.arange(self.height, dtype=np.float64)
         return sealed((0.5 * (self.height - 1) - rows) / self.focal_length)
 
     def directions(self, pose: Sequence[float] | Float) -> Float:
-        """Vectors (height, width, 3) in the world to depth 1, for the camera at a pose."""
+        """Vectors (height, width, 3) of the pixels in the world, to depth 1, from a pose."""
         shape = (self.height, self.width)
         ahead = np.ones(shape)
         left = np.broadcast_to(self.lefts, shape)
@@ -120,15 +120,16 @@ class DepthCamera(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DepthImage(Value):
-    """A picture of depths.
+    """A depth image.
 
     Args:
-        pose: Pose x, y [m], theta [rad] of the camera in the world; its mount has the rest.
+        pose: Pose x, y [m], theta [rad] of the camera in the world; z, pitch and roll are those of
+            its mount.
         camera: The camera.
-        depth: (height, width) depths along the optical axis [m], row 0 at the top; +inf without a
-            return, −inf nearer than range_min.
+        depth: (height, width) depths along the optical axis [m], row 0 at the top; +inf if there is
+            no return, −inf if it is nearer than range_min.
         walls: (height, width) index of the segment that was hit, or −1.
-        time: Time of the picture [s].
+        time: Time of the image [s].
 
     Examples:
         >>> import lrf3d

@@ -1,7 +1,7 @@
-"""Lidar: layers of beams at elevations, and LidarScan, what one revolution of it measures.
+"""Lidar: layers of beams at fixed elevations, and LidarScan, the ranges of one revolution.
 
-A level lidar's beam of azimuth a and elevation e goes along (cos a, sin a, tan e): at the distance
-t in the plane it is at the height z + t · tan e, and its range is t / cos e.
+A level lidar's beam of azimuth a and elevation e goes along (cos a, sin a, tan e): at distance t in
+the plane its height is z + t · tan e, and its range is t / cos e.
 """
 
 import math
@@ -18,27 +18,27 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Value, nu
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, layer_directions, turned
 
-# The mount of a sensor above the middle of its robot, facing ahead: x, y, z [m].
+# Default mount of a sensor: at this height above the robot's centre, facing ahead; x, y, z [m].
 RAISED = (0.0, 0.0, 0.5)
 
-# Largest number of beams of a scan: their ranges and walls take 160 MB.
+# Largest number of beams of a scan, whose ranges and walls take 160 MB.
 MOST_BEAMS = 10_000_000
 
-# [rad] Largest elevation of a beam; at a right angle it has no azimuth.
+# [rad] Largest elevation of a beam; a vertical beam would have no azimuth.
 STEEPEST = math.radians(89.9)
 
 
 def mounted(values: Any, name: str) -> tuple[float, ...]:
-    """A mount x, y, z [m], yaw, pitch, roll [rad] from outside; the angles may be left out.
+    """Check a mount x, y, z [m], yaw, pitch, roll [rad]; the angles may be left out.
 
-    The sensor stands on the floor, z = 0, or above it.
+    The sensor is on the floor, z = 0, or above it.
     """
     found = values if isinstance(values, list | tuple | np.ndarray) else ()
     if len(found) not in (3, 6):
         raise InputError(
             f"{name}: mount {shown(values)}: expected x, y, z [m], or x, y, z, yaw, pitch, roll"
         )
-    # How far a sensor may be from its robot's centre [m]: farther, the mount is in other units.
+    # Largest distance of a sensor from its robot's centre [m]; a larger one is in other units.
     farthest = 100.0
     limits = [farthest, farthest, LARGEST_COORDINATE, *[LARGEST_ANGLE] * 3]
     mount = tuple(
@@ -55,16 +55,16 @@ class Lidar(Value):
     """A rotating lidar: layers of beams, one above the other, all around.
 
     Args:
-        elevations: (layers,) elevations of the layers [rad], up to ±89.9°; a layer's ring is its
-            place in this list.
-        columns: Number of azimuths, evenly spread counter-clockwise from −π, behind, on.
+        elevations: (layers,) elevations of the layers [rad], up to ±89.9°; a layer's ring number is
+            its index in this list.
+        columns: Number of azimuths, evenly spaced counter-clockwise, starting at −π, behind.
         range_min: Nearest distance that is measured [m].
         range_max: Farthest distance that is measured [m].
-        mount: x, y, z [m], or x, y, z, yaw, pitch, roll [m, rad] on the robot, z above the floor.
-            As of `LaserRangeFinder`, casters take the pose of the lidar, and of the mount z, pitch
-            and roll; a `Simulation` takes the pose of the robot.
-        scan_duration: Time from the first column to the last [s]; all at once with 0.
-        name: Name among the sensors of a robot, and of its frame.
+        mount: Pose on the robot, x, y, z [m], or x, y, z, yaw, pitch, roll [m, rad], z above the
+            floor. Like those of a `LaserRangeFinder`, casters take the pose of the lidar and use
+            only z, pitch and roll of the mount; a `Simulation` takes the pose of the robot.
+        scan_duration: Time from the first column to the last [s]; with 0 all are cast at once.
+        name: Name of the sensor and of its frame.
 
     Raises:
         InputError: There are no layers, an elevation is too steep, the mount is below the floor, or
@@ -111,9 +111,10 @@ class Lidar(Value):
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> "Lidar":
-        """The lidar of a data sheet, at 10 revolutions a second, with other arguments changed.
+        """The lidar of a data sheet at 10 revolutions a second; other arguments change it.
 
-        `PRESETS` lists the names. Layers that real devices fire at offsets are upright columns.
+        `PRESETS` lists the names. The azimuth offsets of layers in real devices are left out:
+        columns are upright.
 
         Examples:
             >>> import lrf3d
@@ -134,7 +135,7 @@ class Lidar(Value):
 
     @cached_property
     def planar(self) -> LaserRangeFinder:
-        """The range finder that its layer of elevation 0 is, if it is level."""
+        """The range finder that equals its layer of elevation 0, if it is level."""
         x, y, z, yaw, *_ = self.mount
         last = math.pi - 2.0 * math.pi / self.columns if self.columns else math.pi
         return LaserRangeFinder(
@@ -144,26 +145,26 @@ class Lidar(Value):
 
     @property
     def tilt(self) -> dict[str, float]:
-        """Its pitch and roll [rad], as `layer_directions` takes them."""
+        """Its pitch and roll [rad], for `layer_directions`."""
         return {"pitch": self.mount[4], "roll": self.mount[5]}
 
     @property
     def is_level(self) -> bool:
-        """Whether the columns of its beams are upright."""
+        """Whether its columns of beams are upright: neither pitched nor rolled."""
         return not any(self.tilt.values())
 
     @cached_property
     def slopes(self) -> Float:
-        """The tangents (layers,) of the elevations: how far beams rise in a metre of the plane."""
+        """Tangents (layers,) of the elevations: the rise of a beam for each metre in the plane."""
         return sealed(np.tan(self.elevations))
 
     @cached_property
     def stretches(self) -> Float:
-        """How long (layers,) beams are in a metre of the plane."""
+        """Length (layers,) of a beam for each metre in the plane."""
         return sealed(1.0 / np.cos(self.elevations))
 
     def directions(self, pose: Sequence[float] | Float) -> Float:
-        """Unit vectors (layers, columns, 3) of the beams in the world, for the lidar at a pose."""
+        """Unit vectors (layers, columns, 3) of the beams in the world, from a pose."""
         theta = as_pose(pose).theta
         if not self.is_level:
             return layer_directions(self.planar, theta, self.elevations.tolist(), **self.tilt)
@@ -173,8 +174,8 @@ class Lidar(Value):
 
 
 # Lidars by their names: elevations of the lowest and of the highest layer [°], layers, columns at
-# 10 Hz, least and largest range [m]. Velodyne VLP-16 (63-9243) and HDL-32E (63-9113), Ouster OS0
-# and OS1 (revision 6), Hesai PandarXT-32.
+# 10 Hz, least and largest range [m]. From the data sheets of Velodyne VLP-16 (63-9243) and HDL-32E
+# (63-9113), Ouster OS0 and OS1 (revision 6), and Hesai PandarXT-32.
 PRESETS: dict[str, tuple[float, float, int, int, float, float]] = {
     "VLP-16": (-15.0, 15.0, 16, 1800, 0.5, 100.0),
     "HDL-32E": (-30.67, 10.67, 32, 2170, 1.0, 100.0),
@@ -189,13 +190,15 @@ class LidarScan(Value):
     """The ranges of one revolution of a lidar.
 
     Args:
-        pose: Pose x, y [m], theta [rad] of the lidar in the world; its mount has the rest.
+        pose: Pose x, y [m], theta [rad] of the lidar in the world; z, pitch and roll are those of
+            its mount.
         lidar: The lidar.
-        ranges: (layers, columns) distances [m]; +inf without a return, −inf nearer than range_min.
-        walls: (layers, columns) index of the segment that was hit; −1 on the floor, and without a
-            return. The top of an object counts as one of its walls.
+        ranges: (layers, columns) distances [m]; +inf if there is no return, −inf if it is nearer
+            than range_min.
+        walls: (layers, columns) index of the segment that was hit; −1 for the floor or no return.
+            The top of an object counts as one of its walls.
         time: Time of the first column [s].
-        motion: (3,) motion of the robot from the first column to the last, as of `LaserScan`.
+        motion: (3,) motion of the robot from the first column to the last, as in `LaserScan`.
 
     Examples:
         >>> import lrf3d
@@ -225,18 +228,18 @@ class LidarScan(Value):
 
     @property
     def rings(self) -> Int:
-        """The layer (m,) of each of the points."""
+        """The layer (m,) of each point."""
         return np.nonzero(self.hits)[0]
 
     @property
     def times(self) -> Float:
-        """The time (m,) of each of the points, since the first column [s]."""
+        """The time (m,) of each point after the first column [s]."""
         return self.lidar.planar.time_increment * np.nonzero(self.hits)[1].astype(np.float64)
 
     def points(self, *, local: bool = False) -> Float:
-        """Reflection points (m, 3) [m], layer by layer, in the world, or in the lidar's own frame.
+        """Hit points (m, 3) [m], layer by layer, in the world, or in the lidar's own frame.
 
-        In the world all beams count as sent from the pose, where the first column was.
+        In the world, all beams are taken to start at the scan's pose, that of the first column.
         """
         if local:
             upright = replace(self.lidar, mount=RAISED)

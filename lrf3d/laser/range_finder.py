@@ -92,7 +92,7 @@ class LaserRangeFinder(Value):
 
         check("angle_max", least=-LARGEST_ANGLE, most=LARGEST_ANGLE)
         check("angle_min", "rad up to angle_max", least=-LARGEST_ANGLE, most=self.angle_max)
-        # [rad] A scan of a full turn that was unrolled may be wider, but never by half a turn.
+        # [rad] An unrolled scan of a full turn may be wider, but by less than half a turn.
         widest = 3.0 * math.pi
         if max(-self.angle_min, self.angle_max, width := self.angle_max - self.angle_min) > widest:
             text = f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad are a"

@@ -29,7 +29,7 @@ class Stamp:
 
     @classmethod
     def of(cls, time: float) -> "Stamp":
-        """The stamp nearest to a time [s], but for 0, which in ROS says that there is none."""
+        """The stamp nearest to a time [s], but never 0, which in ROS means that there is none."""
         sec = math.floor(time)
         whole = sec * NANO + round((time - sec) * NANO)
         return cls(*divmod(whole or 1, NANO))

@@ -347,7 +347,7 @@ def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
 
 
 def doubtful_unit(ranges: Float) -> str | None:
-    """Why ranges (n,) of hits are hardly in metres, in a sentence; None if they may be."""
+    """Why ranges (n,) of hits are unlikely to be in metres, in a sentence; None if they may be."""
     # [m] The largest median range that a laser on a robot measures.
     largest_median = 100.0
     if len(ranges) and (middle := float(np.median(ranges))) > largest_median:

@@ -147,7 +147,7 @@ def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
     return LineMap(segments, np.unique(labels, return_inverse=True)[1], points)
 
 
-# The frame of a map for programs that would take its numbers for degrees: metres on a plane.
+# The reference system of a map, metres on a plane, without which programs expect degrees.
 METRES = {"type": "name", "properties": {"name": 'LOCAL_CS["map",UNIT["metre",1]]'}}
 
 

@@ -1,7 +1,7 @@
-"""Likelihood field: how well the hits of scans lie on a map of cells, and poses at which they do.
+"""Likelihood field: how well the hits of scans fit a map of cells, and at which poses.
 
-Cells with a log likelihood of a hit in each enter, as in Thrun et al. (2005, section 6.4), and hits
-in the frame of a robot. The mean over the hits leaves, and the poses near guesses with the highest.
+The log likelihood of a hit in each cell enters, as in Thrun et al. (2005, section 6.4), with hits
+in the frame of a robot. The mean over the hits leaves, and poses near guesses where it is highest.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry.lines import Float, Records
 from lrf3d.matching.surface import placement
 
-# Log likelihoods of a hit in the cells (rows, columns) of a map. The cells of the border stand for
-# all beyond.
+# Log likelihoods of a hit in the cells (rows, columns) of a map. The border cells stand for all
+# cells beyond the map.
 Likelihood = NDArray[np.float32]
 
 
 def some(hits: Records, most: int) -> Records:
-    """At most a number of hits, evenly from all."""
+    """At most a given number of hits, evenly chosen."""
     chosen = np.linspace(0, len(hits) - 1, min(most, len(hits))).astype(np.int64)
     return hits[chosen]
 
@@ -58,7 +58,7 @@ def _step_up(
 
 @compiled
 def climbed(guesses: Float, hits: Records, cells: Likelihood, side: float) -> tuple[Float, Float]:
-    """The poses (k, 3) at which steps from guesses (k, 3) end, and the scores (k,) there."""
+    """Climb from guesses (k, 3) to the best poses (k, 3) nearby; returns these and scores (k,)."""
     poses = guesses.copy()
     reached = np.empty(len(poses))
     levels = 6  # Steps of 0.16 m and 0.04 rad are halved to 5 mm and 1.25 mrad.

@@ -1,4 +1,4 @@
-"""Clouds and depth pictures as ROS 2 messages, and as records of points."""
+"""Clouds and depth images as ROS 2 messages, and as records of points."""
 
 from collections.abc import Iterable, Iterator
 from math import cos, sin
@@ -14,7 +14,7 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 IMAGE = "sensor_msgs/msg/Image"
 CAMERA = "sensor_msgs/msg/CameraInfo"
 
-# Where the fields of a point begin [bytes].
+# Offsets of the fields of a point [bytes].
 OFFSETS = [0, 4, 8, 12, 16, 20]
 
 # A point of a cloud [m, m, m, 1, 1, s], as drivers of rotating lidars write it.
@@ -27,7 +27,7 @@ POINT = np.dtype(
     }
 )
 
-# Numbers of sensor_msgs/PointField for types of NumPy.
+# Codes of sensor_msgs/PointField for types of NumPy.
 DATATYPES = {"<f4": 7, "<u2": 4}
 
 # From a camera's frame, x ahead, to its optical frame, z ahead and y down.
@@ -37,7 +37,7 @@ OPTICAL = {"x": -0.5, "y": 0.5, "z": -0.5, "w": 0.5}
 def records_of(scan: LidarScan, *, local: bool = True) -> Records:
     """The points (m,) of a scan, of kind POINT, in the lidar's frame or in the world.
 
-    Their intensity is not simulated, and 0.
+    Their intensity is 0, as it is not simulated.
     """
     points = scan.points(local=local)
     rows = np.zeros(len(points), POINT)
@@ -67,7 +67,7 @@ def point_cloud(scan: LidarScan, stamp: Stamp, frame: str) -> Fields:
 
 
 def depth_image(image: DepthImage, stamp: Stamp, frame: str) -> Fields:
-    """A picture as sensor_msgs/Image in metres; after REP 118 what is too near is −inf."""
+    """A depth image as sensor_msgs/Image in metres; by REP 118 depths below the least are −inf."""
     height, width = image.depth.shape
     return {
         "header": header_fields(stamp, frame),
@@ -108,7 +108,7 @@ def cloud_topics(sensors: CloudSensors) -> dict[str, str]:
 def cloud_messages(
     scans: Iterable[LidarScan], images: Iterable[DepthImage], stamp: Stamp, prefix: str = ""
 ) -> Iterator[tuple[str, Fields]]:
-    """The messages of scans and pictures with their topics, in frames with a prefix."""
+    """The messages of scans and depth images with their topics, in frames with a prefix."""
     for scan in scans:
         name = scan.lidar.name
         yield f"{name}/points", point_cloud(scan, stamp, prefix + name)

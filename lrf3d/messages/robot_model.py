@@ -1,4 +1,4 @@
-"""The robot as a URDF, for programs of ROS that draw it or compute where its parts are.
+"""The robot as URDF, for ROS programs that draw it or compute the poses of its links.
 
 A radius, lasers and a prefix of frames enter; text leaves. The wheels are continuous joints.
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.messages.ros import BASE, FOOTPRINT
 
-# Height of the body, in the radius of the robot.
+# Height of the body, as a share of the robot's radius.
 BODY_HEIGHT = 0.6
 
 # Size of a laser's housing [m].
@@ -17,7 +17,7 @@ LASER_SIZE = 0.06
 
 
 class Wheel(NamedTuple):
-    """A driven wheel: its name, how far left of the middle it is, and its radius [m]."""
+    """A driven wheel: its name, its offset to the left of the centre [m], and its radius [m]."""
 
     name: str
     left: float
@@ -29,19 +29,19 @@ class Wheel(NamedTuple):
         return f"{self.name}_joint"
 
     def angle(self, ahead: float, turn: float) -> float:
-        """How far it turns [rad] while the robot drives ahead [m] and turns [rad]."""
+        """Its rotation [rad] while the robot drives ahead [m] and turns [rad]."""
         return (ahead - self.left * turn) / self.radius
 
 
 def wheels_of(radius: float) -> tuple[Wheel, Wheel]:
-    """The wheels of a robot of a radius [m]: within its outline, a quarter as large."""
+    """The wheels of a robot with a radius [m]: inside its outline, with a quarter of its radius."""
     left = 0.75 * radius
     size = 0.25 * radius
     return Wheel("left_wheel", left, size), Wheel("right_wheel", -left, size)
 
 
 def urdf(radius: float, lasers: Sequence[LaserRangeFinder], *, prefix: str = "") -> str:
-    """The URDF of a robot of a radius [m] with its lasers; the prefix is before all names."""
+    """The URDF of a robot with a radius [m] and lasers; the prefix precedes all names."""
     height = BODY_HEIGHT * radius
     base = prefix + BASE
     parts = [
@@ -80,7 +80,7 @@ def _joint(
     *,
     joint: str = "",
 ) -> str:
-    """A joint that turns about the axis of a wheel if it has a name, else one that is fixed."""
+    """A joint: with a name it turns about a wheel's axis, without one it is fixed."""
     kind = "continuous" if joint else "fixed"
     axis = '<axis xyz="0 1 0"/>' if joint else ""
     x, y, z = place

@@ -29,7 +29,7 @@ WORLD = "odom"
 # The frame of the robot.
 BASE = "base_link"
 
-# The frame of the robot on the ground, which many programs look for; it is the same here.
+# The frame of the robot on the ground, which many programs require; it equals base_link here.
 FOOTPRINT = "base_footprint"
 
 # Type of the messages of scans.
@@ -44,10 +44,10 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 # The topic of constant transforms; a robot's namespace may come before it.
 STATIC_FRAMES = "/tf_static"
 
-# Least variance of what is exact, [m²] or [rad²] for a pose: filters divide by it.
+# Variance of an exact pose, [m²] or [rad²]: not 0, as filters divide by it.
 EXACT = 1e-6
 
-# Variance of what a robot on the ground does not measure: height, roll and pitch.
+# Variance of height, roll and pitch, which a robot on the ground does not measure.
 UNKNOWN = 1e6
 
 # Width of the lines of the map [m]: to be seen from above a room.
@@ -95,7 +95,7 @@ def turned(stamp: Stamp, parent: str, child: str, shift: Fields, rotation: Field
 
 
 def spread(planar: Float | None = None) -> Float:
-    """The covariance (36,) of a pose or a twist, of that (3, 3) in the plane; None is exact."""
+    """The covariance (36,) of a pose or a twist from (3, 3) in the plane; None if it is exact."""
     full = np.diag([EXACT, EXACT, UNKNOWN, UNKNOWN, UNKNOWN, EXACT])
     if planar is not None:
         full[np.ix_(_PLANAR, _PLANAR)] += planar
@@ -117,7 +117,7 @@ def odometry(
     prefix: str = "",
     covariances: Sequence[Float | None] = (None, None),
 ) -> Fields:
-    """The robot in a frame, and its speed ahead [m/s] and about itself [rad/s].
+    """The robot's pose in a frame, its speed [m/s] and its turn rate [rad/s].
 
     The covariances (3, 3) in the plane are those of the pose and of the twist.
     """
@@ -140,8 +140,8 @@ def imu_fields(
 ) -> Fields:
     """A sensor_msgs/Imu; the orientation is unknown.
 
-    Measured are the turn rate [rad/s] and the accelerations ahead and to the left [m/s²]; the
-    variances are those of the gyro and of the accelerometers, alike about all axes.
+    The turn rate [rad/s] and the accelerations ahead and to the left [m/s²] are measured; the
+    variances of the gyro and of the accelerometers are the same for all axes.
     """
     turn_rate, ahead, left = measured
     of_gyro, of_accelerometers = (np.eye(3).ravel() * max(each, EXACT) for each in variances)

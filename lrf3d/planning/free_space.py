@@ -48,10 +48,10 @@ THINNEST = 0.12
 class Ground:
     """Square cells (columns, rows) of a size [m] over a world, or over a part that is very large.
 
-    A place (columns, rows, 2) [m] in each cell, in the world's local frame, has a gap to the walls
-    [m], 0 where a map does not know it to be free; nearest is the number of the nearest of the
-    pieces (k, 2), which are of the walls (k,). Large worlds are cut around a start (2,) [m]; areas
-    (k, 2) [m] may be kept out of.
+    Each cell has a place (columns, rows, 2) [m] in the world's local frame, its distance to walls
+    [m] as gap, 0 if a map does not know it to be free, and as nearest the number of the nearest of
+    the pieces (k, 2), which belong to the walls (k,). Large worlds are cut off around a start (2,)
+    [m]; areas (k, 2) [m] may be excluded.
     """
 
     def __init__(
@@ -233,9 +233,9 @@ class FreeSpace:
         return np.where(self.allowed, count - 1, -1)
 
     def nearest(self, place: Float) -> int | None:
-        """The nearest place to one (2,) [m] of the world; None if none is about as near as a wall.
+        """The free place nearest to a place (2,) [m] of the world; None if it is too far away.
 
-        A robot that is sent into a corner goes as far as it can.
+        A robot that is sent into a corner drives as far as it can.
         """
         near = place - self.ground.world.origin
         away = np.hypot(*(self.places - near).T)

@@ -109,14 +109,14 @@ def find_route(
     goals: Float | None = None,
     keep_out: Sequence[Float] = (),
 ) -> PlannedRoute:
-    """Find a route as `plan_route` does; or one through goals (m, 2) [m], in their order.
+    """Find a route as `plan_route` does, or one through goals (m, 2) [m] in their order.
 
-    Areas (k, 2) [m] may be kept out of. If no radius is given it is 0.35 m, or that of a smaller
-    robot where doors are too narrow; if no speed is given it is 1 m/s inside and 3 m/s outside.
-    ``dt`` is the time between the commands of the drive [s].
+    Areas (k, 2) [m] may be excluded. The default radius is 0.35 m, or smaller if doors are too
+    narrow; the default speed is 1 m/s inside and 3 m/s outside. ``dt`` is the time between the
+    commands of the drive [s].
 
     Raises:
-        InputError: As of `plan_route`.
+        InputError: As for `plan_route`.
     """
     _check(world, where, radius, speed, range_max, lookahead, dt)
     checker = CollisionChecker(world)
@@ -153,10 +153,10 @@ def find_route(
 
 
 def _legs(space: FreeSpace, goals: Float, notes: list[str]) -> list[Int]:
-    """The paths from the start through goals (m, 2) [m]; notes name those that it cannot reach.
+    """The paths from the start through goals (m, 2) [m]; notes name goals that cannot be reached.
 
     Raises:
-        InputError: It can reach none of them.
+        InputError: None of the goals can be reached.
     """
     here = space.nearest(goals[0]) if space.start is None else int(space.number[space.start])
     legs = list[Int]()
@@ -174,7 +174,7 @@ def _legs(space: FreeSpace, goals: Float, notes: list[str]) -> list[Int]:
 
 
 def path_to(space: FreeSpace, start: Float, goal: Float) -> Float | None:
-    """Way-points (m, 2) [m] from a start (2,) to a goal (2,); None where walls are in the way."""
+    """Way-points (m, 2) [m] from a start (2,) to a goal (2,); None if walls block the path."""
     here, there = space.nearest(start), space.nearest(goal)
     if here is None or there is None:
         return None
@@ -247,7 +247,7 @@ def _checked_start(
 
 
 def _closed_in(world: World, start: Float) -> list[str]:
-    """A note if a start lies within a closed shape that no wall divides, with walls around it."""
+    """A note if the start is inside a closed shape without inner walls, and other walls outside."""
     import shapely
 
     walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))

@@ -53,7 +53,7 @@ def rooms_of(world: World) -> list[tuple[float, Float]]:
 
 
 def reached_rooms(space: FreeSpace) -> tuple[Ground, Int, dict[int, bool]]:
-    """The rooms around a free space: a ground, their cells, and whether a robot gets into each."""
+    """The rooms around a free space: a ground, the room of each cell, and which are reached."""
     ground = space.ground
     bare = Ground(_unfurnished(ground.world), space.places[0] + ground.world.origin)
     rooms, numbers = _numbered(bare)

@@ -82,12 +82,11 @@ class Canvas:
         self.tolerance = tolerance
         # Width [m] above which a stroke is an area.
         self.pen = pen
-        # What became of each item of the file that was met: the reason for which it is not read, or
-        # nothing where it is painted.
+        # For each item of the file: the reason for which it is left out; empty if it is painted.
         self.fates = dict[Any, str]()
         # The number of items that the file holds, as counted by the library that reads it.
         self.held = 0
-        # The number of looks of items that are not followed, such as patterns, by name.
+        # The number of properties that are ignored, such as patterns, by name.
         self.ignored = Counter[str]()
         self._items: tuple[Any, ...] = ()
         self.marks = list[Mark]()
@@ -95,7 +94,7 @@ class Canvas:
         self.said = ""
         # Unit of the drawing [m], after scaling.
         self.unit = 1.0
-        # The scale by which it is enlarged, and the factors by which that may be wrong.
+        # The scale of the drawing, and factors that may correct it, with their reasons.
         self.scale = 1.0
         self.scales = dict[float, str]()
         self._work = self._points = 0
@@ -110,17 +109,17 @@ class Canvas:
         return cls(min(CURVE_ERROR, 2e-4 * side), max(thin_wall, pen * scale))
 
     def begin(self, *items: Any) -> None:
-        """Paint what follows for items of the file."""
+        """Begin to paint items of the file."""
         self._items = items
         self.fates |= dict.fromkeys(items, "")
 
     def leave(self, reason: str, item: Any = None) -> None:
-        """Leave out an item for a reason, unless it is painted at another place."""
+        """Leave out an item for a reason, unless it is painted elsewhere."""
         self.fates.setdefault(object() if item is None else item, reason)
 
     @property
     def left_out(self) -> Counter[str]:
-        """The number of items that are not read, by reason, and of looks that are not followed."""
+        """The number of items that are left out, by reason, and of properties that are ignored."""
         return Counter(filter(None, self.fates.values())) + self.ignored
 
     def count(self, steps: int = 1) -> None:

@@ -1,7 +1,7 @@
-"""The kinds of decisions that a person makes about a plan.
+"""The kinds of decisions that a user makes about a plan.
 
-Each has its keys in a file, and what it changes in a :class:`~lrf3d.plans.plan.Plan`. To add one,
-write its class and enter it in `DECISIONS`, which are applied in that order.
+Each class has the keys of its table in a file, and changes a :class:`~lrf3d.plans.plan.Plan`. To
+add one, write its class and enter it in `DECISIONS`, whose order is that in which they are applied.
 """
 
 from collections.abc import Mapping
@@ -25,29 +25,29 @@ from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pieces import walls
 from lrf3d.world.schema import Converter, at, row, rows, table, text
 
-# Distance [m] from a place within which the middle of a stroke is the one that was pointed at: less
-# than walls are thick.
+# Distance [m] from a selected place within which the middle of its stroke lies; smaller than the
+# thickness of walls.
 NEAR = 0.05
 
-# Distance [m] within which ends of walls are at one place: far less than a person can point.
+# Distance [m] within which ends of walls coincide: far less than a user can point at.
 SAME = 0.002
 
-# Half the width [m] of what is cut along a line: walls are drawn at least so far apart.
+# Half the width [m] of the strip that is cut along a line; walls are drawn farther apart.
 CUT = 0.02
 
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision; its values are those of its keys in a file, with `_` after a word of Python.
+    """A decision; its fields are its keys in a file, with `_` after names that Python reserves.
 
-    Each is annotated with what converts it.
+    Each is annotated with its converter.
     """
 
-    # Its table in a file.
+    # The name of its table in a file.
     key: ClassVar[str]
-    # What converts its values, by their names in a file: the notes of its fields.
+    # The converters of its values, by their names in a file: the notes of its fields.
     keys: ClassVar[Mapping[str, Converter]]
-    # Whether there is one at most.
+    # Whether a file has at most one.
     single: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
@@ -70,12 +70,12 @@ class Decision:
         return cls(**{each.name: found.get(each.name.rstrip("_")) for each in fields(cls)})
 
     def as_dict(self) -> dict[str, Any]:
-        """Its table in a file, as plain values."""
+        """Its table for a file, as plain values."""
         held = {each.name.rstrip("_"): getattr(self, each.name) for each in fields(self)}
         return {name: _plain(value) for name, value in held.items() if value is not None}
 
     def change(self, plan: Plan) -> Plan | None:
-        """The plan with the decision; None where it fits nothing in it."""
+        """The plan with the decision applied; None if it matches nothing in the plan."""
         return self._change(plan)
 
     def _change(self, plan: Plan) -> Plan | None:
@@ -91,7 +91,7 @@ def _frozen(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON has it, with lists instead of tuples."""
+    """A value for JSON, with lists instead of tuples."""
     if isinstance(value, Mapping):
         return {str(name): _plain(each) for name, each in value.items()}
     return [*map(_plain, value)] if isinstance(value, list | tuple) else value
@@ -106,7 +106,7 @@ SELECT = {"layer": text(), "colour": text(), "rule": text(), "near": _POINT, "in
 
 @dataclass(frozen=True)
 class Reading(Decision):
-    """How the file is read: the grey of paper, the page of a PDF file."""
+    """How the file is read: the threshold of grey, and the page of a PDF file."""
 
     threshold: Annotated[float | None, number] = None
     page: Annotated[int | None, whole_number] = None
@@ -133,7 +133,7 @@ class Scale(Decision):
         return PerUnit(self.metres / apart)
 
     def _change(self, plan: Plan) -> Plan:
-        # The file is read by it; a size that was pointed out is not doubted.
+        # The reader has used the scale already; here the doubt about the size is dropped.
         return plan._replace(doubt="")
 
 
@@ -142,7 +142,7 @@ class Class(Decision):
     """What selected strokes are: a key of `KINDS`, such as ``wall`` or ``nothing``.
 
     A selector has a ``layer`` (a pattern), a ``colour``, a ``rule``, ``near`` (the middle of a
-    stroke) or ``inside`` (a polygon), in units of the drawing; of several all must hold.
+    stroke) or ``inside`` (a polygon), in units of the drawing; if it has several, all must hold.
     """
 
     select: Annotated[Any, table(SELECT)]
@@ -180,19 +180,19 @@ def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
 
 
 def _fits(names: Any, pattern: str) -> Bool:
-    """Which names (n,) fit a pattern."""
+    """Which names (n,) match a pattern."""
     fits = {name: fnmatch(name.casefold(), pattern.casefold()) for name in set(names.tolist())}
     return np.array([fits[name] for name in names.tolist()], dtype=bool)
 
 
 def _rule(name: str) -> str:
-    """The pattern of a rule by the plural of what it finds: ``letters`` of letter strokes."""
+    """The pattern of a rule's name from the plural of what it finds: ``letters``, ``letter *``."""
     return f"{name.removesuffix('s')} *"
 
 
 @dataclass(frozen=True)
 class Move(Decision):
-    """The ends of walls at one place [m] are moved to another."""
+    """Moves the ends of walls at one place [m] to another."""
 
     end: Annotated[Any, _POINT]
     to: Annotated[Any, _POINT]
@@ -211,7 +211,7 @@ class Move(Decision):
 
 @dataclass(frozen=True)
 class Remove(Decision):
-    """A piece of wall between two places [m] is taken away."""
+    """Removes the pieces of walls along the line between two places [m]."""
 
     between: Annotated[Any, _LINE]
     key = "remove"
@@ -222,14 +222,14 @@ class Remove(Decision):
 
 
 def _along(plan: Plan, area: Any) -> Bool:
-    """Which of the strokes (n,) that stand meet an area."""
+    """Which strokes (n,) stand and meet an area."""
     lines = shapely.linestrings(plan.parts.segments.reshape(-1, 2, 2))
     met = shapely.intersects(lines, area)
     return np.asarray(plan.parts.stands & met)
 
 
 def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
-    """The plan without what of some strokes (n,) lies in an area; None if there are none."""
+    """The plan with chosen strokes (n,) cut away inside an area; None if none are chosen."""
     parts = plan.parts
     if not chosen.any():
         return None
@@ -295,7 +295,7 @@ class Doorway(Decision):
         ends = [[place + s * half + t * across for t in faces] for s in (-1.0, 1.0)]
         corners = np.array([ends[0][0], ends[1][0], ends[0][0] + self.width * across])
         door = Door(corners, self.width)
-        # The ends of a wall of two faces are closed.
+        # Jambs close the ends of a wall with two faces.
         owner = parts.objects[stands[met]].max(initial=TOUCHED)
         jambs = np.array(ends).reshape(2, -1) if len(faces) > 1 else np.empty((0, 4))
         closed = cut.parts.joined(Parts.of(jambs, "wall", rules="drawn", objects=owner))
@@ -307,7 +307,7 @@ _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def _faces(off: Float) -> list[float]:
-    """Of the distances (k,) [m] of parallel lines from a place those of the faces of one wall."""
+    """Distances [m] of the one or two faces of the nearest wall, among those (k,) of lines."""
     near = sorted({round(float(each), 6) for each in off}, key=abs)
     return near[:1] + [each for each in near[1:2] if abs(each - near[0]) <= THICKEST_WALL]
 
@@ -325,7 +325,7 @@ class PlacedRobot(Decision):
 
     def _change(self, plan: Plan) -> Plan:
         values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
-        # A person points at places; the way between them is planned.
+        # The user gives only places; the path between them is planned.
         if "route" in values:
             values["goals"] = values.pop("route")
         return _with_robot(plan, values)

@@ -1,7 +1,7 @@
-"""Decisions of a person about a plan: they are kept next to a drawing, and obeyed.
+"""A user's decisions about a plan, which are kept in a file next to the drawing.
 
-The values of ``FILE.edit.toml`` or a list of decisions enters, and a plan that was read; the plan
-leaves as it was decided, with what fits nothing any more.
+A plan that was read enters, with the values of ``FILE.edit.toml`` or a list of decisions; the plan
+leaves with the decisions applied, and with those listed that match nothing any more.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class PlanEdits:
-    """The decisions about a drawing, the name of its file, and the digest of its bytes.
+    """The decisions about a drawing, with the name of its file and the digest of its bytes.
 
     Raises:
         WorldError: A decision is invalid.
@@ -54,12 +54,12 @@ class PlanEdits:
         return [each for each in self.decisions if isinstance(each, kind)]
 
     def one(self, kind: type[Decision]) -> Any:
-        """The decision of a kind of which there is one at most, or None."""
+        """The decision of a kind that occurs at most once, or None."""
         return next(iter(self.all(kind)), None)
 
     @classmethod
     def of(cls, found: Any) -> "PlanEdits":
-        """Decisions, given as such, as a list, as the values of a file, or by its path."""
+        """Decisions from a PlanEdits, a list, the values of a file, or its path."""
         if isinstance(found, PlanEdits):
             return found
         if isinstance(found, str | Path):
@@ -122,10 +122,10 @@ class PlanEdits:
         return found if scale is None else {**found, "scale": scale.per_unit}
 
     def applied(self, plan: Plan, name: str) -> Plan:
-        """A plan, read by the options, with the decisions; what fits nothing any more is named.
+        """A plan with the decisions applied; those that match nothing any more are named.
 
         Raises:
-            WorldError: None of the selections fits: they are of another drawing.
+            WorldError: None of the selections matches: they belong to another drawing.
         """
         lost = list[str]()
         tried = 0

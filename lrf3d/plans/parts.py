@@ -1,6 +1,6 @@
-"""The strokes of a plan as a table: what each was taken for, and what decided it.
+"""The strokes of a plan as a table: what each was taken for, and by which rule.
 
-A plan that was read enters; decisions of a person change the table, and the plan follows it.
+The user's decisions change this table, from which the plan is then made again.
 """
 
 from typing import Any, NamedTuple
@@ -14,10 +14,10 @@ from lrf3d.world import World
 from lrf3d.world.materials import named
 from lrf3d.world.model import DEFAULT_HEIGHT
 
-# Height of furniture [m]: that of tables and of kitchen units.
+# Height of furniture [m], such as tables and kitchen units.
 FURNITURE_HEIGHT = 0.8
 
-# What a stroke may be taken for, and its height [m]; 0 for what does not stand.
+# What a stroke may be taken for, and its height [m]; 0 if it is no obstacle.
 KINDS = {
     "wall": DEFAULT_HEIGHT,
     "furniture": FURNITURE_HEIGHT,
@@ -27,12 +27,12 @@ KINDS = {
     "nothing": 0.0,
 }
 
-# The number of the object of a stroke whose object follows from what it touches.
+# Object number of a stroke that belongs to the object of the walls that it touches.
 TOUCHED = -1
 
 
 class Parts(NamedTuple):
-    """Strokes (n, 4) [m], and for each (n,) what is known of it."""
+    """Strokes (n, 4) [m], with columns (n,) of their properties."""
 
     segments: Float
     # Keys of `KINDS`.
@@ -41,7 +41,7 @@ class Parts(NamedTuple):
     heights: Float
     # Names of materials; empty for plaster.
     materials: Any
-    # The rule that decided, or ``drawn``; empty where the layer or nothing did.
+    # The rule that decided, or ``drawn``; empty if the layer decided, or nothing.
     rules: Any
     layers: Any
     # As ``#rrggbb``; empty where they are not known.
@@ -51,7 +51,7 @@ class Parts(NamedTuple):
 
     @classmethod
     def of(cls, segments: Float, kind: str, **columns: Any) -> "Parts":
-        """Strokes (n, 4) of one kind; other columns have one value for all, or one for each."""
+        """Strokes (n, 4) of one kind; other columns are given as one value, or one a stroke."""
         usual = {
             "kinds": kind,
             "heights": KINDS[kind],
@@ -89,7 +89,7 @@ class Parts(NamedTuple):
         return np.array([KINDS[kind] > 0.0 for kind in self.kinds], dtype=bool)
 
     def joined(self, *others: "Parts") -> "Parts":
-        """The strokes, and those of others after them."""
+        """These strokes, followed by others."""
         return Parts(*map(np.concatenate, zip(self, *others, strict=True)))
 
     def taken(self, rows: Any) -> "Parts":
@@ -98,7 +98,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(strokes: Strokes, marks: list[Mark], walls: Float, own: Int, role: Any) -> Parts:
-    """The walls, each of the mark (n,) and with the role (n,), and what each rule took out."""
+    """The walls, each with its mark (n,) and its role (n,), and the strokes that rules took out."""
     layers = np.array([mark.layer for mark in marks] or [""], dtype=object)
     colours = np.array([mark.colour for mark in marks] or [""], dtype=object)
 
@@ -119,9 +119,9 @@ def parts_of(strokes: Strokes, marks: list[Mark], walls: Float, own: Int, role: 
 
 
 def world_of_parts(parts: Parts, world: World, base: World | None) -> World:
-    """A world with the walls that stand, as objects of one material each.
+    """A world of the strokes that stand, each object with one material.
 
-    The world (n walls) has the objects that walls which touch are; walls of a base keep theirs.
+    Walls that touch are one object; walls of a base world keep their objects.
     """
     count = 0 if base is None else base.object_count
     own = np.where(parts.objects >= 0, parts.objects, world.objects + count)

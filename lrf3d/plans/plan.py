@@ -61,13 +61,13 @@ CUTTING = 1.5
 # Distance [m] from the outline of an area within which a line still lies on the area.
 OUTLINE = 1e-4
 
-# What is left out for its role is called so; otherwise by its layer.
+# Reasons for items that are left out because of their role; other items name their layer.
 ROLES = {"floor": "floor", "doorway": "doorway", "dashed": "dashed line"}
 
-# Distance [m] within which the edges of two rooms are one wall.
+# Distance [m] within which edges of two rooms are the same wall.
 SHARED = 1e-3
 
-# Least share of the outlines of rooms side by side that two of them have in common.
+# Least share of the length of outlines that adjacent rooms have in common.
 COMMON = 0.05
 
 # Least number of plans on one sheet that are the houses of one town, and no reason to warn.
@@ -75,12 +75,12 @@ TOWN = 10
 
 
 class Piece(NamedTuple):
-    """What is drawn of some items: a line, or areas that are joined, with their role."""
+    """The shape that items draw, a line or joined areas, with its role."""
 
     shape: Any
     role: str
     items: tuple[Any, ...]
-    # The mark that it is of: of several, the first.
+    # The mark from which it comes, or the first of several.
     mark: Mark
 
 
@@ -110,16 +110,16 @@ class Plan(NamedTuple):
     gap: float = TOUCHING
     # Why it may be wrong, and what may correct it.
     doubt: str = ""
-    # What the source holds: used, and left out by reason.
+    # The items of the source: used, and left out by reason.
     balance: Balance = Balance("item")
     # Unit of the drawing [m].
     unit: float = 1.0
-    # The tables of the robot and its obstacles that were decided by hand.
+    # The tables of the robot and the dynamic obstacles from decisions.
     tables: Mapping[str, Any] = {}
     obstacles: tuple[Mapping[str, Any], ...] = ()
-    # The world that the plan is an edited one of.
+    # The world of which this is an edited plan.
     base: World | None = None
-    # Decisions that fit nothing any more, in words.
+    # Decisions that match nothing any more, in words.
     lost: tuple[str, ...] = ()
 
     @property
@@ -242,9 +242,10 @@ def _balance(
     strokes: Strokes,
     kept: Int,
 ) -> Balance:
-    """What became of each item of a drawing, of whose strokes some are kept, by number.
+    """The balance of a drawing's items, some of whose strokes are kept, given by number.
 
-    The last of its fates counts: what is seen of it, what rules take of that, what stands.
+    For each item the last decision counts: whether it is visible, its layer, rules, and whether it
+    stands.
     """
 
     def items(chosen: Any, fate: str) -> dict[Any, str]:
@@ -375,7 +376,7 @@ def _divides(shape: Any, marks: list[Mark], near: Int) -> bool:
 
 
 def _pieces(marks: list[Mark], roles: list[str]) -> list[Piece]:
-    """The lines outside of areas that stand, these areas, and all others."""
+    """The lines outside of standing areas, these areas, and all others."""
     solids = _solids(marks, roles)
     large = [piece.shape for piece in solids if piece.shape.length > CUTTING]
     solid = shapely.union_all(large).buffer(OUTLINE)
@@ -391,9 +392,9 @@ def _pieces(marks: list[Mark], roles: list[str]) -> list[Piece]:
 
 
 def _rooms(marks: list[Mark], roles: list[str]) -> list[Piece]:
-    """The walls around rooms, where rooms are drawn as floors side by side, and no walls.
+    """The walls around rooms in a drawing without walls, whose rooms are adjacent areas.
 
-    A pale area that lies on a wall between two rooms is a door, which stands open.
+    A pale area on the wall between two rooms is an open door.
     """
     floors = [mark for mark, role in zip(marks, roles, strict=True) if role == "floor"]
     others = [mark for mark, role in zip(marks, roles, strict=True) if role in STANDS]
@@ -401,7 +402,7 @@ def _rooms(marks: list[Mark], roles: list[str]) -> list[Piece]:
         return []
     shapes = np.array([mark.shape for mark in floors])
     outline = shapely.union_all(shapely.boundary(shapes), grid_size=SHARED)
-    # Rooms side by side have walls in common.
+    # Adjacent rooms have walls in common.
     if outline.length > (1.0 - COMMON) * shapely.length(shapes).sum():
         return []
     doors = [mark for mark in others if mark.shape.intersects(outline)]

@@ -1,6 +1,6 @@
 """Reading plans: the file of a drawing or a picture enters, its walls and doors leave.
 
-Decisions of a person about the drawing, from the file next to it, are obeyed.
+The user's decisions about the drawing, from the file next to it, are applied.
 """
 
 from importlib import import_module
@@ -27,12 +27,12 @@ def read_plan(
     """Read the plan of a drawing or a picture: the walls and doors that `load_world` starts from.
 
     Args:
-        path: The file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp; or of a world, to be edited.
+        path: A file: .dxf, .svg, .pdf, .png, .pgm, .jpg or .bmp; or a world that is to be edited.
         edits: Decisions about it: their file, a list of them, or a
-            :class:`~lrf3d.plans.edits.PlanEdits`. If not given, those of ``FILE.edit.toml``, where
-            that is there; ``()`` for none.
+            :class:`~lrf3d.plans.edits.PlanEdits`. If not given, those of ``FILE.edit.toml``, if
+            it exists; ``()`` for none.
         scale: Enlarges the plan, but not the heights.
-        isolated: Whether it is read in a process of its own, with limits.
+        isolated: Read the file in a process of its own, with limits on memory and time.
         options: ``resolution``, ``threshold``, ``layers``, ``without`` and ``page``, as for
             `load_world`.
 
@@ -58,7 +58,7 @@ def read_plan(
         edits = edits_path(path)
     if edits is None:
         return drawn_plan(path, scale, isolated, **options)
-    # The process that reads a drawing, which imports this file too, knows no decisions.
+    # Imported here, since the process that reads a drawing needs no decisions.
     from lrf3d.plans.edits import PlanEdits, digest_of
 
     found = PlanEdits.of(edits)
@@ -80,7 +80,7 @@ def read_plan(
 def drawn_plan(
     path: Path, scale: float | PerUnit = 1.0, isolated: bool = True, **options: Any
 ) -> Plan:
-    """The plan of a file without decisions, or of the walls of a world."""
+    """The plan of a drawing without decisions, or of the walls of a world."""
     if is_plan(path):
         reader = "lrf3d.world.files:value_of_file"
         plan: Plan = read_world(reader, path, scale, isolated, options)
@@ -97,7 +97,7 @@ def plan_of_file(
     without: Any = (),
     **options: Any,
 ) -> Plan:
-    """Make the plan of a file by the reader of its format."""
+    """Read the plan of a file with the reader of its format."""
     if is_picture(path):
         from lrf3d.plans.readers.picture import read_picture
 

@@ -1,7 +1,7 @@
-"""Whether a drawing has the size of a building, and by which scales it would.
+"""Checking whether a drawing has the size of a building, and which scales would correct it.
 
-The strokes of a drawing enter; advice leaves, each scale of which was tried: by it the drawing is
-as large as a building, and its doors, if it has any, are as wide as doors.
+The strokes of a drawing enter; advice leaves. It only offers scales that were tried: they make the
+drawing as large as a building, and its doors, if it has any, as wide as doors.
 """
 
 import re
@@ -14,16 +14,16 @@ from lrf3d.plans.rules.doors import find_doors
 from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
 from lrf3d.world.model import SHEET
 
-# Least and largest extent of a building [m]: of a hut, and of an airport.
+# Least and largest extent of a building [m]: a hut, and an airport.
 EXTENT = (3.0, 400.0)
 
-# Length [m] above which half of the length of the walls of a plan never is.
+# In every plan, less than half of the total wall length belongs to walls longer than this [m].
 LONGEST = 15.0
 
 # Least and largest width [m] of most doors.
 DOORS = (0.6, 1.2)
 
-# Metres in the units in which drawings are made.
+# Units of drawings [m].
 UNITS = {
     "metres": 1.0,
     "centimetres": 0.01,
@@ -32,7 +32,7 @@ UNITS = {
     "feet": 0.3048,
 }
 
-# Usual scales of sheets, 1 to each of these.
+# Usual scales of sheets: 1 to each of these.
 SHEETS = (20, 25, 50, 75, 100, 125, 150, 200, 250, 500, 1000)
 
 # Matches a scale of a sheet, such as 1:125.
@@ -61,13 +61,13 @@ def unit_scales(unit: float) -> dict[float, str]:
 
 
 def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
-    """The doubt about the size of a drawing, with scales that would fit; empty where none is."""
+    """A doubt about the size of a drawing, with scales that would fit; empty if there is none."""
     if not len(strokes.segments) or not canvas.scales:
         return ""
     points = strokes.segments.reshape(-1, 2)
     long = lengths(strokes.segments)
     usual = _quantile(long, long, 0.5)
-    # A single line that reaches far away does not make a large plan.
+    # A single long line does not make a large plan.
     weights = np.repeat(long, 2)
     size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
     if size.max() >= SHEET and usual <= LONGEST:
@@ -94,14 +94,14 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
 
 
 def _quantile(values: Float, weights: Float, share: float) -> float:
-    """The value (n,) up to which the weights (n,) are a share of all."""
+    """The weighted quantile of values (n,): up to it, weights (n,) reach a share of their sum."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, share * total[-1])]])
 
 
 def _doors(strokes: Strokes, factor: float) -> int:
-    """The number of doors of a usual width, if a drawing is enlarged by a factor."""
+    """The number of doors of usual width when a drawing is enlarged by a factor."""
     drawn = np.isin(strokes.role, MAY_OPEN)
     doors, _ = find_doors(factor * strokes.segments, strokes.line, drawn)
     return sum(DOORS[0] <= door.width <= DOORS[1] for door in doors)

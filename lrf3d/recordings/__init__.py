@@ -1,4 +1,4 @@
-"""Runs and recorded logs on disk; what simulates or maps is loaded when it is first used."""
+"""Runs and recorded logs on disk; modules that simulate or map are loaded on first use."""
 
 from typing import TYPE_CHECKING
 

@@ -240,11 +240,11 @@ UNTIMED = 0.1
 
 @dataclass
 class Intake:
-    """What was noted and refused while a log was read.
+    """Notes and bad lines that are collected while a log is read, and the user's limits.
 
-    Readings from ``largest_range`` [m] on mean no return, if the user gave it; those up to
-    ``smallest_range`` [m] and those between the first and the last bearings [rad] of ``mask`` are
-    left out. ``without`` names the repairs that are left out.
+    Readings of ``largest_range`` [m] or more mean no return, if the user gave it; those of
+    ``smallest_range`` [m] or less, and those between the first and last bearings [rad] of ``mask``,
+    are left out. ``without`` names the repairs that are left out.
     """
 
     path: Path
@@ -310,7 +310,7 @@ class Intake:
         )  # fmt: skip
 
     def _unmasked(self, scans: Sequence[LaserScan]) -> Sequence[LaserScan]:
-        """The scans without what the user left out; it is not measured, −inf, and counted."""
+        """The scans; readings that the user leaves out become −inf and are counted."""
         if not self.smallest_range and not self.mask:
             return scans
         turn = 2.0 * np.pi

@@ -59,9 +59,9 @@ def load_log(
     Args:
         path: A CARMEN log or a text of a scan a line, gzipped or not; a ROS bag, as .mcap, .db3,
             .bag or a folder; a .npz or .mat file of arrays; or a run.npz or its folder.
-        largest_range: Readings from this one on mean no return [m]; if not given, those from the
-            range that the log names for its range finder, or the largest one where it stands out.
-        smallest_range: Readings up to this one are left out [m].
+        largest_range: Readings of this or more mean no return [m]; if not given, this is the range
+            that the log names for its range finder, or the largest reading if it stands out.
+        smallest_range: Readings of this or less are left out [m].
         mask: First and last bearings [rad] of beams that are left out, such as those that hit the
             robot itself.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
@@ -72,7 +72,7 @@ def load_log(
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
         without_repairs: Names of repairs that are left out. Reading makes only ``no_return``;
             without it the largest and smallest readings are kept as they are.
-        isolated: Whether it is read in a process of its own, with limits.
+        isolated: Read the file in a process of its own, with limits on memory and time.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -118,7 +118,7 @@ def log_of_file(
     mask: Any,
     **given: Any,
 ) -> LaserLog:
-    """The log of a file by the reader of its format, with the options that the format has."""
+    """Read a log with the reader of its format, which gets the options that the format has."""
     row = _format_of(path, in_columns=bool(given["format"]))
     if "scan_topic" not in row.options and (given["scan_topic"] or given["part"]):
         name = "scan topic" if given["scan_topic"] else "part"

@@ -174,7 +174,7 @@ class OmniDrive:
 
 
 def able(robot: object, twist: Twist) -> Twist:
-    """What a robot does of a twist that it is asked for: only some drive sideways or turn so fast.
+    """The twist that a robot performs when commanded: only an OmniDrive moves sideways.
 
     Examples:
         >>> from lrf3d.robot.kinematics import AckermannDrive, able

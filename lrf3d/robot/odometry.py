@@ -78,7 +78,7 @@ class WheelOdometry:
         distance = float(np.hypot(ahead, left))
         noise = np.zeros((3, 3))
         if distance > 0.0:
-            # What slips is the distance, along the path.
+            # Slip makes errors along the path.
             path = np.array([ahead, left]) / distance
             noise[:2, :2] = self.slip**2 * distance * np.outer(path, path)
         noise[2, 2] = self.swerve**2 * distance + self.skid**2 * abs(turn)
@@ -86,18 +86,18 @@ class WheelOdometry:
 
 
 class OdometryBelief:
-    """How surely a pose by odometry is known: its covariance grows along the drive.
+    """The uncertainty of a pose by odometry, whose covariance grows along the drive.
 
-    Random errors add their variances; the shares that are measured too much are the same all the
-    way, so that their errors add up themselves. Both are of first order.
+    The variances of random errors add up. Systematic errors are the same along the whole drive, so
+    they themselves add up. Both are propagated to first order.
     """
 
     def __init__(self, wheels: WheelOdometry) -> None:
         self._wheels = wheels
-        # [m, rad] for each of the shares, as deviations.
+        # Standard deviation of each systematic error.
         self._shares = np.array([wheels.scale, wheels.track, wheels.turn_per_metre])
         self._random = np.zeros((3, 3))
-        # Derivative of the pose by each share.
+        # Derivative of the pose by each systematic error.
         self._drift = np.zeros((3, 3))
 
     @property
@@ -107,7 +107,7 @@ class OdometryBelief:
         return np.asarray(self._random + drift @ drift.T)
 
     def drive(self, pose: Float, increment: Float) -> None:
-        """Drive from a pose (3,) by a measured increment (3,)."""
+        """Add a measured increment (3,) at a pose (3,)."""
         cos = np.cos(pose[2])
         sin = np.sin(pose[2])
         turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -120,7 +120,7 @@ class OdometryBelief:
         self._drift = by_pose @ self._drift + turned @ by_shares
 
     def twist_covariance(self, twist: Float, seconds: float) -> Float:
-        """Covariance (3, 3) of a twist [m/s], [rad/s] that was measured over a time [s]."""
+        """Covariance (3, 3) of a twist [m/s], [rad/s] that was measured during a time [s]."""
         ahead, left, turn = (twist * seconds).tolist()
         shares = np.array([[ahead, 0.0, 0.0], [left, 0.0, 0.0], [0.0, turn, ahead]]) * self._shares
         noise = self._wheels.noise(ahead, left, turn) + shares @ shares.T
@@ -247,15 +247,15 @@ class ImuRecord(Value):
 
     @property
     def variances(self) -> tuple[float, float]:
-        """Variances of a turn rate [rad²/s²] and of an acceleration [m²/s⁴], from their noise.
+        """Variances of the turn rate [rad²/s²] and of the acceleration [m²/s⁴], from their noise.
 
-        Second differences hardly have any of the motion; their median has none of its steps.
+        Second differences remove most of the motion, and their median ignores its steps.
         """
         if len(self.times) < 3:
             return 0.0, 0.0
         columns = self.turn_rates[:, None], self.accelerations
         spreads = [float(np.median(np.abs(np.diff(each, n=2, axis=0)))) for each in columns]
-        # The median of a normal distribution's sizes, and the variance of a second difference.
+        # Median of the absolute values of a normal distribution; variance of a second difference.
         of_gyro, of_accelerometers = ((spread / 0.6745) ** 2 / 6.0 for spread in spreads)
         return of_gyro, of_accelerometers
 

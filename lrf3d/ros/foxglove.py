@@ -1,7 +1,7 @@
 """The stream of a live robot for Foxglove and Lichtblick, without ROS.
 
-Foxglove's WebSocket protocol: channels are advertised in JSON, and messages are binary, each after
-an opcode. All is done in the thread of the stream, between two ticks.
+Foxglove's WebSocket protocol advertises channels in JSON; messages are binary, and begin with an
+opcode. Everything runs in the thread of the stream, between two ticks.
 """
 
 import asyncio
@@ -22,8 +22,8 @@ from lrf3d.simulation.scenario import Scenario
 # The port that Foxglove opens by default.
 PORT = 8765
 
-# Sites whose pages may connect, apart from those of this machine and from programs: any other page
-# that somebody visits could read the scans and drive the robot.
+# Sites whose pages may connect, in addition to pages of this machine and to programs. Otherwise any
+# page that the user visits could read the scans and drive the robot.
 SITES = (
     "https://app.foxglove.dev",
     "https://studio.foxglove.dev",
@@ -33,36 +33,37 @@ SITES = (
 # Names of this machine, whose pages may connect.
 OWN_NAMES = ("localhost", "127.0.0.1", "::1")
 
-# Names of the protocol, as newer and older programs ask for it.
+# Names by which newer and older programs request the protocol.
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 
-# Length of the longest message of a client [bytes]: a list of all topics has some hundred.
+# Longest message of a client [bytes]; a list of all topics has a few hundred.
 MESSAGE_SIZE = 100_000
 
-# Messages of a client in a second [1/s], more of which end its connection: a joystick sends 100.
+# Largest rate of a client's messages [1/s], above which it is disconnected; a joystick sends 100.
 MOST_MESSAGES = 500
 
-# Bytes that wait for a client, beyond which it misses messages: a city's map has some megabytes.
+# Unsent data [bytes] above which a client misses messages; a city's map has some megabytes.
 BACKLOG = 20_000_000
 
-# Opcodes of the binary messages: data, of either side, and the time.
+# Opcodes of binary messages: data, in both directions, and the time.
 DATA = 1
 TIME = 2
 
-# Time for clients between two ticks [s], also of a robot that is late: greetings take some turns.
+# Least time for clients between two ticks [s], also if the robot is late: a handshake takes several
+# rounds of the event loop.
 LEAST_WAIT = 0.002
 
-# Time that clients have to close their connections in the end [s].
+# Time for clients to close their connections at the end [s].
 LAST_WORDS = 0.5
 
 
 class Client:
-    """What a client asked for: its subscriptions by channel, and its channel of commands."""
+    """A client's connection, with its subscriptions and its channel of commands."""
 
     def __init__(self, page: Any) -> None:
         self.page = page
         self.subscriptions: dict[int, int] = {}
-        # The head of the messages of its channel, and their type.
+        # The first bytes of the messages of its channel, and their type.
         self.commands: tuple[bytes, str] | None = None
         # The newest command, which is obeyed at the next tick.
         self.command: bytes | None = None
@@ -70,7 +71,7 @@ class Client:
         self._count = 0
 
     def floods(self) -> bool:
-        """Whether this message is one too many in its second."""
+        """Count a message; returns whether it is one too many in this second."""
         if (now := monotonic()) > self._second + 1.0:
             self._second = now
             self._count = 0
@@ -86,7 +87,7 @@ class Client:
 
 
 class Channels:
-    """Channels of a server, one for each topic, and its clients."""
+    """A server with a channel for each topic, and its clients."""
 
     def __init__(self, stream: Stream, host: str, port: int, sites: Collection[str]) -> None:
         try:
@@ -97,7 +98,7 @@ class Channels:
         self._sites = sites
         self._numbers = {topic.name: number for number, topic in enumerate(stream.topics, 1)}
         self._clients = list[Client]()
-        # Time and data of what late subscribers get, by channel.
+        # Time and data of the last message for late subscribers, by channel.
         self._latched: dict[int, tuple[int, bytes]] = {}
         names: Any = PROTOCOLS
 
@@ -124,9 +125,9 @@ class Channels:
         self.address = f"ws://{host}:{self._server.sockets[0].getsockname()[1]}"
 
     def close(self) -> None:
-        """Leave the clients."""
+        """Close the connections."""
         self._server.close()
-        # Clients that have stopped reading would not let the end come.
+        # Clients that have stopped reading would block the end forever.
         ending = self._loop.create_task(self._server.wait_closed())
         self._loop.run_until_complete(asyncio.wait({ending}, timeout=2.0 * LAST_WORDS))
         for client in self._clients:
@@ -148,7 +149,7 @@ class Channels:
                     client.send(struct.pack("<BIQ", DATA, subscription, time) + data)
 
     def serve(self, seconds: float) -> None:
-        """Hear clients for a time [s], and obey the newest command of each."""
+        """Serve clients for a time [s], then apply the newest command of each."""
         self._loop.run_until_complete(asyncio.sleep(max(LEAST_WAIT, seconds)))
         for client in self._clients:
             if client.command is not None:
@@ -166,7 +167,7 @@ class Channels:
             stream.robots[0].obey(message)
 
     def _refusal(self, connection: Any, request: Any) -> Any:
-        """Refuse pages of other sites; programs name none, or one that no page can have."""
+        """Refuse pages of other sites; programs send no origin, or one that no page can have."""
         for origin in request.headers.get_all("Origin"):
             site = urlsplit(origin)
             is_page = site.scheme in ("http", "https", "")
@@ -176,7 +177,7 @@ class Channels:
         return None
 
     async def _hear(self, page: Any) -> None:
-        """Take the messages of a client until it leaves."""
+        """Handle the messages of a client until it disconnects."""
         stream = self._stream
         about = {"op": "serverInfo", "name": stream.scenario.name, "supportedEncodings": ["cdr"]}
         await page.send(json.dumps({**about, "capabilities": ["clientPublish", "time"]}))
@@ -209,7 +210,7 @@ class Channels:
         ]
 
     def _take(self, client: Client, message: str | bytes) -> None:
-        """Take a message of a client; a malformed one changes nothing."""
+        """Handle a message of a client; a malformed one changes nothing."""
         if isinstance(message, bytes):
             if client.commands and message[:5] == client.commands[0]:
                 client.command = message[5:]
@@ -232,7 +233,7 @@ class Channels:
             works[asked["op"]](client, asked)
 
     def _subscribe(self, client: Client, asked: Any) -> None:
-        """Send from now on what is published, and now what late subscribers get."""
+        """Subscribe a client: send what is published from now on, and the last message if kept."""
         for each in asked["subscriptions"]:
             number = int(each["channelId"])
             subscription = int(each["id"])
@@ -270,7 +271,7 @@ def serve_foxglove(
 ) -> None:
     """Serve a robot to Foxglove until the program is interrupted.
 
-    Pages of other sites than these and this machine's are refused; programs connect.
+    Programs, pages of this machine and pages of the given sites may connect; others are refused.
 
     Raises:
         MissingLibraryError: The libraries of the extra ``foxglove`` are not installed.

@@ -38,7 +38,7 @@ class SecondClockError(InputError):
 
 
 def require_ros() -> None:
-    """Check that ROS 2 is there."""
+    """Check that ROS 2 is installed."""
     try:
         import_module("rclpy")
         import_module("tf2_msgs.msg")
@@ -72,7 +72,7 @@ class Node:
         self._publishers = dict[str, Any]()
         self._said = dict[str, float]()
         self._commands = list[str]()
-        # Types that are subscribed to.
+        # Types of messages that are subscribed to.
         self._heard = list[str]()
         self._checked = monotonic()
         self._discovered = self._checked + DISCOVERY
@@ -141,7 +141,7 @@ class Node:
 
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-        # Reliable publishers serve such a subscriber, too.
+        # Such a subscriber also works with reliable publishers.
         quality = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
         name = f"{robot.prefix}cmd_vel"
         for node, kind in zip(self._nodes, COMMANDS, strict=True):

@@ -83,15 +83,16 @@ GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", depth=1, latched=True)
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How a robot is served.
+    """Settings of a robot that is served.
 
     Args:
         rate: Scans per second; that of the scenario if not given.
-        speed_up: Simulated seconds per second; 0 is as fast as it goes.
-        give: What is given of the truth: ``pose`` (the map and the robot in it), ``map`` or
+        speed_up: Simulated seconds per second; 0 means as fast as possible.
+        give: What is published of the truth: ``pose`` (the map and the robot in it), ``map`` or
             ``none``.
-        wheels: Odometry as wheels measure it, also where the world file does not say how.
-        cmd_timeout: Simulated time after the last command at which the robot stops [s]; 0 is never.
+        wheels: Odometry with the errors of wheels, by default ones if the world file gives none.
+        cmd_timeout: Simulated time after the last command at which the robot stops [s]; 0 means
+            never.
         namespace: Namespace of the topics.
         robots: Number of robots; the topics and frames of several begin with robot1, robot2, ….
         clock: Publish the simulated time.
@@ -126,9 +127,9 @@ class Settings:
 
 
 class DrivenRobot:
-    """A robot that is driven by commands, and publishes what it measures.
+    """A robot that is driven by commands, and publishes its measurements.
 
-    The prefix stands before its topics and frames, such as ``robot1/``; a tick takes a time [s].
+    The prefix, such as ``robot1/``, precedes its topics and frames; a tick takes a time [s].
     """
 
     def __init__(
@@ -178,13 +179,13 @@ class DrivenRobot:
         self._wheels = wheels_of(scenario.radius)
         self._turned = [0.0 for _ in self._wheels]
         self._urdf = urdf(scenario.radius, lasers, prefix=prefix)
-        # Frames, pose and height [m] of what is fixed to the robot.
+        # Frames, poses and heights [m] of links that are fixed to the robot.
         base = prefix + ros.BASE
         self.mounts = [(base, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers]
         self.mounts.append((base, prefix + ros.FOOTPRINT, Pose(0.0, 0.0, 0.0), 0.0))
 
     def first(self, stamp: Stamp) -> Messages:
-        """What is published once: what the robot looks like, and where it starts."""
+        """Messages that are published once: the robot's model and its start."""
         yield self._model, {"data": self._urdf}
         where = ros.pose_fields(self.robot.start)
         yield self._begins, {"header": ros.header_fields(stamp, ros.MAP), "pose": where}
@@ -247,7 +248,7 @@ class DrivenRobot:
             yield self._lines, {"markers": [marker]}
 
     def drive(self) -> None:
-        """Drive on by a tick as it was commanded."""
+        """Drive by one tick with the last command."""
         before = self.robot.pose
         self.robot.drive(self.tick, *self.held)
         ahead, _, turn = twist_of(between(np.array(before), np.array(self.robot.pose))).tolist()
@@ -259,7 +260,7 @@ class DrivenRobot:
         for wheel, angle in zip(self._wheels, self._turned, strict=True):
             name = self.prefix + wheel.name
             where = ros.place(0.0, wheel.left, wheel.radius)
-            # They turn about their axis, which points to the left.
+            # Wheels turn about their axis, which points to the left.
             rotation = {"x": 0.0, "y": sin(0.5 * angle), "z": 0.0, "w": cos(0.5 * angle)}
             frames.append(ros.turned(stamp, self.prefix + ros.BASE, name, where, rotation))
         return frames
@@ -387,7 +388,7 @@ class Stream:
                 lost = 0.0
 
     def first(self) -> Messages:
-        """What is published once: robots, where lasers are mounted, and the map if it is given."""
+        """Messages that are published once: robots, mounts of lasers, and the map if given."""
         mounts = [mount for robot in self.robots for mount in robot.mounts]
         fixed = [ros.transform(self.stamp, *mount) for mount in mounts]
         for robot in self.robots:

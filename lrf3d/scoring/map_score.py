@@ -93,8 +93,8 @@ class MapScore(Report):
     """The agreement of a map with the truth.
 
     Args:
-        length_precision: Share of samples along the map that lie by a true wall, within 0.1 m
-            and 5°.
+        length_precision: Share of samples along the map that lie within 0.1 m and 5° of a true
+            wall.
         length_recall: Share of samples along the visible walls that lie as near to a map segment.
         length_f1: Harmonic mean of the two.
         segment_precision: Share of map segments that match a visible wall one to one.
@@ -108,8 +108,8 @@ class MapScore(Report):
         map_segments: Number of segments in the map.
         visible_segments: Number of visible walls.
         matched_segments: Number of pairs of the two.
-        found_segments: Number of visible walls that have a map segment within the same limits along
-            at least half of their length.
+        found_segments: Number of visible walls that map segments cover, within the same limits,
+            along at least half of their length.
     """
 
     length_precision: float
@@ -128,7 +128,7 @@ class MapScore(Report):
 
 
 def found_words(score: Mapping[str, Any]) -> str:
-    """How many walls a map has found, by its score: the sentence of summaries, films and pages.
+    """The walls that a map has found, in words, for summaries, films and pages.
 
     Examples:
         >>> from lrf3d.scoring.map_score import found_words
@@ -195,7 +195,7 @@ def score_map(
     offsets = sample_offsets(found, walls, **near)
     right = np.isfinite(offsets)
     recalled = np.isfinite(sample_offsets(visible, found, **near))
-    # A wall counts as found if the map has half of it.
+    # A wall counts as found if the map covers half of it.
     least_found = 0.5
     samples = sample_counts(visible)
     wall_of = np.repeat(np.arange(len(visible)), samples)

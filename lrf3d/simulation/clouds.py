@@ -1,7 +1,7 @@
-"""Clouds: what the lidars and depth cameras of a robot measure on a drive, cast when it is asked.
+"""Clouds: the scans of a robot's lidars and the images of its depth cameras, cast on request.
 
-A run does not hold clouds, which would take gigabytes, but what casts them again, bit for bit: the
-sensors, their noise, a seed, and the motion of the robot during each scan.
+A run does not store clouds, which would take gigabytes, but what is needed to cast them again, bit
+for bit: the sensors, their noise, a seed, and the motion of the robot during each scan.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +26,7 @@ from lrf3d.world import World
 
 
 class Clouds:
-    """Casts what the sensors of a robot measure, among walls and dynamic obstacles."""
+    """Casts the lidars and depth cameras of a robot among walls and dynamic obstacles."""
 
     def __init__(
         self, world: World, sensors: CloudSensors, obstacles: Sequence[DynamicObstacle] | Crowd
@@ -37,13 +37,13 @@ class Clouds:
 
     @cached_property
     def _caster(self) -> PlanarCaster:
-        # Most robots have no sensors of clouds.
+        # Most robots have no lidar and no depth camera.
         return PlanarCaster(self._world)
 
     def at(
         self, pose: Float, time: float, sweeps: Float | None = None
     ) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
-        """The scans of all lidars and the pictures of all depth cameras, cast one by one.
+        """The scans of all lidars and the images of all depth cameras, cast one by one.
 
         The robot is at a pose (3,) and moves by sweeps (lidars, 3) during the scans, or stands.
         """
@@ -56,7 +56,7 @@ class Clouds:
     def lidar(
         self, number: int, pose: Float, time: float, motion: Float | None, *, noisy: bool = True
     ) -> LidarScan:
-        """The scan of a lidar, where its robot is at a pose (3,), and how that moves during it."""
+        """The scan of a lidar on a robot at a pose (3,), which moves during the scan."""
         lidar = self.sensors.lidars[number]
         place = lidar.planar.placed(pose)
         moves = None if motion is None or not np.any(motion) else motion
@@ -67,7 +67,7 @@ class Clouds:
         return replace(scan, ranges=ranges, walls=walls)
 
     def depth(self, number: int, pose: Float, time: float, *, noisy: bool = True) -> DepthImage:
-        """The picture of a depth camera, where its robot is at a pose (3,)."""
+        """The image of a depth camera on a robot at a pose (3,)."""
         camera = self.sensors.depth_cameras[number]
         mount = np.array([*camera.mount[:2], camera.mount[3]])
         place = as_pose(compose(np.asarray(pose), mount))
@@ -83,7 +83,7 @@ class Clouds:
     def _measured(
         self, ranges: Float, walls: Any, fan: LaserRangeFinder, stream: int, time: float
     ) -> tuple[Float, Any]:
-        """The measured ranges (layers, beams) of true ones, and walls; the time seeds the noise."""
+        """Measured ranges (layers, beams) from true ones, and walls; the time seeds the noise."""
         moment = int(np.float64(time).view(np.uint64))
         rng = np.random.default_rng([self.sensors.seed, stream, moment])
         noise = Chain([self.sensors.noise])
@@ -103,7 +103,7 @@ class Clouds:
 
 
 def sweeps_of(lidars: Iterable[Lidar], path: Any, pose: Float, time: float) -> Float:
-    """The motions (lidars, 3) of a robot on a path, at a pose (3,), during their scans."""
+    """The robot's motion (lidars, 3) during each lidar's scan, along a path from a pose (3,)."""
     found = []
     for each in lidars:
         times = np.array([time, time + each.scan_duration])

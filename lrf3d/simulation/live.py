@@ -52,9 +52,10 @@ class LiveRobot(Driven):
         body = Body(scenario.radius, scenario.outline)
         self.start = scenario.beginning
         self.odometry = self.start
-        # How surely the odometry is known since the start; None where it is exact.
+        # The uncertainty of the odometry since the start; None if it is exact.
         self.belief = None if wheels is None else OdometryBelief(wheels)
-        # The exact odometry of a robot that was carried, as a pose of the world in its frame.
+        # The exact odometry after the robot was carried: the pose of the world in its odometry
+        # frame.
         self._carried_by: Pose | None = None
         super().__init__(self.start, 0.0, body, CollisionChecker(scenario.world, self._crowd))
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
@@ -78,7 +79,7 @@ class LiveRobot(Driven):
         self._restart_imu()
 
     def clouds(self) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
-        """Measure with each lidar and each depth camera from where the robot is now."""
+        """Measure with each lidar and each depth camera from the robot's current pose."""
         return self._clouds.at(np.array(self.pose), self.time)
 
     @property
@@ -97,11 +98,11 @@ class LiveRobot(Driven):
         return self.collision is not None
 
     def restart(self) -> None:
-        """Carry the robot back to the start, whatever stands there; time goes on."""
+        """Put the robot back at the start, whatever stands there; time goes on."""
         self._put(self.start)
 
     def carry(self, pose: Pose) -> None:
-        """Put the robot elsewhere, at rest; its odometry does not notice, and does not jump.
+        """Put the robot elsewhere, at rest; its odometry does not measure this, and does not jump.
 
         Raises:
             InputError: The robot would stand in a wall or an obstacle.
@@ -133,7 +134,7 @@ class LiveRobot(Driven):
             self.odometry = Pose(*compose(before, measured).tolist())
 
     def scans(self) -> tuple[LaserScan, ...]:
-        """Measure with each laser from where the robot is now."""
+        """Measure with each laser from the robot's current pose."""
         return tuple(
             sensor.noisy(sensor.cast(np.array(self.pose), self.time), self._rng)
             for sensor in self._sensors

@@ -78,12 +78,12 @@ class Step:
 
     @property
     def lidar_scans(self) -> tuple[LidarScan, ...]:
-        """The measured scan of each lidar, cast anew each time that it is asked."""
+        """The measured scan of each lidar, cast again on each access."""
         return tuple(self._simulation.clouds.at(np.array(self.pose), self.time, self.sweeps)[0])
 
     @property
     def depth_images(self) -> tuple[DepthImage, ...]:
-        """The measured picture of each depth camera, likewise."""
+        """The measured image of each depth camera, cast again on each access."""
         return tuple(self._simulation.clouds.at(np.array(self.pose), self.time)[1])
 
     @property

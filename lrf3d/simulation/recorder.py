@@ -179,7 +179,7 @@ class Collection(Snapshots):
 
 
 def measured_in(step: Step) -> tuple[Any, ...]:
-    """What a step measured: the arguments of `fill_row`, from the time on."""
+    """The measurements of a step: the arguments of `fill_row`, from the time on."""
     return step.time, step.pose, step.scans, step.true_scans, step.odometry, step.sweeps
 
 

@@ -280,7 +280,7 @@ class Run(Value, Pictured):
         return Clouds(self.world, self.cloud_sensors, self.obstacles)
 
     def lidar(self, index: int, *, number: int = 0, noisy: bool = True) -> LidarScan:
-        """The scan with an index from 0 of one of the lidars by its number, cast again.
+        """The scan of a lidar, given by its number, at a scan's index from 0; cast again.
 
         Examples:
             >>> import lrf3d
@@ -295,7 +295,7 @@ class Run(Value, Pictured):
         return self._clouds.lidar(number, *self._moment(index), motion, noisy=noisy)
 
     def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
-        """The picture with an index from 0 of one of the depth cameras, cast again."""
+        """The image of a depth camera, given by its number, at a scan's index; cast again."""
         count = len(self.cloud_sensors.depth_cameras)
         if not 0 <= number < count:
             raise InputError(f"run: depth camera {number}: it has {count} depth cameras")
@@ -307,12 +307,12 @@ class Run(Value, Pictured):
         return (self.lidar(index) for index in range(len(self)))
 
     def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
-        """The scans of all lidars and the pictures of all depth cameras with an index from 0."""
+        """The scans of all lidars and the images of all depth cameras at a scan's index from 0."""
         sweeps = None if self.sweeps is None else self.sweeps[index]
         return self._clouds.at(*self._moment(index), sweeps)
 
     def _moment(self, index: int) -> tuple[Float, float]:
-        """The pose of the robot at a scan, as casters get it, and the time [s]."""
+        """The pose of the robot at a scan, for casters, and the time [s]."""
         return self.trajectory.poses[index], float(self.trajectory.times[index])
 
     def free_cells(self) -> FreeCells:

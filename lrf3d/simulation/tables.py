@@ -43,7 +43,7 @@ def laser_of(noise: Any = None, **laser: Any) -> LaserRangeFinder:
     """The laser of a table, without its noise."""
     lrf = LaserRangeFinder(**in_radians(laser))
     width = 2.0 * math.degrees(lrf.spread[1])
-    # [°] Range finders have no narrower and no wider field; angles in radians would be narrower.
+    # [°] Bounds on the field of view of range finders; radians, read as degrees, lie below them.
     narrowest = 10.0
     widest = 361.0
     if width and not narrowest <= width <= widest:
@@ -109,7 +109,7 @@ def mount_of(found: Any, key: str) -> tuple[float, ...]:
 
 
 def lidar_of(preset: str = "", **values: Any) -> Lidar:
-    """The lidar of a table: a preset, or layers at elevations, with what it changes."""
+    """The lidar of a table: a preset, or layers at elevations, with other keys that change it."""
     if steep := values.pop("elevations_deg", None):
         values["elevations"] = np.radians(steep)
     if preset and "elevations" not in values:

@@ -35,14 +35,14 @@ PAIRS = 60
 LEAST_PAIRS = 5
 
 
-# Largest distance [m] between scans that must show the same walls: right poses of a log of a scan a
-# metre and a half are 1.5 m off by what two of its scans share.
+# Largest distance [m] between scans that must show the same walls: in a log with a scan every metre
+# and a half, two scans share so little that even right poses seem wrong.
 MOST_APART = 1.2
 
 # Largest turn [rad] between them.
 MOST_TURNED = 1.0
 
-# Distance [m] that no robot moves between two scans of a log: its poses have other units.
+# Distance [m] that no robot moves between two scans: poses that do are in other units.
 UNLIKELY = 30.0
 
 
@@ -83,7 +83,7 @@ class SelfCheck(NamedTuple):
 
     @property
     def unjudged(self) -> str:
-        """Why the check says nothing of the map, in a sentence; "" where places were compared."""
+        """Why the map could not be checked, in a sentence; "" if places were compared."""
         again = f"no place was seen again after {LATER:g} m: nothing checks the map"
         return "" if self.key_scans_compared else again
 

@@ -251,7 +251,7 @@ class FrontEnd:
         """Place a scan around a prediction, or at any heading where it matches nothing."""
         still = replace(scan, surface=self._standing(scan.surface, expected))
         placed = self._match(still, expected)
-        # Without odometry a robot may have turned out of the window, and hardly fit in it.
+        # Without odometry the robot may have turned out of the search window.
         poor = not expected.trusted and placed.match.explained < FOUND_SHARE
         lost = poor or not placed.accepted
         if lost and (relocated := self._at_any_heading(scan, expected)):

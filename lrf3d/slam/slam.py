@@ -367,7 +367,7 @@ class Slam:
 
     def finish(self) -> None:
         """Settle all closures and optimise all poses, after the last scan."""
-        # A scan after the last key scan shows the place of that key scan.
+        # A scan after the last key scan belongs to that key scan.
         last = self.closer.keys[-1].scan if self.closer.keys else 0
         self._known = [(min(pair), min(max(pair), last)) for pair in self._known]
         self._close_known()

@@ -41,18 +41,19 @@ def load_world(
 
     Args:
         name_or_path: The name or the path.
-        trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
+        trees: Whether trunks of trees in an OpenStreetMap extract also become walls.
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .jpg, …).
-        threshold: Grey of its pixels, or of a scanned page's, from 0 to 255, from which on they
-            are paper; found from the picture if not given.
+        threshold: Least grey of paper, from 0 to 255, in a picture or a scanned page; found from
+            the picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         edits: Decisions about a plan, as for `read_plan`; those of ``FILE.edit.toml`` next to it if
             not given.
-        isolated: Whether a file of a foreign format is read in a process of its own, with limits.
-        drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
-            ``without``, those of layers to leave out, and ``page``, that of a PDF file; for a mesh,
-            ``cut``, its height [m] above the floor; for GeoJSON and OpenStreetMap, the ``level`` of
-            indoor rooms.
+        isolated: Read a file of another program in a process of its own, with limits on memory and
+            time.
+        drawing: For a drawing, ``layers``, name patterns of layers that are walls, ``without``,
+            those of layers to leave out, and ``page`` of a PDF file; for a mesh, ``cut``, the
+            height [m] above its floor at which it is cut; for GeoJSON and OpenStreetMap, ``level``
+            of indoor rooms.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -76,10 +77,10 @@ def load_world_file(
     isolated: bool = True,
     **options: Any,
 ) -> WorldFile:
-    """Read a world as `load_world` does, with what was decided by hand about its robot."""
+    """Read a world as `load_world` does, with the user's decisions about its robot."""
     path = find_world(name_or_path)
     check_scale(scale)
-    # Those about a world file are in it once they are saved.
+    # Decisions about a world file are in the file itself once they are saved.
     kept = path.suffix.lower() != ".toml" and edits_path(path).is_file()
     if not (kept if edits is None else edits):
         world = read_world("lrf3d.world.files:world_of_file", path, scale, isolated, options)
@@ -97,9 +98,9 @@ def edits_path(path: Path) -> Path:
 
 
 def read_world(reader: str, path: Path, scale: Any, isolated: bool, options: dict[str, Any]) -> Any:
-    """What a reader returns for the file of a world.
+    """Return what a reader returns for the file of a world.
 
-    This is behind all doors, so that a file is read in one process only.
+    All functions that read worlds call this one, so a file needs only one process.
     """
     row = _row(path)
     given = {"scale": scale, **options_of(path, **options)}
@@ -108,17 +109,17 @@ def read_world(reader: str, path: Path, scale: Any, isolated: bool, options: dic
 
 
 def world_of_file(path: Path, scale: float, **options: Any) -> World:
-    """The world of a file by the reader of its format."""
+    """Read the world of a file with the reader of its format."""
     planned = is_plan(path)
     found = value_of_file(path, **({"scale": scale} if planned else {}), **options)
-    # A plan, which has its scale, becomes a world; it says what it leaves out.
+    # A plan, which is already scaled, becomes a world, and warns of what it leaves out.
     world: World = found.world(path) if planned else found
     expect(world, World, f"the reader of {path.suffix} files: what it returns")
     return world if planned else world.scaled(scale)
 
 
 def value_of_file(path: Path, **options: Any) -> Any:
-    """What the reader of its format returns for a file, which gzip may have packed."""
+    """Read a file, which may be packed by gzip, with the reader of its format."""
     row = _row(path)
     with unpacked(path, row.largest) as plain:
         return function(row.read)(plain, **options)
@@ -228,7 +229,7 @@ def find_world(name_or_path: str | Path) -> Path:
 
 
 def _check_looks(path: Path, row: Format | None) -> None:
-    """Check that the first bytes of a file are not those of another format than a row."""
+    """Check that the first bytes of a file do not belong to another format than a row's."""
     found = by_looks(head_of(path))
     if found is None or found[0] is row or found[1] == "XML":
         return

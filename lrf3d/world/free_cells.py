@@ -21,7 +21,7 @@ class FreeCells:
         cells: (rows, columns) whether each cell is free; the first row is at the bottom.
         resolution: Side of a cell [m].
         origin: Position x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
-        occupied: (rows, columns) whether each cell is occupied, if that is known; not in files.
+        occupied: (rows, columns) whether each cell is occupied, if known; it is not saved in files.
     """
 
     cells: Bool

@@ -197,7 +197,7 @@ def _merged(pairs: Any) -> list[Complex]:
 
 def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     """Pairs (k, 2) across holes, between ends of walls and single cells, the nearest first."""
-    # Slow to import.
+    # Imported here, as it is slow to import.
     from scipy.spatial import cKDTree
 
     ends = np.array([end for chain in chains for end in (chain[0], chain[-1])])

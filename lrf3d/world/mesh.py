@@ -1,11 +1,11 @@
 """Worlds from meshes that trimesh reads, cut at the height of the beams.
 
 The cut of the mesh with a level plane becomes walls; collinear ones are merged. Each has the height
-of its triangles above the floor, which is at z = 0, or else found. In glTF y is up, as its
-specification says, in the other formats z is. Lengths are metres. Each named part of a scene is an
-object; in a file without parts, walls that touch are one object.
+of its triangles above the floor, which is z = 0, or else found. y is up in glTF, as specified, and
+z in the other formats. Lengths are metres. Each named part of a scene is an object; in a file
+without parts, walls that touch are one object.
 
-A world is written as GLB: walls with their heights, a part for each object. glTF holds float32, so
+A world is written as GLB: walls with their heights, a part for each object. glTF stores float32, so
 vertices are relative to the world's origin, which is the translation of each part; y is up.
 """
 
@@ -36,24 +36,24 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 # Height [m] of the cut above the floor, by default: that of the laser.
 CUT = 0.5
 
-# Share of the largest level area that the floor of a building has at least: tables are smaller.
+# Least area of a floor, as a share of the largest level area of a mesh; tables are smaller.
 FLOOR = 0.3
 
 
 def read_mesh(path: Path, cut: float | None = None) -> World:
     """Read the cut of a mesh at a height [m] above its floor as walls.
 
-    The floor is at z = 0 if anything stands there at that height, and is found otherwise.
+    The floor is z = 0 if the mesh has walls at that height above it, and is found otherwise.
     """
     world, balance, said = cut_of_mesh(path, cut)
-    # Most of a mesh lies above or below its cut, which is no reason for a note.
+    # Most of a mesh lies above or below its cut, which needs no note.
     for reason in LEVELS:
         balance.all -= balance.left_out.pop(reason, 0)
     balance.note(path, said)
     return world
 
 
-# What the triangles are that do not meet a cut.
+# Reasons for leaving out triangles that do not cross the cut.
 LEVELS = ("triangle above the cut", "triangle below the cut", "triangle within the cut")
 
 
@@ -109,7 +109,7 @@ def floor_of(triangles: Float) -> float:
     normals = 0.5 * np.cross(edges[:, 0], edges[:, 1])
     area = np.abs(normals[:, 2])
     level = area > 0.99 * np.linalg.norm(normals, axis=1)
-    # Slabs have a thickness: the upper side of the floor looks up, however its corners are ordered.
+    # A slab has an upper and a lower side; corners may be ordered wrongly, so normals do not tell.
     heights, which = np.unique(
         np.round(triangles[level, :, 2].mean(axis=1), 2), return_inverse=True
     )
@@ -117,12 +117,13 @@ def floor_of(triangles: Float) -> float:
         return float(triangles[..., 2].min())
     areas = np.bincount(which, area[level])
     large = heights[areas >= FLOOR * areas.max()]
-    # A slab of under half a metre has its two sides; the upper one is the floor.
+    # Two level areas less than half a metre apart are the sides of a slab; the upper one is the
+    # floor.
     return float(large[large <= large[0] + CUT][-1])
 
 
 def _other_cut(triangles: Float, floor: float) -> str:
-    """Advice on a height of a cut that meets something, or how far the mesh reaches."""
+    """Advice: a height at which the cut meets walls, or the heights between which the mesh lies."""
     low = float(triangles[..., 2].min())
     high = float(triangles[..., 2].max())
     for share in (0.5, 0.25, 0.75):
@@ -133,7 +134,7 @@ def _other_cut(triangles: Float, floor: float) -> str:
 
 
 def _parts(path: Path, balance: Balance) -> list[tuple[Part, Float]]:
-    """The looks of the parts of a scene, and their triangles (n, 3, 3) [m], z up.
+    """The appearance of the parts of a scene, and their triangles (n, 3, 3) [m], z up.
 
     Counts all triangles, and leaves out parts that have none.
     """
@@ -179,9 +180,9 @@ def _looks(mesh: Any, name: str) -> Part:
 
 
 def _check_buffers(path: Path) -> None:
-    """Check that the files are there in which a glTF has its numbers."""
+    """Check that the files exist in which a glTF stores its arrays."""
     missing = list[str]()
-    # What else is wrong its reader says.
+    # Other errors are reported by the reader.
     with suppress(ValueError, LookupError, TypeError, AttributeError, RecursionError):
         uris = [each.get("uri", "data:") for each in json.loads(path.read_bytes())["buffers"]]
         names = [unquote(uri) for uri in uris if not uri.startswith("data:")]

@@ -37,8 +37,8 @@ LEAST = 0.5
 # Side [m] below which a plan may be a drawing on paper.
 SHEET = 2.0
 
-# Geometric mean [m] of the size and the usual walls of buildings: 8 of a flat, 30 of a town.
-# Below 7.5, centimetres are taken for inches; the size that comes of it is told.
+# Geometric mean [m] of the size and the usual wall length of buildings: 8 for a flat, 30 for a
+# town. Below 7.5, centimetres would be taken for inches; the message names the resulting size.
 TYPICAL = 12.0
 
 # Largest factor by which a plan is enlarged.

@@ -45,11 +45,11 @@ FREE_MARGIN = 1.0
 # Largest number of cells of a written map.
 MOST_WRITTEN = 1 << 25
 
-# Distance [cells] within which lines are the same one.
+# Distance [cells] within which two lines are the same.
 _ROUNDING = 1e-3
 
-# Distance [cells] from the line of a thin wall within which its cells have their middles: one of
-# two cells has them half a cell from it.
+# Largest distance [cells] of the middles of a thin wall's cells from its line: in a wall two cells
+# thick they are half a cell away.
 _HALF_WALL = 0.8
 
 # The keys of a description that are read, and the converters of their values.
@@ -73,7 +73,7 @@ def read_ros_map(path: Path) -> World:
 
 
 def _values(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a description by their keys, with those that are usual."""
+    """The values of a map's description by their keys, with default values."""
     texts = ("image", "mode")
     values: dict[str, Any] = {
         "occupied_thresh": 0.65,
@@ -193,10 +193,10 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 
 
 def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
-    """Write a map again with other walls: (n, 4) before, and (m, 4) after what was changed.
+    """Write a map again with changed walls: (n, 4) before, and (m, 4) after the change.
 
-    The cells of walls that are gone become free, those of walls that came occupied; all others, the
-    origin and the other keys stay as they are.
+    The cells of removed walls become free, those of added walls occupied; other cells, the origin
+    and the other keys stay the same.
     """
     import shapely
 
@@ -213,7 +213,7 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     new = lines_in_cells(after)
     gone = old.difference(new.buffer(_ROUNDING))
     came = new.difference(old.buffer(_ROUNDING))
-    # Outlines that are gone enclose the cells of a wall; a doorway closes them by its jambs.
+    # Removed outlines enclose the cells of a wall; at a doorway its jambs close them.
     rings = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(gone.union(came)))))
     along = gone.buffer(0.1)
     filled = [

@@ -98,9 +98,9 @@ def rows(*names: str, least: int = 1) -> Converter:
 
 
 def _doubt_degrees(angles: Any, what: str) -> None:
-    """Warn of the first of some angles in degrees that has the digits of one in radians."""
+    """Warn of the first of several angles in degrees that is probably given in radians."""
     angles = np.ravel(angles)
-    # Nobody turns a laser by 0.785 degrees: the digits of 15° and its multiples are radians.
+    # An angle such as 0.785, a multiple of 15° in radians, is unlikely to be meant in degrees.
     step = np.pi / 12
     steps = np.round(angles / step)
     radians = (np.abs(angles - steps * step) < 1e-3) & (steps != 0) & (np.abs(angles) < 7.0)

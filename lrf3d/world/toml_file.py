@@ -94,9 +94,9 @@ def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> Wor
 
 
 def toml_values(path: Path) -> dict[str, Any]:
-    """The values of a TOML file; those of a large one come from a process of its own.
+    """The values of a TOML file; a large file is read in a process of its own.
 
-    The time for keys of many parts grows with their square: up to this size it is a second.
+    The time for keys with many parts grows quadratically; up to this size it is a second.
     """
     small = 1 << 14
     check_ordinary(path)
@@ -208,7 +208,7 @@ def toml_table(head: str, values: Mapping[str, Any]) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A value; JSON writes texts, numbers and lists as TOML does, but for one character."""
+    """A value as TOML; for texts, numbers and lists this is JSON, except for one character."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
     return json.dumps(value, ensure_ascii=False)

@@ -19,10 +19,10 @@ WRITTEN = either(endings("world", written=True))
 WORLD = "WORLD: A built-in world, or a world file; ./NAME is a file named like a built-in world."
 RUN = "RUN: A run.npz, or its folder."
 FORCED = "--force: Replace the results of another run that the folder holds."
-FORCED_FILE = "--force: Replace a file of something else."
+FORCED_FILE = "--force: Replace a file that was made from other sources, or edited."
 OUT = f"""\
--o --out FOLDER: Folder for the results; if not given out/NAME, by the name in the file or else of
- the file, with _map for the map of a run and _sweep for a sweep.
+-o --out FOLDER: Folder for the results; out/NAME if not given, where NAME is the name in the file
+ or else of the file, with _map for the map of a run and _sweep for a sweep.
 {FORCED}"""
 SEED = "--seed SEED = 0: Seed; the same seed gives the same results."
 SCALE = """\
@@ -34,11 +34,12 @@ THRESHOLD = """\
 RESOLUTION = f"--resolution M: Side of a pixel [m], if the world is a bare picture.\n{THRESHOLD}"
 LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.
---layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; else by their names.
+--layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; found by their names if
+ not given.
 --without LAYER,LAYER,…: Layers of a drawing to leave out.
- --cut M: Height of the cut of a mesh above its floor [m]; 0.5 if not given.
+ --cut M: Height above its floor at which a mesh is cut [m]; 0.5 if not given.
  --level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given.
- --edits FILE: Decisions about a plan, as lrf3d edit writes them; FILE.edit.toml next to it if not
+ --edits FILE: Decisions about a plan, written by lrf3d edit; FILE.edit.toml next to the plan if not
  given."""
 TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
@@ -52,13 +53,13 @@ A CARMEN log or a text of a scan a line, also gzipped, a ROS bag
  ({", ".join(by_name("log", "bag").endings)}, a folder)"""
 ARRAYS = f"arrays ({', '.join(by_name('log', 'arrays').endings)})"
 LOG = """\
---largest-range M: Readings [m] of this or more are no return.
+--largest-range M: Readings [m] of this or more mean no return.
 --smallest-range M: Readings [m] of this or less are left out, such as those of the robot itself.
---mask FROM:TO,…: Bearings [degrees], counter-clockwise from ahead, that are left out.
+--mask FROM:TO,…: Bearings [degrees] that are left out, counter-clockwise from ahead.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
---format FORMAT: Text: its columns, found if not given, such as
- stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg.
---part N: Bags whose stamps go back: which part is read; the longest one if not given."""
+--format FORMAT: Text: its columns, such as
+ stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg; found if not given.
+--part N: Bags whose stamps go back: the part that is read; the longest one if not given."""
 REPAIRS = """\
 --without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, body, copies, stamps,
  jumps, standing, fan, mirror, lag, sweep."""
@@ -76,11 +77,11 @@ Film:
 --size WxH: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
 --fps RATE: Frames per second; 25, but 10 for .gif.
 --playback SPEED: Simulated seconds per second of film.
---length S: About how long a story takes [s]; 15 if not given.
---samples 0|1|4 = 1: Samples per pixel: 1 with smoothed edges, 4, or 0 for jagged ones.
+--length S: Approximate length of a story [s]; 15 if not given.
+--samples 0|1|4 = 1: Samples per pixel: 1 with smoothed edges, 4, or 0 for one with jagged edges.
 {WORKERS}
 --renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.
---panel short|full = short: What the panel says: three facts, or all numbers."""
+--panel short|full = short: Text of the panel: three facts, or all numbers."""
 
 # A list that all commands have.
 OUTPUT = """\
@@ -126,13 +127,13 @@ Draw the film of a run, or a picture of one moment.
 The ending of --out selects the kind.
 
 {RUN}
--o --out FILE: The film: {either(endings("film"))}; with --at a .png. In the run's folder if not
+-o --out FILE: The film: {either(endings("film"))}; with --at a .png; in the run's folder if not
  given.
 {FORCED_FILE}
 --at S: Draw one picture at this time [s] instead of a film.
 --from S: Begin the film at this time of the run [s].
 --to S: End the film at this time of the run [s].
---points-by range|intensity: What the colour of hit points shows; that of the run if not given.
+--points-by range|intensity: What the colour of hit points shows; as in the run if not given.
 --trajectory FILE: Show this estimate, a TUM file, next to the truth.
 
 {FILM}
@@ -156,14 +157,14 @@ RUN|WORLD: A run.npz or its folder to play, or a world to drive in. A built-in w
 
 Example: lrf3d view city""",
     "edit": f"""\
-Decide by hand in the browser what a plan is, and what a robot does in it.
+Correct a plan, or draw a new one, in the browser, and place a robot in it.
 
-The drawing and what was understood of it are shown; what is decided is kept in FILE.edit.toml,
-which other commands obey. A new .toml is an empty sheet. Ctrl-C ends the server.
+The page shows the drawing and the walls that were read from it. Corrections are kept in
+FILE.edit.toml, which other commands apply. A new .toml is an empty sheet. Ctrl-C ends the server.
 
 [FILE]: A drawing, a picture, a map, a world or a run, or a new world file; world.toml if not given.
 --host HOST = 127.0.0.1: Address or name to listen at; 0.0.0.0 lets other machines in.
---port PORT: Port; if not given, 8080, or any where that is taken.
+--port PORT: Port; if not given, 8080, or any free one if that is taken.
 --browser = yes: Open the browser.
 {SCALE}
 {RESOLUTION}
@@ -181,8 +182,8 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 --rate RATE: Scans per second; that of the world file if not given.
 --speed-up FACTOR = 1.0: Simulated seconds per second; 0 is as fast as it goes.
 --give pose|map|none = pose: What is given of the truth: map and pose, the map alone, or nothing.
---wheels: Odometry as of wheels that slip and drift; exact if not given.
---cmd-timeout S = 0.5: Stop when no command has come for this simulated time [s]; 0 is never.
+--wheels: Odometry of wheels that slip and drift; exact if not given.
+--cmd-timeout S = 0.5: Stop if no command comes for this simulated time [s]; 0 means never.
 --namespace NS: Namespace of the topics.
 --robots N = 1: Number of robots; topics and frames of several begin with robot1, robot2, ….
 --no-clock: Leave /clock to another program.
@@ -195,17 +196,17 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 
 Example: lrf3d ros city --rate 10""",
     "score": f"""\
-Score somebody else's trajectory and map of a run against the truth.
+Score another program's trajectory and map of a run against the truth.
 
-Absolute and relative errors are those of evo_ape and evo_rpe: poses are matched by their stamps,
-and the trajectory, and the map with it, is aligned with the true one.
+Absolute and relative errors are defined as in evo_ape and evo_rpe: poses are matched by their
+stamps, and the trajectory is aligned with the true one, the map along with it.
 
 Writes score.png and summary.json.
 
 {RUN}
 --trajectory FILE: The estimate, a TUM file: lines t x y z qx qy qz qw.
 --map FILE: Its map: .geojson, .toml or the .yaml of a ROS map.
--o --out FOLDER: Folder for the results; that of the run and _score if not given.
+-o --out FOLDER: Folder for the results; the run's folder with _score if not given.
 {FORCED}
 
 Example: lrf3d score out/city --trajectory theirs.tum""",
@@ -224,10 +225,9 @@ is the page of lrf3d view in one file, which plays in any browser.
 
 Example: lrf3d export out/city --to mcap""",
     "share": f"""\
-Write a run as one page to send to others.
+Write a run as a single web page to send to others.
 
-The page has up to 3 MB, opens from a disk without a server, and plays in any browser, on phones,
-too.
+The page has up to 3 MB, opens without a server, and plays in any browser, also on phones.
 
 {RUN}
 -o --out FILE: The file, run.html in the run's folder if not given.
@@ -237,7 +237,7 @@ Example: lrf3d share out/city""",
     "crosscheck": f"""\
 Compare bare Embree in float32 with the exact ranges.
 
-Each difference over a whole drive is classified by its cause. The exit status is 1 if one is
+Each difference along a whole drive is classified by its cause. The exit status is 1 if one is
 unexplained.
 
 {WORLD}
@@ -265,10 +265,10 @@ LOG: {TEXT_OR_BAG}, {ARRAYS}, or a run.
 
 Example: lrf3d map drive.log.gz --out out/drive""",
     "degrade": f"""\
-Make a recorded log worse on purpose, to find out what a mapper or a SLAM bears.
+Degrade a recorded log on purpose, to test how robust a mapper or a SLAM is.
 
-The scans, with their poses and the odometry, are written as a CARMEN log, which
-holds no light and no times of beams.
+The scans, with their poses and the odometry, are written as a CARMEN log, which has no intensities
+and no times of beams.
 
 LOG: A log, as for map.
 -o --out FILE: The log to write: {either(by_name("log", "CARMEN").endings)} (required).
@@ -388,7 +388,7 @@ KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
 
 Example: lrf3d world generate maze --seed 7 --out maze.toml""",
     "completion": """\
-Print a script by which a shell completes commands, options and choices.
+Print a script that lets a shell complete commands, options and choices.
 
 The shell reads it when it starts: save it as
 ~/.local/share/bash-completion/completions/lrf3d, or put eval "$(lrf3d completion zsh)" into

@@ -1,4 +1,4 @@
-"""``lrf3d completion``: what a shell completes, generated from the help pages."""
+"""``lrf3d completion``: a completion script for the shell, generated from the help pages."""
 
 from argparse import Namespace
 
@@ -6,7 +6,7 @@ from lrf3d.apps.cli.commands import COMMANDS
 from lrf3d.apps.cli.console import Console, print_text
 from lrf3d.apps.cli.parser import lists
 
-# Zsh runs completions of bash after this.
+# This lets zsh run completions for bash.
 _ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
 
 _BASH = """\
@@ -32,7 +32,7 @@ def completion(_: None, args: Namespace, console: Console) -> None:
     for name in COMMANDS:
         first, *second = name.split(" ")
         groups.setdefault(first, []).extend(second)
-    # Commands of a group stand before the group, whose name they begin with.
+    # Commands of a group come before the group, since they begin with its name.
     words = {
         name: [flag for each in found for flag in each.names if flag[:2] == "--"]
         for name, found in options.items()

@@ -94,7 +94,7 @@ def quiet_libraries() -> None:
 
 @lru_cache
 def say(message: str) -> None:
-    """Print a note on stderr, once in a program."""
+    """Print a note on stderr, each only once."""
     print(f"lrf3d: {one_line(message)}", file=sys.stderr)
 
 

@@ -1,4 +1,4 @@
-"""``lrf3d edit``: the plan of a drawing, decided by hand in the browser."""
+"""``lrf3d edit``: correct the plan of a drawing by hand in the browser."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -21,14 +21,14 @@ def edit(_: None, args: Namespace, console: Console) -> None:
         console.print({"address": address, "file": str(path)}, [("edit", text)])
 
     options = options_of(args)
-    # Usual values, and decisions that are not those of the page.
+    # Options at their defaults, and --edits, which the page replaces, are left out.
     options = {k: v for k, v in options.items() if (k, v) != ("scale", 1.0) and k != "edits"}
     with bound(args.host, args.port) as door:
         serve(path, options, door, host=args.host, browser=args.browser, started=shown)
 
 
 def source_of(name: str | None) -> Path:
-    """The file that is edited: of a run, its map; a world file may be a new one."""
+    """The file that is edited: for a run its map; a world file may be new."""
     path = Path(name or "world.toml")
     if is_run(str(path)):
         folder = path if path.is_dir() else path.parent

@@ -1,7 +1,6 @@
 """Where commands write: a folder for the results, which holds one run, or a single file.
 
-What is there already is replaced if it is of the same command, sources and seed, and otherwise only
-with --force.
+Earlier results of the same command, sources and seed are replaced; others only with --force.
 """
 
 import json
@@ -35,10 +34,10 @@ Drawing = tuple[str, Callable[[Path], object]]
 
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 
-# The rows of a sweep, which no other program writes.
+# The rows of a sweep; only lrf3d writes files of this name.
 _ROWS = "sweep*.jsonl"
 
-# Names of results, also of those that a command has not entered in a summary yet.
+# Names of results, by which also those are found that no summary lists yet.
 _RESULTS = (
     "run.npz", "run.journal", "map.geojson", "map.png", "world.png", "noise.png", "run.mp4",
     "trajectory.tum", "check.png", "score.png", "runs.csv", "means.csv", "means.tex",
@@ -48,7 +47,7 @@ _RESULTS = (
 
 @dataclass(frozen=True, slots=True)
 class ResultsFolder:
-    """A folder for results, with the command and the sources that they are made by."""
+    """A folder for results, with the command and the sources that make them."""
 
     path: Path
     made_by: dict[str, Any]
@@ -64,17 +63,17 @@ class ResultsFolder:
         following: Sequence[str | Path] = (),
         kept: str,
     ) -> None:
-        """Write summary.json, print the results, and draw, which may fail or be stopped, last.
+        """Write summary.json, print the results, and draw last, which may fail or be stopped.
 
-        Files and drawings are given by their contents; a drawing that fails does not keep the
-        others from being drawn. ``following`` are the words of the command that a user may want
-        next, and ``kept`` is printed if drawing fails or is stopped: how to continue.
+        Files and drawings are given by what they show; if one drawing fails, the others are still
+        drawn. ``following`` is a command that the user may want next, word by word; ``kept`` is
+        printed if drawing fails or is stopped, and says how to continue.
         """
         made = {**files, "summary": "summary.json"}
         before = _files_of(_summary_of(self.path) or {})
         written = {*made.values(), *(file for file, _ in drawings.values())}
         _remove(self.path, before - written, self.console)
-        # Films and exports of this run that the user has put elsewhere.
+        # Keep films and exports of this run that the user wrote elsewhere.
         made |= {name: name for name in sorted(before) if ".." in Path(name).parts}
         figures = {**summary, "made_by": self.made_by, "files": made}
         write_text(self.path / "summary.json", json_text(figures))
@@ -115,7 +114,7 @@ class ResultsFolder:
 
 
 def _summary_of(folder: Path) -> dict[str, Any] | None:
-    """The summary in a folder; None if there is none that says what it was made by."""
+    """The summary in a folder; None if there is none that names its sources."""
     try:
         found: dict[str, Any] = json.loads(read_text(folder / "summary.json"))
         _ = [str(source) for source in found["made_by"]["sources"]]
@@ -131,35 +130,35 @@ def _files_of(summary: Mapping[str, Any]) -> set[str]:
 
 
 def _remove(folder: Path, names: Iterable[str], console: Console) -> None:
-    """Remove files of the run before, and their folders as soon as they hold nothing else."""
+    """Remove files of the previous run, and their folders once these are empty."""
     home = folder.resolve()
     for name in sorted(names):
         file = folder / name
-        # Only plain files of the folder, and of folders in it, are its results.
+        # Results are only plain files in the folder and its subfolders.
         plain = file.is_file() and not file.is_symlink()
         if file.parent.resolve() / file.name != home / name or not plain:
             continue
         file.unlink()
-        console.note(f"{file}: removed, as it was of the run before")
+        console.note(f"{file}: removed, as it belonged to the previous run")
         for parent in file.relative_to(folder).parents[:-1]:
             with suppress(OSError):
                 (folder / parent).rmdir()
 
 
 def _without_endings(made_by: Mapping[str, Any]) -> tuple[Any, ...]:
-    """What a run is made by; the same drive may be a log and a bag, which differ in endings."""
+    """What a run was made from, without endings: a drive may be both a log and a bag."""
     sources = [_ENDING.sub("", str(each)) for each in made_by["sources"]]
     return made_by.get("command"), sources, made_by.get("seed")
 
 
 def _of_others(folder: Path, made_by: Mapping[str, Any]) -> str:
-    """What a folder holds that is not of this command with these sources; empty if nothing."""
+    """What a folder holds that another command or other sources made; empty if nothing."""
     summary = _summary_of(folder)
     there = sorted(path.name for name in _RESULTS for path in folder.glob(name) if path.is_file())
     if summary is None:
         return f"{there[0]} of something else" if there else ""
     before = summary["made_by"]
-    # A command that failed at its beginning has left nothing but its summary.
+    # A command that failed early leaves nothing but its summary.
     empty = there == ["summary.json"] and "files" not in summary
     if empty or _without_endings(before) == _without_endings(made_by):
         return ""
@@ -168,7 +167,7 @@ def _of_others(folder: Path, made_by: Mapping[str, Any]) -> str:
 
 
 def _made_by(args: Namespace, sources: Sequence[str | Path], folder: Path) -> dict[str, Any]:
-    """The command, the sources and the seed of what is written to a folder."""
+    """The command, the sources and the seed of the results in a folder."""
     # Paths are relative to the folder, so that a project can be moved.
     named = [
         str(source)
@@ -201,7 +200,7 @@ def results_folder(
         console.until_end.enter_context(locked(folder / "results", folder))
     if args.force:
         _remove_old(folder, console)
-    # What is resumed says itself whether it is of the same run.
+    # A run that is resumed checks itself whether it is the same.
     elif not (getattr(args, "resume", False) and _resumable(folder)) and (
         others := _of_others(folder, made_by)
     ):
@@ -210,13 +209,13 @@ def results_folder(
             " with --force"
         )
     if alone and "files" not in (_summary_of(folder) or {}):
-        # What is written before a command is stopped has its origin, too.
+        # So that results of a command that is stopped name their sources, too.
         write_text(folder / "summary.json", json_text({"made_by": made_by}))
     return ResultsFolder(folder, made_by, console)
 
 
 def _leave_nothing_empty(folder: Path) -> None:
-    """Remove the folder of a command that has failed before it wrote anything."""
+    """Remove the folder of a command that failed before it wrote anything."""
     if [path.name for path in folder.iterdir()] == ["summary.json"] and not _files_of(
         _summary_of(folder) or {}
     ):
@@ -230,7 +229,7 @@ def _resumable(folder: Path) -> bool:
 
 
 def _remove_old(folder: Path, console: Console) -> None:
-    """Remove all of the run that a folder holds, and nothing else."""
+    """Remove all files of the run in a folder, and nothing else."""
     summary = _summary_of(folder)
     patterns = (_ROWS,) if summary is None else (_ROWS, *_RESULTS)
     there = {str(path.relative_to(folder)) for each in patterns for path in folder.glob(each)}
@@ -239,15 +238,15 @@ def _remove_old(folder: Path, console: Console) -> None:
 
 @contextmanager
 def file_of_run(args: Namespace, name: str) -> Iterator[Path]:
-    """Yield the file to write of a run, in its folder if none is given.
+    """Yield the path of a file that is made from a run, in the run's folder if none is given.
 
-    It is entered among the files of the run, which are removed with it.
+    The summary of the run lists it, so that it is removed with the run.
     """
     folder = args.run if args.run.is_dir() else args.run.parent
     path: Path = args.out or folder / name
     make_folder(path.parent)
     made_by = _made_by(args, [args.run], path.parent)
-    # The folder of a fleet holds one for each robot.
+    # The folder of a fleet has a subfolder for each robot.
     homes = [each for each in (folder, folder.parent) if _summary_of(each) is not None]
     home = next(iter(homes), folder).resolve()
     if args.out is not None and not set(_entries(path, home)) & _files_of(_summary_of(home) or {}):
@@ -268,7 +267,7 @@ def _entries(path: Path, folder: Path) -> list[str]:
 
 @contextmanager
 def new_file(args: Namespace, path: Path, sources: Sequence[str | Path]) -> Iterator[Path]:
-    """Yield a place for a file, and what is written beside it; it is moved to ``path``."""
+    """Yield a temporary path for a file and its companions, which are then moved to ``path``."""
     with unfinished_folder(path) as folder:
         yield folder / path.name
         made_by = _made_by(args, sources, path.parent)
@@ -281,12 +280,12 @@ def new_file(args: Namespace, path: Path, sources: Sequence[str | Path]) -> Iter
                 os.replace(file, there)
 
 
-# The attribute of a file in which it is written what it was made by, where the system has them.
+# The extended attribute of a file that records its sources, on systems that have attributes.
 _ATTRIBUTE = "user.lrf3d.made_by"
 
 
 def _mark(file: Path, made_by: Mapping[str, Any]) -> None:
-    """Note with a file what it was made by, and its size, which an edit would change."""
+    """Record with a file what it was made from, and its size, by which later edits are noticed."""
     with suppress(OSError, AttributeError):
         text = json.dumps([_without_endings(made_by), file.stat().st_size])
         os.setxattr(file, _ATTRIBUTE, text.encode())
@@ -295,7 +294,7 @@ def _mark(file: Path, made_by: Mapping[str, Any]) -> None:
 def _refuse_others(
     path: Path, made_by: Mapping[str, Any], force: bool, same: Path | None = None
 ) -> None:
-    """Refuse to replace a file of other sources, or that has been edited, without force."""
+    """Refuse to replace, without --force, a file of other sources or one that was edited."""
     if force or not path.exists() or (same is not None and cmp(same, path, shallow=False)):
         return
     before = None
@@ -303,6 +302,6 @@ def _refuse_others(
         before = json.loads(os.getxattr(path, _ATTRIBUTE))
     if before != [list(_without_endings(made_by)), path.stat().st_size]:
         raise InputError(
-            f"{path}: is there, and not known to be of {' '.join(made_by['sources'])}; choose"
+            f"{path}: exists, and was not made from {' '.join(made_by['sources'])}; choose"
             " another name, or replace it with --force"
         )

@@ -75,14 +75,14 @@ def read_world(args: Namespace) -> Scenario | None:
 
 
 def read_filmed(args: Namespace) -> Run:
-    """Read a run to draw; a view that it has not is refused before a renderer is loaded."""
+    """Read a run to draw; an unknown view is refused before a renderer is loaded."""
     run = load_run(args.run)
     check_view(args.view or run.film.view, run.world.cameras)
     return run
 
 
 def read_served(args: Namespace) -> Scenario | None:
-    """Read a world for ROS 2, whose absence is seen before the work."""
+    """Read a world for ROS 2, after checking that ROS 2 is installed."""
     from lrf3d.ros.node import require_ros
 
     require_ros()
@@ -113,7 +113,7 @@ def read_file(name: str, **options: Any) -> WorldFile:
 
 def checked_size(name: str, file: WorldFile) -> WorldFile:
     """A world file, with a warning if its size is implausible."""
-    # A plan has more that shows its size, and says so when it is read.
+    # The size of a plan is checked when it is read, also by its doors and walls.
     if not is_plan(name) and (warning := size_problem(file.world)):
         warn(f"{name}: {warning}")
     return file

@@ -68,7 +68,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: str) -> None:
-    """Refuse words that are no options, and propose the nearest one, or a key of world files."""
+    """Refuse unknown options, and propose the nearest one, or a key of world files."""
     known = [flag for option in options for flag in option.names if flag.startswith("--")]
     words = {flag: flag for flag in known}
     if unknown and "--set" in known:
@@ -197,7 +197,7 @@ def _number(
 def _two(
     mark: str, fits: Callable[[Any, Any], bool], kind: Callable[[str], float] = int
 ) -> Callable[[str], tuple[float, float]]:
-    """The parser of two numbers, whole ones if not said otherwise, with a mark between them."""
+    """The parser of two numbers, integers by default, with a separator between them."""
 
     def read(word: str) -> tuple[float, float]:
         first, second = map(kind, word.lower().split(mark))

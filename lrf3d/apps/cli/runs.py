@@ -188,7 +188,7 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
 def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
     folder = "_kitti" if args.to == "kitti" else "_bag"
-    # Next to run.npz the arrays of its points have another name.
+    # The arrays of points need another name than run.npz.
     ending = {"npz": "_points.npz"}.get(args.to, by_name("export", args.to).endings[0])
     with file_of_run(args, f"run{ending or folder}") as path:
         export_run(run, args.to, path, every=args.every)
@@ -205,7 +205,7 @@ def export(run: Run, args: Namespace, console: Console) -> None:
 
 
 def share(run: Run, args: Namespace, console: Console) -> None:
-    """Write a run as one page for others."""
+    """Write a run as a single web page."""
     with file_of_run(args, "run.html") as path:
         every = share_run(run, path)
     size = path.stat().st_size

@@ -1,1 +1,1 @@
-"""The editor: a person decides in the browser what a plan is, and what a robot does in it."""
+"""The editor: a user corrects a plan in the browser, and places a robot in it."""

@@ -1,7 +1,7 @@
-"""The state of an editor: a source, the decisions about it, and what follows from both.
+"""The state of an editor: a source, the decisions about it, and the plan that follows from both.
 
-A path enters; the plan as it was decided leaves as messages, after each step, and the decisions are
-in their file before the page is answered.
+A path and the decisions of a page enter; after each change the plan leaves as a message. The
+decisions are saved before the page is answered.
 """
 
 import io
@@ -37,9 +37,9 @@ class Editor:
     """A drawing, the decisions about it, and the plan that follows.
 
     Args:
-        path: The drawing, a world, or a ``.toml`` that is not there yet: an empty sheet.
-        options: How it is read.
-        read_only: Whether another editor has it open.
+        path: A drawing, a world, or a new ``.toml``, which is an empty sheet.
+        options: The options of its reader.
+        read_only: Whether another editor has the file open.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Editor:
         self.journal = edits_path(path)
         self._options = dict(options or {})
         self.edits = read_edits(self.journal) if self.journal.is_file() else PlanEdits()
-        # A sheet that was drawn on from nothing names no source.
+        # A plan that was drawn on an empty sheet names no source.
         drawn = self.journal.is_file() and not self.edits.source
         self.empty = path.suffix.lower() == ".toml" and (drawn or not path.exists())
         if self.edits.source not in ("", path.name):
@@ -59,7 +59,7 @@ class Editor:
         self.read()
 
     def read(self) -> None:
-        """Read the source, also again after it has changed."""
+        """Read the source, or read it again after it has changed."""
         self._sources.clear()
         self.seen = self.stamp()
         self.digest = "" if self.empty else digest_of(self.path)
@@ -68,7 +68,7 @@ class Editor:
         self._follow(self.edits)
 
     def stamp(self) -> float:
-        """When the source was written; 0 where there is none."""
+        """Time at which the source was written; 0 if there is none."""
         return self.path.stat().st_mtime if not self.empty and self.path.exists() else 0.0
 
     @property
@@ -78,7 +78,7 @@ class Editor:
         return known or not is_picture(self.path)
 
     def _source(self, edits: PlanEdits) -> Plan:
-        """The plan as it is read, by the decisions on that."""
+        """The plan before decisions, read by those that set how it is read."""
         if self.empty:
             return empty_plan()
         options = {**self._options, **edits.options()}
@@ -98,7 +98,7 @@ class Editor:
             self.__dict__.pop(name, None)
 
     def decide(self, values: Mapping[str, Any]) -> None:
-        """Take the decisions of a page in place of those before, and keep them.
+        """Replace the decisions by those of a page, and save them.
 
         Raises:
             InputError: They are invalid, or another editor has the file open.
@@ -112,7 +112,7 @@ class Editor:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario that `lrf3d run` makes of the plan."""
+        """The scenario that `lrf3d run` makes from the plan."""
         plan = self.plan
         world = plan.walled(self.path) if len(plan.segments) else World(np.empty((0, 4)))
         return scenario_of(WorldFile(world, plan.tables, plan.obstacles, self.path))
@@ -128,7 +128,7 @@ class Editor:
         return PlanarCaster(World(world.segments, heights=world.heights))
 
     def message(self) -> bytes:
-        """The plan as the page shows it."""
+        """The message with the plan for the page."""
         header = {
             "name": self.path.name,
             "edits": self.edits.as_dict(),
@@ -146,9 +146,10 @@ class Editor:
         return plan_message(self.plan, header)
 
     def scan(self, pose: Any) -> bytes:
-        """The exact beams from a pose: where each first meets a wall, and where its light ends.
+        """The exact beams from a pose: where each first hits a wall, and where it ends.
 
-        Rows (beams, 4) [m]; a beam without return goes as far as the laser reaches.
+        Rows (beams, 4) [m] of these two points, which differ behind mirrors and glass. A beam
+        without return ends at range_max.
         """
         lrf = self.scenario.lrf
         x, y, _ = pose
@@ -159,7 +160,7 @@ class Editor:
         first = far
         beyond = ways
         if self.caster.lighting is not None:
-            # Without its materials, the world shows where beams first meet a mirror or a pane.
+            # In the world without materials, beams end at the first mirror or pane.
             ranges, walls = self._plain_caster.scan_batch(lrf, [pose])
             first = np.minimum(ranges.T, far)
             beyond = self._behind(walls[0], scan.walls, ways)
@@ -168,7 +169,7 @@ class Editor:
         return packed({"kind": "scan", "hits": int(np.isfinite(scan.ranges).sum())}, beams=rows)
 
     def _behind(self, first: Int, last: Int, ways: Float) -> Float:
-        """Directions (n, 2) of beams behind the walls (n,) that they first meet, of mirrors."""
+        """Directions (n, 2) of beams behind the first walls (n,) they hit: mirrors reflect them."""
         world = self.scenario.world
         mirrors = np.array([made is not None and made.mirrors for made in world.materials])
         turned = ways.copy()
@@ -178,7 +179,7 @@ class Editor:
         return turned
 
     def rooms(self) -> bytes:
-        """The rooms, those that the robot reaches and those that it misses."""
+        """The message with the rooms, and which of them the robot reaches."""
         scenario = self.scenario
         start = None if scenario.start is None else np.array(scenario.start[:2])
         radius = scenario.radius if "radius" in self.plan.tables.get("robot", {}) else 0.22
@@ -199,7 +200,7 @@ class Editor:
         return packed(values, cells=label[rooms])
 
     def route(self) -> bytes:
-        """The route that the planner finds, and what it says of it."""
+        """The message with the route that the planner finds, and its notes."""
         scenario = self.scenario
         known = self.plan.tables.get("robot", {})
         found = find_route(
@@ -219,7 +220,7 @@ class Editor:
         return packed(values)
 
     def save_world(self) -> Path:
-        """Write a world file: the walls, and the robot with what it meets."""
+        """Write a world file: the walls, the robot, and the dynamic obstacles."""
         path = self.path.with_suffix(".toml")
         if path == self.path and not self.empty:
             path = self.path.with_name(f"{self.path.stem}_edited.toml")
@@ -238,7 +239,7 @@ class Editor:
         return path
 
     def save_map(self) -> Path:
-        """Write a ROS map again, with what was erased and drawn, in its own cells."""
+        """Write the ROS map again, with erased and drawn walls changed in its own cells."""
         from lrf3d.world.ros_map import rewrite_map
 
         path = self.path.with_name(f"{self.path.stem}_edited{self.path.suffix}")
@@ -247,11 +248,11 @@ class Editor:
 
     @property
     def title(self) -> str:
-        """The name of what is edited."""
+        """The name of the file that is edited."""
         return own_name(self.path)
 
     def picture(self) -> bytes | None:
-        """The source as a picture, where it has one, as PNG."""
+        """The picture of the source as PNG, or None."""
         if self.sheet is None:
             return None
         file = io.BytesIO()

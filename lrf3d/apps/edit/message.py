@@ -1,4 +1,4 @@
-"""What the editor's page is sent: a header in JSON, and arrays behind it."""
+"""Messages to the editor's page: a header in JSON, followed by arrays."""
 
 import json
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ from lrf3d.plans.plan import Plan
 
 
 def packed(header: Mapping[str, Any], **arrays: Any) -> bytes:
-    """A message: the length of its header in four bytes, the header, the arrays.
+    """A message: the length of its header in four bytes, the header, and the arrays.
 
-    The header's ``arrays`` give the kind, the first byte and the length of each; the first bytes
-    are multiples of four, as browsers need them.
+    The header's ``arrays`` give the type, offset and length of each; offsets are multiples of four,
+    as browsers need them.
     """
     places = dict[str, Any]()
     block = bytearray()
@@ -27,7 +27,7 @@ def packed(header: Mapping[str, Any], **arrays: Any) -> bytes:
 
 
 def plan_message(plan: Plan, header: Mapping[str, Any]) -> bytes:
-    """A plan as rows of strokes about an origin, and what is known of each by its number."""
+    """A plan as rows of strokes relative to an origin, with the properties of each by number."""
     parts = plan.parts
     ends = parts.segments.reshape(-1, 2)
     seen = ends if len(ends) else np.array([[0.0, 0.0], [12.0, 8.0]])

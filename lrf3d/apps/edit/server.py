@@ -1,7 +1,7 @@
 """The editor's page and its socket, on the server of `lrf3d view`.
 
-The page sends messages in JSON: ``do`` names what is to be done. Decisions are answered by the plan
-that follows, and later by the rooms and the route, which take longer.
+The page sends messages in JSON, in which ``do`` names the action. The answer to decisions is the
+resulting plan, and later the rooms and the route, which take longer.
 """
 
 import asyncio
@@ -21,23 +21,23 @@ from lrf3d.studio.page.server import MOMENTS, Files, Talks, moments_talk, page_f
 from lrf3d.studio.page.session import PageSession
 from lrf3d.world.files import edits_path
 
-# Largest message of a page [bytes]: thousands of decisions.
+# Largest message of a page [bytes]: enough for thousands of decisions.
 LARGEST = 4_000_000
 
-# Time between two looks at the source [s].
+# Time between two checks whether the source has changed [s].
 _WATCH = 1.0
 
 # Path of the page's socket.
 SOCKET = "/lrf3d/edits"
 
-# Does what a page asks for, with the values of its message.
+# A function that performs a page's action, given the values of its message.
 Act = Callable[[Any, dict[str, Any]], Coroutine[Any, Any, bool]]
 
 STATIC = Path(__file__).parent / "static"
 
 
 class Desk:
-    """An editor and the pages that show it, of which one writes."""
+    """An editor and the pages that show it, one of which may write."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -45,7 +45,7 @@ class Desk:
         self.talks: Talks = {SOCKET: self.talk}
         self._writer: Any = None
         self._busy = asyncio.Lock()
-        # What a message may ask for; each returns whether the plan has changed.
+        # The actions of messages; each returns whether the plan has changed.
         self._acts: dict[str, Act] = {
             "scan": self._scan,
             "keep": self._keep,
@@ -65,7 +65,7 @@ class Desk:
             self.files["/lrf3d/source.png"] = "image/png", picture
 
     async def talk(self, page: Any) -> None:
-        """Answer a page until it leaves; the first of several writes, the others read."""
+        """Serve a page until it closes; the first of several may write, the others only read."""
         from websockets.exceptions import ConnectionClosed
 
         if self._writer is None:
@@ -91,7 +91,7 @@ class Desk:
                 self._writer = None
 
     async def _answer(self, page: Any, values: dict[str, Any]) -> bool:
-        """Do what a page asks, and answer; returns whether the plan has changed."""
+        """Perform a page's action and answer; returns whether the plan has changed."""
         act = self._acts.get(str(values.get("do")))
         if act is None:
             return False
@@ -144,7 +144,7 @@ class Desk:
         await page.send(await asyncio.to_thread(self.editor.message))
 
     async def _follow(self, page: Any) -> None:
-        """Send the rooms and the route of the plan as it is now."""
+        """Send the rooms and the route of the current plan."""
         for find in (self.editor.rooms, self.editor.route):
             try:
                 answer = await asyncio.to_thread(find)
@@ -164,7 +164,7 @@ class Desk:
             seen = now
 
     def _drive(self) -> None:
-        """Drive through the plan as `lrf3d run` does, and serve the film."""
+        """Simulate a drive through the plan as `lrf3d run` does, and serve its film."""
         scenario = self.editor.scenario.with_route()
         run = scenario.run(rng=0, on_collision=lambda note: None)
 
@@ -178,7 +178,7 @@ class Desk:
 
 
 def _read(text: Any) -> dict[str, Any]:
-    """The values of a message; a malformed one has none."""
+    """The values of a message; empty if it is malformed."""
     try:
         values = json.loads(text)
     except (RecursionError, ValueError):

@@ -1,4 +1,4 @@
-"""Sources of plans as a person sees them: a picture of the sheet, its size, a first scale."""
+"""Sources of plans for display: a picture of the sheet, its size, and a first scale."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,14 +18,14 @@ from lrf3d.world.schema import at
 # Longest side of the picture of a sheet [pixels].
 LONGEST = 3000
 
-# Size of a plan [m] whose scale is not known: that of a flat.
+# Assumed size of a plan whose scale is unknown [m]: that of a flat.
 USUAL_SIZE = 12.0
 
-# Width of a usual door leaf [m], and the widths that one may have.
+# Usual width of a door leaf [m], and its least and largest width.
 LEAF = 0.9
 LEAVES = (0.6, 1.25)
 
-# Most doors that are offered as a scale.
+# Largest number of doors that are offered to set the scale.
 OFFERED = 3
 
 
@@ -42,12 +42,12 @@ def empty_plan() -> Plan:
 
 
 def guessed_resolution(sheet: Sheet) -> float:
-    """The side of a pixel [m] by which a picture of a plan is read until its scale is known."""
+    """The side of a pixel [m] that is assumed for a picture until its scale is known."""
     return USUAL_SIZE / max(sheet.size)
 
 
 def sheet_of(path: Path, page: int = 1) -> Sheet | None:
-    """The sheet of a picture or a PDF; other drawings are shown by their strokes."""
+    """The sheet of a picture or a PDF; other drawings are shown as strokes."""
     row = by_ending(path, "picture", "drawing")
     if row is None or not (row.kind == "picture" or "page" in row.options):
         return None
@@ -58,7 +58,7 @@ def sheet_of(path: Path, page: int = 1) -> Sheet | None:
 
 
 def size_and_picture(path: Path, page: int) -> tuple[tuple[float, float], NDArray[np.uint8]]:
-    """The size and the picture of a sheet; a process of its own calls this function."""
+    """The size and the picture of a sheet; called in the process that reads the file."""
     row = by_ending(path, "picture", "drawing")
     assert row is not None
     with unpacked(path, row.largest) as plain:
@@ -82,7 +82,7 @@ def _smaller(picture: Any) -> NDArray[np.uint8]:
 
 
 def suggestions(plan: Plan) -> list[dict[str, Any]]:
-    """Lengths by which a person may confirm or set the scale: two places, metres, and why.
+    """Lengths by which a user may confirm or set the scale: two places, metres, and a reason.
 
     Places are in units of the drawing.
     """

@@ -1,4 +1,4 @@
-"""Read the layers of lidars and the rows of cameras from skylines, compiled."""
+"""Reading the layers of lidars and the rows of cameras off skylines, compiled."""
 
 import math
 from typing import NamedTuple
@@ -30,7 +30,7 @@ from lrf3d.casting.kernels.tree import (
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry.lines import Float, Records
 
-# Relative distance of a floor and a wall from which on float64 shows which is met first.
+# Relative difference in distance of floor and wall above which float64 decides which is hit first.
 CLEAR_FLOOR = 1e-12
 
 
@@ -50,7 +50,7 @@ def read_layers(
 ) -> None:  # fmt: skip
     """Fill ranges and walls (azimuths, layers) from the skylines of rays, over a floor at z = 0.
 
-    The skylines are empty then.
+    The skylines are empty afterwards.
     """
     skies = Skylines(*plain_skies)
     layers = Layers(*plain_layers)
@@ -60,7 +60,7 @@ def read_layers(
     many = len(layers.lengths)
     floor = np.empty((1, many))
     ground = np.empty(many)
-    # Between these all layers measure.
+    # Walls between these distances are in the range of all layers.
     near = 0.0
     far = np.inf
     for r in range(many):
@@ -128,7 +128,7 @@ def read_layers(
 
 @borrower
 def _beyond(values: Float, row: int, part: tuple[int, int], limit: float) -> int:
-    """The first of ascending values of a part of a row that is above a limit, or the part's end."""
+    """Index of the first value above a limit in an ascending part of a row, or the part's end."""
     low, high = part
     while low < high:
         middle = (low + high) // 2
@@ -143,7 +143,7 @@ def _beyond(values: Float, row: int, part: tuple[int, int], limit: float) -> int
 def _stand(
     ground: Float, i: int, part: tuple[int, int], ranges: Float, hits: NDArray[np.int32]
 ) -> None:
-    """Let a part of the layers of an azimuth end on the floor."""
+    """Fill in the ranges of consecutive layers of an azimuth that hit the floor."""
     for r in range(index_of(part[0]), index_of(part[1])):
         ranges[i, r] = ground[r]
         hits[i, r] = -1
@@ -154,7 +154,7 @@ def _measure(
     t: float, name: int, lengths: Float, i: int, part: tuple[int, int], ranges: Float,
     hits: NDArray[np.int32],
 ) -> None:  # fmt: skip
-    """Let a part of the layers of an azimuth end at a wall."""
+    """Fill in the ranges of consecutive layers of an azimuth that hit a wall."""
     for r in range(index_of(part[0]), index_of(part[1])):
         ranges[i, r] = t * lengths[r]
         hits[i, r] = name
@@ -162,14 +162,14 @@ def _measure(
 
 @inner
 def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max: float) -> float:
-    """The range of a layer at a wall that it meets at t, within its limits, exactly."""
+    """The range of a layer at a wall that it hits at t; limits are decided exactly."""
     t = within(t, layers.nears[r], layers.reaches[r], beam, wall)
     return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
 
 
 @inner
 def _limited(t: float, r: int, layers: Layers, range_max: float) -> float:
-    """The range of a layer at t within its limits: +inf above, −inf below."""
+    """The range of a layer at t: +inf above its largest, −inf below its least."""
     if not t <= layers.reaches[r]:
         return np.inf
     return min(t * layers.lengths[r], range_max) if t >= layers.nears[r] else -np.inf
@@ -180,7 +180,7 @@ def _among_overlapping(
     row: Records, beam: Beam, place: tuple[float, float, int, float], layers: Layers,
     ground: float,
 ) -> tuple[float, int]:  # fmt: skip
-    """The range and the wall of a layer of a skyline that has low walls along the beam."""
+    """The range and the wall of a layer in a skyline with low walls along the beam."""
     z, slope, r, range_max = place
     for j in range(len(row)):
         entry = row[j]
@@ -190,7 +190,7 @@ def _among_overlapping(
         top = entry.height if entry.exits == EXITS else -np.inf
         name = entry.row
         for k in range(j):
-            # What the beam has come down to before, on a wall that has begun and not ended.
+            # The beam came down earlier, onto a wall along it that has begun and not ended.
             along = row[k]
             if (
                 along.exits == BEGINS

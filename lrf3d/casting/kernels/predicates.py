@@ -175,7 +175,7 @@ def compare_limit(limit: float, beam: Beam, wall: Wall) -> int:
 
 @inner
 def compare_height(slope: float, start: float, height: float, beam: Beam, wall: Wall) -> int:
-    """Sign of start + t · slope − height, by how much a rising beam passes over a height at t."""
+    """Sign of start + t · slope − height: whether a rising beam at t is above a height."""
     above, below = _fraction(beam, wall)
     rise = _plus(_plus(_zero(2), height), -start)
     return _sign_of_cross(above, _plus(_zero(1), slope), rise, below)

@@ -1,4 +1,4 @@
-"""Enter walls and obstacles into skylines, compiled; every decision exact."""
+"""Inserting walls and dynamic obstacles into skylines, compiled; every decision is exact."""
 
 import math
 from typing import NamedTuple
@@ -77,7 +77,7 @@ from lrf3d.geometry.lines import Float, Records
 
 
 class Standing(NamedTuple):
-    """Walls as they stand, in the order of the tree's rows."""
+    """Walls with their heights and outlines, in the order of the tree's rows."""
 
     tree: Tree
     heights: Float  # (n,) [m]
@@ -88,7 +88,7 @@ class Standing(NamedTuple):
 
 
 class UprightWall(NamedTuple):
-    """One wall as it stands."""
+    """One wall with its height and outline."""
 
     wall: Wall
     height: float  # [m]
@@ -101,9 +101,9 @@ class UprightWall(NamedTuple):
 def raise_fan(
     plain: Plain, plain_laser: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
 ) -> bool:
-    """Enter walls into the skylines of evenly spaced azimuths from one pose (3,), and fill rays.
+    """Insert walls into the skylines of evenly spaced azimuths from one pose (3,), and fill rays.
 
-    Returns whether the skylines had room for all of them.
+    Returns whether the skylines had room for all walls.
     """
     walls = Standing(Tree(*plain[0]), *plain[1:])
     tree = walls.tree
@@ -154,7 +154,7 @@ def raise_fan(
 def _raise_wall(
     walls: Standing, row: int, k: int, sketch: Float, fan: Fan, eye: Eye, skies: Skylines
 ) -> bool:
-    """Enter a wall, k of a sketch, at all azimuths that meet it."""
+    """Insert a wall, number k of a sketch, at all azimuths that meet it."""
     place = index_of(k)
     wall = wall_at(walls.tree.walls, row)
     u = sketch[U + place]
@@ -173,7 +173,7 @@ def _raise_wall(
     height = walls.heights[row]
     exits = EXITS if sense * walls.inner[row] > 0 and height < eye.z else MEETS
     name = walls.tree.rows[row]
-    # Taken out of their tuples once: each time counts a reference.
+    # Read from their tuples once, as each access counts a reference.
     x = fan.x
     y = fan.y
     dx = fan.dx
@@ -208,10 +208,10 @@ def _raise_wall(
 
 @compiled
 def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_skies: Plain) -> bool:
-    """Enter walls into the skylines of rays (n,), each from its own origin.
+    """Insert walls into the skylines of rays (n,), each from its own origin.
 
-    Slopes (n, 2) are the least and the largest of the layers of each ray, or of (1, 2) of all.
-    Returns whether the skylines had room for all of them.
+    Slopes are the least and the largest of each ray's layers (n, 2), or of all rays' (1, 2).
+    Returns whether the skylines had room for all walls.
     """
     walls = Standing(Tree(*plain[0]), *plain[1:])
     tree = walls.tree
@@ -242,9 +242,9 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
 def raise_obstacles(
     plain: Plain, own: int, rays: Records, eye: Plain, slopes: Float, plain_skies: Plain
 ) -> bool:
-    """Enter dynamic obstacles into the skylines of rays (n,), where they are at the rays' times.
+    """Insert dynamic obstacles into the skylines of rays (n,), where they are at the rays' times.
 
-    All but the robot's own are seen; their walls are named by numbers below −1.
+    The robot's own outline is left out; walls of obstacles have numbers below −1.
     """
     among = anywhere(plain)
     movers = among.movers
@@ -285,7 +285,7 @@ def raise_obstacles(
 
 @inner
 def _sense(sides: Records, first: int, stop: int) -> int:
-    """The sense in which an outline runs: 1 with its inside on the left, or −1."""
+    """The orientation of an outline: 1 with its inside on the left, or −1."""
     area = 0.0
     for k in range(first, stop):
         side = sides[k]
@@ -308,7 +308,7 @@ def _piece(walls: Standing, row: int) -> UprightWall:
 
 @inner
 def _farthest(eye: Eye, highest: float) -> float:
-    """How far [m] the layers of a ray can meet a wall: up to the floor, or over the highest."""
+    """Distance [m] from which all layers of a ray meet the floor or pass over the highest wall."""
     reach = eye.reach
     if eye.most < 0.0:
         reach = min(reach, -eye.z / eye.most)
@@ -321,7 +321,7 @@ def _farthest(eye: Eye, highest: float) -> float:
 def _raise_exactly(
     piece: UprightWall, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
 ) -> bool:
-    """Enter a wall at an azimuth if its beam meets it, exactly; whether there was room."""
+    """Insert a wall at an azimuth if its beam meets it exactly; False if there is no room."""
     wall = piece.wall
     height = piece.height
     low = height < eye.z
@@ -353,7 +353,7 @@ def _raise_exactly(
 def _raise_along(
     piece: UprightWall, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines
 ) -> bool:
-    """Enter a low wall whose line goes through the sensor: where it begins, and where it ends."""
+    """Insert a low wall whose line passes through the sensor: its near end, and its far end."""
     wall = piece.wall
     height = piece.height
     name = piece.name
@@ -367,7 +367,7 @@ def _raise_along(
     fits = insert(new, i, beam, eye, highest, skies)
     if not along:
         return fits
-    # The far end, on a wall across the beam, which it meets just there.
+    # The far end, as a wall across the beam that meets it just there.
     ahead = beam.dx * (qx - px) + beam.dy * (qy - py) > 0.0
     x, y = (qx, qy) if ahead else (px, py)
     across = Wall(x, y, x - beam.dy, y + beam.dx)
@@ -380,7 +380,7 @@ def _raise_along(
 
 @inner
 def _exits_at_end(piece: UprightWall, beam: Beam, exits: bool) -> bool:
-    """Whether a beam comes to a wall of a closed object from inside, also through its ends."""
+    """Whether a beam reaches a wall of a closed object from inside, also at the wall's ends."""
     px, py, qx, qy = piece.wall
     ax, ay, bx, by = piece.corners
     left = piece.inner > 0
@@ -397,15 +397,15 @@ def _exits_at_end(piece: UprightWall, beam: Beam, exits: bool) -> bool:
 def _comes_through(
     beam: Beam, corner: tuple[float, float], ahead: tuple[float, float], behind: tuple[float, float]
 ) -> bool:
-    """Whether a beam comes to a corner, on its line, through the inside of an outline.
+    """Whether a beam through a corner of an outline reaches it from inside.
 
-    The outline runs from behind to the corner and ahead, with the inside on its left.
+    The outline runs from the point behind to the corner and on, with its inside on the left.
     """
     x, y = corner
     first = side(beam, ahead[0], ahead[1])
     last = side(beam, behind[0], behind[1])
     if first != 0 and first == last:
-        # Both neighbours are on one side: the inside holds the beam where the corner is reflex.
+        # Both neighbours are on one side of the beam: it is inside if the corner is reflex.
         return area_sign(x, y, Wall(ahead[0], ahead[1], behind[0], behind[1])) < 0
     nearer = beam.dx * (ahead[0] - x) + beam.dy * (ahead[1] - y) < 0.0
     if first == 0 and nearer:

@@ -1,16 +1,18 @@
-"""Skylines: which walls the layers of one azimuth meet, compiled; every decision exact.
+"""Skylines: which walls the layers of one azimuth hit, compiled; every decision is exact.
 
 The beams of one azimuth of a level sensor lie in an upright plane. A wall of height h that the
-plane meets at t stops the beam of slope s where z + t·s ≤ h, which is s ≤ (h − z) / t, the slope of
-its top. So one planar traversal serves all layers: each azimuth keeps its skyline, the walls in
-order of t that rise above all nearer ones, and the layers are read from it from below.
+plane crosses at distance t stops the beam of slope s if z + t·s ≤ h, that is s ≤ (h − z) / t, the
+slope of the wall's top. So one planar traversal serves all layers: each azimuth keeps its skyline,
+the walls that rise above all nearer ones in the order of t, and its layers are read off from the
+bottom up.
 
-The top of a closed object lower than the sensor is seen from above. A beam that passes over the
-wall where it enters and is not above the one where it leaves meets the top between the two: the
-wall seen from inside is an entry that `exits`, whose beams end where they come down to its height.
-A low wall along the beam is such an interval, too.
+The top of a closed object lower than the sensor is visible from above. A beam that passes over the
+wall where it enters the object, but not over the wall where it leaves, hits the top between them:
+the latter wall is an entry that `exits`, whose beams end where they come down to its height. A low
+wall along the beam is such an interval, too.
 
-Bounds are kept in 1 / t, as in the depth buffer of `fan`; where they overlap, expansions decide.
+Bounds are kept in 1 / t, as in the depth buffer of `fan`; where they overlap, the comparison is
+made exactly with expansions.
 """
 
 from typing import Any, NamedTuple
@@ -29,17 +31,17 @@ from lrf3d.geometry.lines import Float, Int, Records
 # Bound on the relative rounding error of the slope of a wall's top, in addition to that of 1 / t.
 TOP_SLACK = 8.0 * 2.0**-53
 
-# Kinds of entries: a wall that beams meet, one that they come to over the top of an object, and the
-# near end of a low wall along the beam.
+# Kinds of entries: a wall that beams hit from outside, the wall at the far end of an object's top,
+# and the near end of a low wall along the beam.
 MEETS = 0
 EXITS = 1
 BEGINS = 2
 
-# In place of where an entry stands.
+# Returned instead of the place of an entry: it is hidden, or its bounds do not decide.
 HIDDEN = -1
 AMBIGUOUS = -2
 
-# An entry of a skyline: a wall, or a place where beams leave the space over a low object.
+# An entry of a skyline: a wall, or where beams leave the space over a low object.
 ENTRY = record(
     low=float, high=float,  # Bounds on 1 / t [1/m].
     sure=float, most=float,  # Bounds on the slope of its top.
@@ -53,16 +55,16 @@ ENTRY = record(
 class Skylines(NamedTuple):
     """The skylines of azimuths."""
 
-    entries: Records  # (room · azimuths,) of kind ENTRY, the first of all azimuths first.
-    counts: Int  # (azimuths,) how many of its room each azimuth has.
+    entries: Records  # (room · azimuths,) of kind ENTRY: the first of all azimuths, the second, ….
+    counts: Int  # (azimuths,) number of entries.
     # (azimuths,) 1 where a low wall runs along the beam: entries then overlap.
     mixed: NDArray[np.int8]
-    room: int  # For how many entries each azimuth has room.
+    room: int  # Largest number of entries of an azimuth.
     covered: Float  # (azimuths,) bound on 1 / t of the wall that hides all behind it [1/m].
 
 
 class Eye(NamedTuple):
-    """What a sensor sees of skylines."""
+    """The sensor that looks at skylines: its height, and the limits of its layers."""
 
     z: float  # Its height [m].
     least: float  # The least slope of its layers,
@@ -71,7 +73,7 @@ class Eye(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """An entry of a skyline before it is entered: see ENTRY."""
+    """An entry that is to be inserted into a skyline: see ENTRY."""
 
     low: float
     high: float
@@ -87,7 +89,7 @@ class Entry(NamedTuple):
 def entry_of(
     low: float, high: float, height: float, wall: Wall, name: tuple[int, int], z: float
 ) -> Entry:
-    """An entry with bounds on 1 / t, and its number and whether it exits."""
+    """An entry from bounds on 1 / t and its name: its number, and its kind."""
     rise = height - z
     sure = np.inf if rise >= 0.0 else -np.inf
     most = sure
@@ -101,7 +103,7 @@ def entry_of(
 
 @inner
 def insert(new: Entry, i: int, beam: Beam, eye: Eye, highest: float, skies: Skylines) -> bool:
-    """Enter into the skyline of an azimuth what no nearer wall hides; whether there was room."""
+    """Insert an entry into an azimuth's skyline unless it is hidden; False if there is no room."""
     place = place_of(new, i, eye, skies)
     if place == AMBIGUOUS:
         place = place_exactly(new, i, beam, eye, skies)
@@ -110,7 +112,7 @@ def insert(new: Entry, i: int, beam: Beam, eye: Eye, highest: float, skies: Skyl
 
 @borrower
 def place_of(new: Entry, i: int, eye: Eye, skies: Skylines) -> int:
-    """Where an entry stands in a skyline; HIDDEN, or AMBIGUOUS where bounds do not show it."""
+    """The place of an entry in a skyline, HIDDEN, or AMBIGUOUS if the bounds do not decide."""
     if new.most < eye.least and new.exits != BEGINS:
         return HIDDEN
     entries = skies.entries
@@ -130,7 +132,7 @@ def place_of(new: Entry, i: int, eye: Eye, skies: Skylines) -> int:
 
 @inner
 def place_exactly(new: Entry, i: int, beam: Beam, eye: Eye, skies: Skylines) -> int:
-    """Where an entry stands in a skyline, or HIDDEN."""
+    """The place of an entry in a skyline, or HIDDEN, decided exactly."""
     entries = skies.entries
     columns = len(skies.counts)
     count: int = skies.counts[i]
@@ -145,9 +147,9 @@ def place_exactly(new: Entry, i: int, beam: Beam, eye: Eye, skies: Skylines) -> 
 
 @borrower
 def _hides(near: Any, far: Any, eye: Eye, mixed: bool) -> bool:
-    """Whether no layer that passes over an entry meets one behind it.
+    """Whether no layer that passes over the near entry can hit the far one.
 
-    The ends of a wall along the beam count whatever stands before them.
+    The ends of a wall along the beam are never hidden.
     """
     if mixed and far.exits != MEETS:
         return False
@@ -158,7 +160,7 @@ def _hides(near: Any, far: Any, eye: Eye, mixed: bool) -> bool:
 
 @borrower
 def put(new: Entry, i: int, place: int, eye: Eye, highest: float, skies: Skylines) -> bool:
-    """Enter an entry in its place, and take out what it hides; whether there was room."""
+    """Insert an entry at its place and remove those that it hides; False if there is no room."""
     entries = skies.entries
     columns = len(skies.counts)
     count: int = skies.counts[i]
@@ -189,7 +191,7 @@ def put(new: Entry, i: int, place: int, eye: Eye, highest: float, skies: Skyline
 
 @inner
 def _comes_first(new: Entry, entry: Any, beam: Beam) -> bool:
-    """Whether a new entry stands before another one of a skyline, exactly."""
+    """Whether a new entry is nearer than another one of a skyline, decided exactly."""
     if new.low > entry.high:
         return True
     if new.high < entry.low:
@@ -197,7 +199,7 @@ def _comes_first(new: Entry, entry: Any, beam: Beam) -> bool:
     order = compare(beam, new.wall, wall_of(entry))
     if order != 0:
         return order < 0
-    # What comes through the inside of an object has met its top before.
+    # A beam that comes through the inside of an object has hit its top before.
     if (new.exits == EXITS) != (entry.exits == EXITS):
         return new.exits == EXITS
     return bool(new.row < entry.row)

@@ -128,7 +128,7 @@ class _EntityFilter(Frontend):
         self.painter = _EntityPainter(canvas, scale)
         super().__init__(context, self.painter, config)
         self.canvas = canvas
-        # Whether an entity is drawn by its parts, which are no items.
+        # Whether an entity is drawn as its parts, which are not items themselves.
         self.in_parts = False
 
     def draw_entity(self, entity: Any, properties: Any) -> None:
@@ -155,11 +155,11 @@ class _EntityFilter(Frontend):
             canvas.fates |= dict.fromkeys(items, _kind(entity))
 
     def _place(self, entity: Any, properties: Any) -> None:
-        """Draw the block that an entity places."""
+        """Draw the block that an entity inserts."""
         block = _content(entity)
         if block is not None:
             for each in block:
-                # What ezdxf skips: texts of which each place has its own, and unknown kinds.
+                # What ezdxf skips: attributes, of which each insert has its own, and unknown kinds.
                 if each.dxftype() == "ATTDEF" or hasattr(each, "xtags"):
                     self.canvas.leave(_kind(each), each)
             super().draw_entity(entity, properties)
@@ -179,7 +179,7 @@ class _EntityFilter(Frontend):
 
 
 def _kind(entity: Any) -> str:
-    """The reason to leave out an entity: what it is called, or its kind and its layer."""
+    """The reason to leave out an entity: a name for its kind, or its kind and its layer."""
     known = LEFT_OUT | PATTERNED
     return known.get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
 
@@ -204,7 +204,7 @@ def _sources(entity: Any) -> list[Any]:
 
 def _source(entity: Any) -> Any:
     """The entity of the file that an entity is a copy of."""
-    # Objects of other programs, which ezdxf does not know, come wrapped.
+    # Objects of other programs, unknown to ezdxf, are wrapped.
     entity = getattr(entity, "entity", entity)
     return entity.origin_of_copy or entity
 
@@ -221,7 +221,7 @@ class _EntityPainter(Backend):
     def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
         # The innermost block says most about what the entity is.
         names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
-        # The parts by which other programs show their objects may lie on no layer of their own.
+        # The graphics of other programs' objects may have no layer of their own.
         whole = (_layer(e) for e, _ in self.entity_stack if e.dxftype() != "INSERT")
         layer = next(whole, "0") if properties.layer == "0" else properties.layer
         return Mark(

@@ -46,7 +46,7 @@ raw: Any = pypdfium2.raw
 # The nouns that count objects which are not read, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 
-# Largest depth of forms within each other.
+# Largest depth of nested forms.
 DEEPEST = 50
 
 # Number of lines and areas up to which a page with large pictures is a scanned one.
@@ -256,7 +256,7 @@ class _PagePainter:
 
     @staticmethod
     def _colour(read: Callable[..., Any], each: Any, used: Any) -> tuple[float, float, str]:
-        """The contrast of a colour, how opaque it is where used, both from 0 to 1, and itself."""
+        """Contrast and opacity of a colour, 0 if unused, both from 0 to 1, and the colour."""
         *colours, alpha = channels = [ctypes.c_uint() for _ in range(4)]
         if not used.value or not read(each, *channels):
             return UNKNOWN, 0.5 if used.value else 0.0, ""

@@ -50,7 +50,7 @@ CLOSE = 0.1
 # Largest size [m] of a leaf and its arc together.
 LARGEST_DOOR = 1.4
 
-# Widest window or door [m] that parts the walls of a building.
+# Widest window or door [m] that interrupts the walls of a building.
 PARTED = 2.5
 
 # Largest size [m] of a letter.
@@ -218,7 +218,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
 
 
 def _marked(colours: Any, dark: Bool) -> tuple[Bool, int]:
-    """Coloured parts that touch nothing black or grey, where walls are that, and their number."""
+    """Coloured parts that touch nothing black or grey, if walls are black or grey; their number."""
     grey = dark & (np.ptp(colours, axis=2) < 64)
     share = grey.sum() / max(dark.sum(), 1)
     if share == 1.0 or share < 0.5 or extent_of(grey) < 0.7 * extent_of(dark):
@@ -231,9 +231,9 @@ def _marked(colours: Any, dark: Bool) -> tuple[Bool, int]:
 
 
 def _frame(drawn: Bool, pixels: float) -> tuple[Bool, int]:
-    """The pixels of the frame of a sheet with its title block, and its parts.
+    """The pixels of a sheet's frame and title block, and the number of its parts.
 
-    Other parts count as their boxes.
+    Other parts are compared by their bounding boxes.
     """
     parts, count = parts_of(drawn)
     if count < 2:
@@ -258,7 +258,7 @@ def _frame(drawn: Bool, pixels: float) -> tuple[Bool, int]:
 
 
 def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
-    """The pixels of leaves, arcs and thresholds around quarters of discs, in which doors swing.
+    """The pixels of leaves, arcs and thresholds around quarter discs, in which doors swing.
 
     Returns the number of doors, too. The space between two thresholds is as long as its door.
     """
@@ -298,10 +298,10 @@ def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
-    """The cells of the building and next to it, without legends and others that stand apart.
+    """The cells of the building and next to it, without legends and other separate drawings.
 
-    It is what the largest part of the walls surrounds, with those that only windows and doors part
-    from it, unless others are as large.
+    The building is what the largest connected walls surround, with those that only windows and
+    doors separate from them, unless others are as large.
     """
     parts, _ = parts_of(grown(solid, CLOSE * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))

@@ -80,10 +80,10 @@ COUNTED = {"text": "text", "image": "picture", "foreignObject": "picture"}
 # Elements that hold others.
 GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
 
-# Elements that hold others, which are painted only where they are referred to.
+# Elements whose content is painted only where it is referred to.
 DEFINITIONS = frozenset(("defs", "symbol", "clipPath", "mask", "marker", "pattern"))
 
-# Elements that paint nothing, and whose content does not, either; those of others have no name.
+# Elements that paint nothing, nor does their content; elements of foreign namespaces have no name.
 SILENT = frozenset(
     " title desc metadata style script filter linearGradient radialGradient view cursor set font"
     " animate animateMotion animateTransform animateColor color-profile solidColor".split(" ")
@@ -114,7 +114,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
     sheet = _framed(root, (0.0, 0.0, width, height), State(np.eye(3), (width, height)))
-    # A unit is known to some digits, as svgelements gives it.
+    # Round the unit to the digits that svgelements gives reliably.
     unit = float(f"{PIXEL * math.hypot(*sheet.matrix[:2, 0]):.9g}")
     scale = scale_of(scale, unit)
     canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
@@ -171,7 +171,7 @@ class _ElementPainter(NamedTuple):
         self.leave(element[count:], "other choice")
 
     def items(self, within: Iterable[Element], defined: bool = False) -> Iterator[tuple[Any, bool]]:
-        """The elements that may be painted, and whether each is painted only where it is used."""
+        """The elements that may be painted, and for each whether only a use paints it."""
         for element in within:
             name = _tag(element)
             if name == "use" and self.target(element) is not None:
@@ -181,11 +181,11 @@ class _ElementPainter(NamedTuple):
             elif name not in SILENT:
                 yield element, defined
                 if name not in SHAPES and name not in COUNTED:
-                    # What an unknown element holds may be used.
+                    # The content of an unknown element may be used elsewhere.
                     yield from self.items(element, True)
 
     def leave(self, elements: Iterable[Element], reason: str) -> None:
-        """Leave out elements, and what is in them."""
+        """Leave out elements and their content."""
         for each, _ in self.items(elements):
             self.canvas.leave(reason, each)
 
@@ -453,7 +453,7 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
 
 
 def _is_plain(text: str | None) -> bool:
-    """Whether a text names a colour, and no pattern."""
+    """Whether a text names a colour, not a pattern."""
     return text is not None and text != "none" and "url(" not in text
 
 

@@ -199,11 +199,11 @@ def _goes_on(hinge: Float, gap: Float, corner: Int, end: int, walls: _Walls) -> 
 
 
 def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:
-    """Clip segments (n, 4) at doorways: nothing stands in a door that stands open.
+    """Clip segments (n, 4) at doorways, as doors stand open.
 
     Returns the pieces (k, 4), the index (k,) of each piece's segment, which segments were cut, and
-    the area of all doorways. Lines of tiles and thresholds are cut, and walls that their author did
-    not break behind a door.
+    the area of all doorways. This also cuts lines of tiles and thresholds, and walls that are drawn
+    through behind a door.
     """
     walls = _Walls.of(segments)
     lines = as_lines(segments)

@@ -1,4 +1,4 @@
-"""What is left out of the dark pixels of a picture: parts enter with a reason, a balance leaves."""
+"""Counting what is left out of a picture: dark parts enter with a reason, a balance leaves."""
 
 from collections import Counter
 
@@ -13,16 +13,16 @@ RIM = 1.5
 
 
 class LeftOut:
-    """What is left out of the dark pixels of a picture, by reason: parts, and their pixels."""
+    """The parts of a picture's dark pixels that are left out, by reason, and their pixels."""
 
     def __init__(self, dark: Bool) -> None:
         self.dark = dark
         self.parts = Counter[str]()
-        # The number of each pixel's reason, from 1.
+        # The number of each pixel's reason, from 1; 0 for none.
         self._reason = np.zeros(dark.shape, dtype=np.uint8)
 
     def without(self, reason: str, cells: Bool, out: Bool, parts: int) -> Bool:
-        """The cells without those that are left out for a reason, in some parts."""
+        """Leave out some parts for a reason; returns the other cells."""
         self.parts[reason] += parts
         taken = cells & out & (self._reason == 0)
         self._reason[taken] = list(self.parts).index(reason) + 1
@@ -33,7 +33,7 @@ class LeftOut:
         used = self.dark & grown(walls, RIM)
         out = self.dark & ~used
         counts = np.bincount(self._reason[out], minlength=len(self.parts) + 1)
-        # Strokes are cut off a little away from what they meet.
+        # Strokes are cut off a little before what they meet.
         cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
         balance = Balance("pixel", self.dark.size, int(used.sum()))
         balance.leave("paper", int((~self.dark).sum()))

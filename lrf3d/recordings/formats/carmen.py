@@ -85,7 +85,7 @@ TELEGRAM_ANGLE = 1e-4
 # The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
 
-# Numbers of words of the lines of Carnegie Mellon's robot data: a pose, or two with 180 ranges.
+# Number of words in a line of Carnegie Mellon's robot data: a pose, or two poses with 180 ranges.
 CMU_WORDS = (5, 188)
 
 # A centimetre [m], the unit of these lines.
@@ -435,7 +435,7 @@ class _Reading:
         return scans
 
     def _on(self, mount: Pose, row: _Row) -> LaserScan:
-        """A scan with its mount, in the middle of its robot as it is; raw ones have its pose."""
+        """A scan with its laser's mount; raw scans have the robot's pose, others the laser's."""
         raw = self._kinds[row.laser][0] in RAW
         pose = row.scan.pose @ mount if raw else row.scan.pose
         return row.scan if mount == CENTRE else replace(row.scan, pose=pose, mount=mount)

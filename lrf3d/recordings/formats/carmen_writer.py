@@ -121,7 +121,7 @@ def _messages(run: "Run") -> Iterator[str]:
 
 
 def _scan_message(scan: LaserScan, laser: int, robot: str, speeds: str, end: str) -> str:
-    """The message of a scan; the first laser is that in front, the second that at the rear."""
+    """The message of a scan; the first laser is the front one, the second the rear one."""
     pose = " ".join(map(repr, scan.pose))
     readings = np.clip(scan.ranges, 0.0, scan.range_max)
     ranges = " ".join(map(repr, readings.tolist()))

@@ -1,7 +1,7 @@
 """Clouds of a run as files: PLY and PCD of all points in the world, KITTI and arrays scan by scan.
 
-A run with a lidar enters; its scans are cast again one by one, so that memory holds one of them.
-Only the points of the first lidar are written, with a time that counts from the run's beginning.
+A run with a lidar enters; its scans are cast again one by one, so that memory holds only one. Only
+the points of the first lidar are written, with times since the start of the run.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from lrf3d.messages.clouds import POINT, records_of
 from lrf3d.recordings.formats.npz import write_npz
 from lrf3d.simulation.run import Run
 
-# Points without gaps between their fields, as files hold them.
+# A point without gaps between its fields, as in files.
 PACKED = np.dtype([(name, POINT[name]) for name in POINT.names or ()])
 
 # The types of a point's fields in PLY.
@@ -46,7 +46,7 @@ def write_pcd(run: Run, path: Path) -> None:
 
 
 def _write_all(run: Run, path: Path, head: str) -> None:
-    """Write a header with the number of points, and the points."""
+    """Write a header, in which the number of points is filled in, and the points."""
     scans = _records(run, path, local=False)
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         file.write(head.format(count=0).encode())

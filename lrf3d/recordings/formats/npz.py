@@ -1,4 +1,4 @@
-"""Arrays in .npz files: those of runs, and of others; large ones are mapped, none is unpickled."""
+"""Arrays in .npz files, of runs and others: large ones are memory-mapped, none is unpickled."""
 
 import os
 import struct
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from lrf3d.base.files import check_ordinary, replacing
 
-# Least size [bytes] of an array that is mapped; smaller ones are read and checked.
+# Least size [bytes] of an array that is memory-mapped; smaller ones are read, with checksums.
 MAPPED = 1 << 26
 
-# Largest size [bytes] that the packed arrays of a file may unpack to; ours are not packed.
+# Largest size [bytes] to which packed arrays may unpack; lrf3d writes unpacked ones.
 MOST_PACKED = 1 << 29
 
 # Size [bytes] of the header of a member of a zip file, without its name and its extra fields.
@@ -36,7 +36,7 @@ _LARGE_FIELD = 20
 # Size [bytes] of a zip member's empty field.
 _EMPTY_FIELD = 4
 
-# Exceptions of reading a damaged file.
+# Exceptions that reading a damaged file raises.
 DAMAGES = (
     OSError,
     ValueError,
@@ -97,7 +97,7 @@ def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
                 for name, array in arrays.items():
                     _write_member(archive, file.tell(), name, array)
             except BaseException:
-                # Closing an archive would complete it, which fails as well and hides the error.
+                # Closing the archive would finish it, which also fails and would hide the error.
                 archive.fp = None
                 raise
         file.flush()

@@ -292,7 +292,7 @@ class Table:
         if nanosec is not None:
             seconds = self.values.get("stamp")
             self.units["stamp"] = "ns" if seconds is None else "s"
-            # Stamps with a fraction are whole: nanoseconds beside them say the same once more.
+            # Stamps with a fraction are complete; a column of nanoseconds repeats the fraction.
             if seconds is None or not (seconds % 1.0).any():
                 self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
         if "stamp" not in self.values and "dt" in self.values:

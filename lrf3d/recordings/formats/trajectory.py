@@ -23,7 +23,7 @@ from lrf3d.geometry.pose import heading_of
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
 
-# Largest number of a line that a relation names.
+# Largest line number in a relation.
 LAST_LINE = 10_000_000
 
 # Units that stamps above a number have, since they are counted from 1970.

@@ -1,7 +1,7 @@
-"""Body: readings that stay with the robot while it drives are the robot itself, and left out.
+"""Body: leave out readings of the robot itself, which stay the same while it drives.
 
-Posts, wheels and cables in view of a laser are hit at the same bearing and range all along, while
-everything else in view changes. Left in the scans, they would be walls along the whole drive.
+Posts, wheels and cables in a laser's view are hit at the same bearing and range in all scans, while
+everything else in view changes. In a map they would be walls along the whole path.
 """
 
 from collections.abc import Sequence
@@ -17,33 +17,33 @@ from lrf3d.laser import LaserScan
 from lrf3d.recordings.log import LaserLog, on_one_fan
 from lrf3d.recordings.repair import Repair
 
-# Readings that differ by less are the same [m], for lasers as coarse as those of small robots.
+# Readings of one bearing that differ by less [m] are equal, for coarse lasers of small robots.
 STILL = 0.05
 
-# The same as a share of the range.
+# Two scans are compared with a tolerance that is larger by this share of the range.
 STILL_SHARE = 0.05
 
-# Least share of the beams that see something else in the next scan where a robot has moved: behind
-# many lasers stands the robot.
+# The robot has moved if at least this share of the beams reads another range than in the scan
+# before; it is small because the robot itself may block much of a laser's view.
 LEAST_CHANGED = 0.25
 
-# Least number of scans from different places, so that nothing but the robot stays with it.
+# Least number of scans from different places: in so many, only the robot keeps its range.
 LEAST_PLACES = 20
 
-# Least share of such scans in which a bearing of the robot's body returns.
+# Least share of these scans in which a bearing of the robot's body returns.
 LEAST_HITS = 0.5
 
-# Least share of its readings that are the same.
+# Least share of the readings of such a bearing that are equal.
 LEAST_SAME = 0.95
 
-# How far the body of a robot reaches from its laser [m]: a wall that a robot follows is seen at
-# adjacent bearings farther away, too.
+# Largest distance of the robot's body from its laser [m]. A wall that the robot follows keeps its
+# range, too, but is also seen farther away, at adjacent bearings.
 FARTHEST = 1.5
 
-# Beams beside those that hit the body which graze it.
+# Number of beams on each side of the body that may graze it, and are left out with it.
 GRAZING = 2
 
-# Most scans that are compared.
+# Largest number of scans that are compared.
 MOST_SCANS = 600
 
 
@@ -55,7 +55,7 @@ class OwnBody(NamedTuple):
 
 
 def find(log: LaserLog) -> dict[str, OwnBody] | None:
-    """What each laser sees of its robot, by its name; None if none sees any of it."""
+    """The robot's body as each laser sees it, by the laser's name; None if none sees it."""
     found = {name: _body([s for s in log.scans if s.laser == name]) for name in log.lasers}
     return {name: body for name, body in found.items() if body is not None} or None
 
@@ -66,7 +66,7 @@ def _body(scans: Sequence[LaserScan]) -> OwnBody | None:
     if len(ranges) < LEAST_PLACES:
         return None
     hits = np.isfinite(ranges)
-    # Beams that seldom return get any range.
+    # The median ignores missing returns, except of beams that never return.
     middle = np.nanmedian(np.where(hits | ~hits.any(axis=0), ranges, np.nan), axis=0)
     apart = np.where(hits, ranges, np.inf) - np.where(np.isfinite(middle), middle, 0.0)
     same = (np.abs(apart) < STILL).sum(axis=0)
@@ -80,7 +80,7 @@ def _body(scans: Sequence[LaserScan]) -> OwnBody | None:
 
 
 def _places(ranges: Float) -> Int:
-    """Scans (m,) of scans (k, beams), each of which sees something else than the one before."""
+    """Numbers (m,) of those scans (k, beams) before which the robot has moved."""
     kept = [0]
     for number in range(1, len(ranges)):
         before = ranges[kept[-1]]
@@ -93,7 +93,7 @@ def _places(ranges: Float) -> Int:
 
 
 def apply(log: LaserLog, bodies: dict[str, OwnBody]) -> LaserLog:
-    """The log without what its lasers see of their robot, which becomes −inf: not measured."""
+    """The log without readings of the robot itself, which become −inf: not measured."""
     scans = [_without(scan, bodies.get(scan.laser)) for scan in log.scans]
     return replace(log, scans=scans, notes=(*log.notes, sentence(bodies)))
 
@@ -107,7 +107,7 @@ def _without(scan: LaserScan, body: OwnBody | None) -> LaserScan:
 
 
 def sentence(bodies: dict[str, OwnBody]) -> str:
-    """Where the robot sees itself."""
+    """Say at which bearings and ranges the robot sees itself."""
     beams = sum(int((body.near > 0.0).sum()) for body in bodies.values())
     where = [np.degrees(body.angles[body.near > 0.0]) for body in bodies.values()]
     ends = ", ".join(f"{each.min():.0f}° to {each.max():.0f}°" for each in where)

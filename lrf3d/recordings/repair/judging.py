@@ -1,7 +1,7 @@
-"""Judging: how well scans of a whole drive explain each other, with a repair and without it.
+"""Judging a repair: how well the scans of a whole drive explain each other with and without it.
 
-A repair is proposed by a local sign, such as turns that are too small. Pairs of scans from all over
-the drive judge it: it is taken back where they explain each other clearly worse with it.
+A repair is proposed by local evidence, such as turns that are too small. It is then tested on pairs
+of scans from the whole drive, and taken back if they explain each other clearly worse with it.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,11 +17,11 @@ from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
 
-# Largest number of pairs that are compared: more take longer and prove no more.
+# Largest number of pairs that are compared; more take longer and decide no better.
 MOST_PAIRS = 120
 
-# Motion from the first to the second scan of a pair [m], [rad], from which one covers errors of the
-# other: a tenth of a fan that is a third too wide.
+# Turn [rad] after which a scan forms a pair with the one before: large enough to show a wrong fan,
+# since one that is a third too wide makes this turn wrong by a tenth of a radian.
 LEAST_TURN = 0.3
 
 # Largest turn from the first to the second of a pair [rad], so that both see the same walls.
@@ -30,13 +30,13 @@ WIDEST = 1.0
 # Information of the window in which the second scan of a pair is matched.
 INFORMATION = np.asarray(np.linalg.inv(PAIR), dtype=np.float64)
 
-# Number of standard errors that a difference must reach to be clear: those of right sweeps reach 4
-# to 13, that of a fan that was wrong 18.
+# Number of standard errors from which a difference is clear: correct sweeps reach 4 to 13, a wrong
+# fan reached 18.
 SURE = 3.0
 
 
 def pairs_along(poses: Float) -> list[list[int]]:
-    """Pairs of scans at poses (k, 3) between which the robot moved a little, all over a drive."""
+    """Pairs of scans, at poses (k, 3) all along a drive, between which the robot moved a little."""
     pairs = []
     first = 0
     for number in range(1, len(poses)):
@@ -54,7 +54,7 @@ def explained(
     poses: Float,
     pairs: list[list[int]],
 ) -> Float:
-    """Share of the second scan of each pair (p,) that the first explains, near poses (k, 3)."""
+    """Share (p,) of each pair's second scan that the first explains, matched near poses (k, 3)."""
     shares = []
     for pair in pairs:
         check()
@@ -66,7 +66,7 @@ def explained(
 
 
 def is_clear(gains: Sequence[float] | Float) -> bool:
-    """Whether the mean of gains (p,) is positive by more than chance."""
+    """Whether the mean of gains (p,) is significantly positive."""
     values = np.asarray(gains)
     return len(values) >= LEAST_PAIRS and bool(
         values.mean() > SURE * values.std() / np.sqrt(len(values))

@@ -33,12 +33,12 @@ SURE = 1.3
 STAMPED = 0.25
 
 
-# Interval of odometry lines [s] from which on scans lie between two of them by their stamps, not at
-# the last one: a robot turns by ten degrees meanwhile.
+# Interval of odometry lines [s] from which the poses of scans are interpolated by their stamps
+# instead of taken from the last line: a robot may turn by ten degrees in this time.
 COARSE = 0.3
 
-# Least share of scans whose stamps lie between those of the lines before and after them, so that
-# both have one clock.
+# Least share of scans whose stamps lie between those of the lines before and after them: then both
+# have the same clock.
 ONE_CLOCK = 0.9
 
 
@@ -124,8 +124,8 @@ class Recording:
     def repaired(self, repair: Repair) -> "Recording":
         """The recording after a repair; unchanged if that is left out or finds nothing.
 
-        A repair with which scans explain each other clearly worse, all over the drive, is taken
-        back: what proposed it was a local sign.
+        A repair is proposed by local evidence; it is taken back if scans of the whole drive explain
+        each other clearly worse with it.
         """
         finding = None if repair.name in self.purpose.left_out else repair.find(self)
         if finding is None:

@@ -21,13 +21,13 @@ def refuse_useless(log: LaserLog) -> None:
     latest = np.abs(np.concatenate([log.odometry.times, log.times])).max()
     if latest > LATEST_STAMP:
         raise InputError(f"a stamp of {latest:g} s; expected seconds")
-    # A map of millimetres would fill the memory.
+    # Ranges in millimetres, taken for metres, would make a map that fills the memory.
     if doubt := doubtful_unit(np.concatenate([scan.ranges[scan.hits] for scan in log.scans])):
         raise InputError(doubt)
 
 
 def refuse_unplaced(log: LaserLog) -> None:
-    """Refuse a log whose scans have no poses, for a mapper; one scan alone needs none."""
+    """Refuse to map a log whose scans have no poses; a single scan needs none."""
     if not log.placed and len(log.scans) > 1:
         bad = [f"; {counted(log.bad_count, 'bad message')}, {line}" for line in log.bad_lines[:1]]
         raise InputError(f"no poses in it ({log.source}{''.join(bad)}); lrf3d slam finds them")

@@ -33,7 +33,7 @@ LEAST_CHANGE = 0.03
 class Sweep(NamedTuple):
     """Scans with the motion during each, in a sense: 1 for that of the beams in the log, −1, or 0.
 
-    If the log ``declared`` how long a scan takes, the sense is not the one that it declared.
+    If the log ``declared`` how long a scan takes, the sense differs from the declared one, 1.
     """
 
     scans: list[LaserScan]

@@ -1,4 +1,4 @@
-"""Known keys: the key scans of a run, with which those of another drive are matched."""
+"""Known keys: the key scans of a run, with which another drive's are matched."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +16,7 @@ from lrf3d.slam.motion import size_of
 
 @dataclass(frozen=True, eq=False)
 class KnownKeys:
-    """Key scans (k,) at poses (k, 3), with their numbers (k,) in a run."""
+    """Key scans (k,) at poses (k, 3), with the numbers (k,) of their scans in a run."""
 
     keys: list[Key]
     poses: Float = field(repr=False)
@@ -42,13 +42,13 @@ class KnownKeys:
         return np.column_stack([self.poses[:, :2], np.array(middles)])
 
     def around(self, scan: Key, pose: Float) -> Int:
-        """The indices of the key scans that see most of what a scan from a pose (3,) sees."""
+        """The indices of the key scans whose view overlaps most with a scan's from a pose (3,)."""
         apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
         nearest_keys = 6  # Number of nearest key scans by which a place is judged.
         return np.argsort(apart, kind="stable")[:nearest_keys]
 
     def judged(self, scan: Key, guess: Float, prior: Float) -> Place | None:
-        """Match a scan near a guess (3,) and weigh the place; None if there is no match."""
+        """Match a scan near a guess (3,) and judge the place; None if there is no match."""
         near = self.around(scan, guess)
         around = Submap([self.keys[k] for k in near.tolist()], self.poses[near])
         match = around.match(scan, guess, prior)

@@ -1,8 +1,8 @@
 """Known places: a map as cells, and the places on it where the hits of a drive fit.
 
 A world, a ROS map or a run enters. Its occupied cells give the likelihood field of Thrun et al.
-(2005, section 6.4): a hit is as likely as its distance to the nearest of them says, and in cells
-that nobody has seen it says little. A map of cells is used as it is; walls are drawn into cells.
+(2005, section 6.4): the likelihood of a hit depends on its distance to the nearest occupied cell; a
+hit in an unknown cell counts little. A map of cells is used as it is; walls are drawn into cells.
 """
 
 from dataclasses import dataclass, field
@@ -22,35 +22,35 @@ from lrf3d.simulation.run import Run
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
 
-# Largest number of cells of a map that is drawn: larger worlds have larger cells.
+# Largest number of cells into which walls are drawn; larger worlds get larger cells.
 MOST_CELLS = 8_000_000
 
-# Standard deviation of the distance [m] from a hit to the walls of the map, which are blurred.
+# Standard deviation of the distance [m] from a hit to the walls of the map.
 SIGMA = 0.1
 
-# Least likelihood of a hit, relative to that of one in a wall: furniture moves and people walk.
+# Least likelihood of a hit, relative to one in a wall: the map lacks moved furniture and people.
 LEAST = 0.05
 
-# Distance [m] to walls up to which a cell counts in the search, so that no place falls between two
-# of those that are tried.
+# Distance [m] from walls up to which a hit counts in the coarse search, so that a place between two
+# tried positions is found.
 BLUR = 0.25
 
-# Least distance of a robot from walls [m] where it is searched.
+# Least distance from walls [m] of positions that are searched.
 ROOM = 0.2
 
 # Step of the headings that are searched [rad].
 STEP = 0.05
 
-# Largest number of positions that are searched: on larger maps they lie farther apart.
+# Largest number of positions that are searched; on larger maps they are farther apart.
 MOST_POSITIONS = 40_000
 
-# Number of hits with which the map is searched.
+# Number of hits that the coarse search uses.
 SEARCHED_HITS = 100
 
-# Largest number of places that are weighed by all hits.
+# Largest number of places that are scored with all hits.
 MOST_PLACES = 30
 
-# Distance [m] and turn [rad] up to which two poses are one place.
+# Distance [m] and turn [rad] up to which two poses are the same place.
 APART = 1.0
 TURNED = 0.3
 
@@ -63,7 +63,7 @@ class Fit(NamedTuple):
 
 
 def is_same(first: Float, second: Float) -> bool:
-    """Whether two poses (3,) are one place."""
+    """Whether two poses (3,) are the same place."""
     x, y, turn = first - second
     return bool(np.hypot(x, y) < APART and abs(wrap_angle(turn)) < TURNED)
 
@@ -96,7 +96,7 @@ class KnownPlaces:
         cells = cells[((cells >= 0) & (cells < free.shape)).all(axis=1)]
         counts = np.zeros(free.shape, np.int64)
         np.add.at(counts, tuple(cells.T), 1)
-        # A single hit may be a mixed pixel.
+        # A cell with a single hit may be a mixed pixel's.
         occupied = counts > 1
         return cls(run.world.name, occupied, free & ~occupied, side, corner)
 
@@ -124,7 +124,7 @@ class KnownPlaces:
         """Log likelihoods of a hit in each cell, with a border that stands for all beyond."""
         near = np.exp(-0.5 * np.square(self._distance / SIGMA))
         scores = np.log((1.0 - LEAST) * near + LEAST)
-        # A hit that nobody could have seen before says half as much as a wrong one.
+        # In unknown cells a hit counts half as much as a wrong one.
         beyond = 0.5 * np.log(LEAST)
         unknown = ~(self.free | self.occupied)
         scores[unknown] = np.maximum(scores[unknown], beyond)
@@ -142,7 +142,7 @@ class KnownPlaces:
     def _field(self) -> Field:
         """The coarse map that is searched: high in walls and next to them, low in free cells."""
         distance = self._coarse(self._distance)
-        # A wall that reaches into a cell may lie at its corner.
+        # A wall may touch just the corner of a coarse cell.
         steps = [distance <= 0.7 * CELL, distance <= BLUR, self._coarse(self.free)]
         return Field(np.select(steps, [3, 2, -1]).astype(np.int8), 0.0, 0.0)
 
@@ -170,28 +170,28 @@ class KnownPlaces:
         return [*map(Fit, compose(self.origin, poses), scores.tolist())]
 
     def explained(self, pose: Float, hits: Records) -> float:
-        """The share of hits at a pose (3,) that lie at walls, of those in cells that are known."""
+        """Share of the hits at a pose (3,) that lie at walls, among those in known cells."""
         at = between(self.origin, pose)
         walls, known = (mean_score(at, hits, cells, self.side) for cells in self._shares)
         return walls / known if known > 0.0 else 0.0
 
     @cached_property
     def _shares(self) -> tuple[Likelihood, Likelihood]:
-        """Cells at walls, and those that are known, as 1 among 0."""
+        """Masks of the cells at walls and of the known cells, as 0 and 1."""
         near = 0.2  # Distance [m] up to which a hit is at a wall.
         known = self.free | self.occupied
         walls = known & (self._distance < near)
         return np.pad(walls, 1).astype(np.float32), np.pad(known, 1).astype(np.float32)
 
     def fits(self, pose: Float, hits: Records) -> bool:
-        """Whether hits fit at a pose (3,) better than at any of some poses all over the map."""
+        """Whether hits fit better at a pose (3,) than at any of several poses all over the map."""
         poses = between(self.origin, np.vstack([pose, self._anywhere]))
         first, *others = [mean_score(each, hits, self._scores, self.side) for each in poses]
         return first > max(others, default=-np.inf)
 
     @cached_property
     def _anywhere(self) -> Float:
-        """Poses (k, 3) all over the map, evenly."""
+        """Poses (k, 3) spread evenly over the map."""
         count = 100
         chosen = np.linspace(0, len(self._positions) - 1, min(count, len(self._positions)))
         cells = self._positions[chosen.astype(np.int64)]
@@ -200,12 +200,12 @@ class KnownPlaces:
         return compose(self.origin, np.column_stack([CELL * (cells + 0.5), headings]))
 
     def _peaks(self, hits: Records) -> Float:
-        """The poses (k, 3) at which most hits lie in walls, the best first."""
+        """The poses (k, 3) of the coarse search at which most hits lie in walls, the best first."""
         cells = self._positions
         centre = np.array([0.5 * CELL, 0.5 * CELL, 0.0])
         parts = []
         scored = []
-        heading_parts = 16  # Parts of the headings that are searched one after another.
+        heading_parts = 16  # Number of parts in which the headings are searched.
         most_peaks = 200  # Number of the best poses of each part that are kept.
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
             scores = window_scores(hits, self._field, centre, cells, headings)
@@ -229,7 +229,7 @@ class KnownPlaces:
 
 
 def distinct(places: list[Fit]) -> list[Fit]:
-    """The places that are not the same as a better one, the best first."""
+    """The places, the best first, without those that repeat a better one."""
     found: list[Fit] = []
     for place in sorted(places, key=lambda each: -each.score):
         if not any(is_same(place.pose, each.pose) for each in found):

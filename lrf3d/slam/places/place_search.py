@@ -1,9 +1,10 @@
 """Place search: global localisation on a known map, without an initial guess.
 
-Key scans of a drive enter with their poses in a frame of its own. Every few of them, their hits are
-laid out as the robot drove and searched on the whole map. Whether the best place stands out is
-judged by what chance makes of the same hits: their mirror image has the same walls, gaps and noise,
-and is nowhere on the map. A place that stands out is followed. The places that were certain leave.
+Key scans of a drive enter, with poses in the drive's own frame; the places of which the search is
+certain leave. Every few key scans, their hits are combined by these poses and matched with the
+whole map. The best place must stand out from what matches by chance: the mirror image of the hits,
+which has the same walls, gaps and noise but is nowhere on the map. A place that stands out is
+tracked along the drive.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,51 +19,52 @@ from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.places.known_places import KnownPlaces, is_same
 
-# Distance [m] or turn [rad] after which a scan is used: nearer ones show the same.
+# Distance [m] or turn [rad] after which the next scan is used; nearer ones see the same.
 SPACING = np.array([0.4, 0.5])
 
 # Number of scans of the first search.
 FIRST = 6
 
-# Number of scans that are searched together, and after which the next search follows: short enough
-# that the front end lays them out rigidly.
+# Number of scans that are searched together, and between two searches: so few that the front end's
+# drift among them is negligible.
 WINDOW = 12
 
-# Number of scans that are laid out to follow a place.
+# Number of scans before and after a scan that are matched with it while a place is tracked.
 FOLLOWED = 6
 
-# Number of the best wrong places whose scores give the unit of chance.
+# Number of the best wrong places whose scores give the unit of a lead.
 COMPARED = 11
 
-# Log odds of a place to which a search by other scans leads, too: of some ten wrong ones that fit
-# about as well, it would lead to the same by chance once in ten times.
+# Log odds that a place gains if a search with other scans finds it, too: among about ten wrong
+# places that fit equally well, this happens by chance once in ten times.
 AGREED = 2.3
 
-# Number of earlier searches with which one is compared: before, the drive has drifted.
+# Number of earlier searches with which a search is compared; over more, odometry drifts.
 REMEMBERED = 5
 
-# Bounds on the log odds of a place that is followed, so that a kidnapped robot is noticed.
+# Largest log odds of a place that is tracked, so that a kidnapped robot is noticed soon.
 MOST = 7.0
 
-# Change of the log odds by a scan that fits, or does not: neighbouring ones show the same walls.
+# Change of the log odds by a scan that fits or does not; small, as neighbouring scans see the same
+# walls.
 GAIN = 0.6
 
-# Probability from which a place is certain, and its log odds.
+# Probability from which a place counts as certain, and its log odds.
 CERTAIN = 0.99
 ENOUGH = float(np.log(CERTAIN / (1.0 - CERTAIN)))
 
-# Least share of the hits at walls at a right place. It is 0.73 to 1 on maps of strangers; at a
-# wrong place that stood out, where hardly any hits fit anywhere, it was 0.61.
+# Least share of the hits that lie at walls of the map at a right place. It is 0.73 to 1 on maps of
+# others; it was 0.61 at a wrong place that stood out, as hardly any hits fit anywhere.
 LEAST_EXPLAINED = 0.65
 
-# Most hits of a scan, so that all count alike.
+# Largest number of hits of a scan, so that all scans have about the same weight.
 SCAN_HITS = 60
 
-# Most hits of a window.
+# Largest number of hits of a search.
 WINDOW_HITS = 400
 
-# Side [m] of the cells of which each gives one hit of a scan: near walls, which many beams meet, do
-# not outvote far ones.
+# Side [m] of cells that keep one hit of a scan each, so that near walls, which many beams hit, do
+# not outweigh far ones.
 HIT_CELL = 0.1
 
 # Range [m] up to which hits are used.
@@ -117,7 +119,7 @@ class PlaceSearch:
         self._is_followed = False
         self._moved = np.array([np.inf, np.inf])
         self._pose: Float | None = None
-        # The scans since the last place was lost, and the best places of the searches in them.
+        # The scans since the last place was lost, and the best place of each search since then.
         self._drive: list[_Seen] = []
         self._searched: list[Hypothesis] = []
         self._new = 0
@@ -157,10 +159,10 @@ class PlaceSearch:
         now.sure = window[0].number
         agreeing = sum(_agree(now, each) for each in self._searched[-REMEMBERED:])
         self._searched.append(now)
-        # Each window of other scans is another chance to be wrong.
+        # Each search with other scans is another chance of a wrong place.
         chances = max(len(self._drive) / WINDOW, 1.0)
         log_odds = now.log_odds + AGREED * agreeing - float(np.log(chances))
-        # The halves of fewer scans show the same walls, and may agree on a wrong place.
+        # Halves of fewer scans see the same walls, and may agree on a wrong place.
         if len(window) == WINDOW and ENOUGH - AGREED <= log_odds < ENOUGH:
             log_odds += AGREED * self._halves_agree(window, now)
         self._place = replace(now, log_odds=log_odds)
@@ -168,7 +170,7 @@ class PlaceSearch:
             self._begin(self._place)
 
     def _judged(self, hits: Records, at: _Seen) -> Hypothesis | None:
-        """The best place of hits, with log odds by its lead over all others and over chance."""
+        """The best place of hits; its log odds are its lead over all other and mirrored places."""
         mirrored = hits.copy()
         mirrored["y"] *= -1.0
         here = self._places.search(hits)
@@ -178,12 +180,12 @@ class PlaceSearch:
         first, *others = here
         wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
         lead = (first.score - wrong[0]) / _spread(wrong[:COMPARED])
-        # Where most of what the laser saw is not on the map, it hardly matters which part is.
+        # If the map lacks most of what the laser saw, the lead of a place means little.
         doubtful = self._places.explained(first.pose, hits) < LEAST_EXPLAINED
         return Hypothesis(first.pose, at, min(lead, 0.0) if doubtful else lead)
 
     def _halves_agree(self, window: list[_Seen], place: Hypothesis) -> bool:
-        """Whether each half of some scans, searched on its own, leads to a place."""
+        """Whether each half of some scans, searched on its own, finds the same place."""
         middle = len(window) // 2
         for half in (window[:middle], window[middle:]):
             first, *_ = self._places.search(_laid_out(half, place.at))
@@ -192,7 +194,7 @@ class PlaceSearch:
         return True
 
     def _begin(self, place: Hypothesis) -> None:
-        """Follow a new place to both ends of the drive, backward as far as scans support it."""
+        """Track a new place to both ends of the drive; backward as long as scans fit."""
         self._is_followed = True
         begin = place.pose, place.at
         middle = first = self._drive.index(place.at)
@@ -208,7 +210,7 @@ class PlaceSearch:
         self._keep()
 
     def _follow(self) -> None:
-        """Follow the place to a new scan, until it is lost."""
+        """Track the place to a new scan; it is lost when too few scans fit."""
         place = self._place
         assert place is not None
         gain = GAIN if self._step(place, len(self._drive) - 1) else -GAIN
@@ -220,7 +222,7 @@ class PlaceSearch:
             self._searched = []
 
     def _step(self, place: Hypothesis, k: int) -> bool:
-        """Move a place along with the drive to one of its scans; returns whether that fits."""
+        """Move a place to another scan of the drive; returns whether the scan fits there."""
         scan = self._drive[k]
         guess = compose(place.pose, between(place.at.pose, scan.pose))
         around = self._drive[max(k - FOLLOWED, 0) : k + FOLLOWED]
@@ -234,7 +236,7 @@ class PlaceSearch:
         return fits
 
     def _keep(self) -> None:
-        """Keep the poses of a place that is certain, up to the present scan."""
+        """Keep the poses of a certain place up to the current scan."""
         place = self._place
         if place is None or not self._is_followed or place.log_odds < ENOUGH:
             return
@@ -247,7 +249,7 @@ class PlaceSearch:
 
 
 def _used(hits: Records) -> Records:
-    """The hits of a scan that are used."""
+    """The hits of a scan that are used: within reach, one a cell."""
     hits = hits[np.hypot(hits["x"], hits["y"]) < REACH]
     cells = np.floor(np.column_stack([hits["x"], hits["y"]]) / HIT_CELL)
     _, first = np.unique(cells, axis=0, return_index=True)
@@ -255,15 +257,15 @@ def _used(hits: Records) -> Records:
 
 
 def _laid_out(scans: list[_Seen], middle: _Seen) -> Records:
-    """The hits of scans as the robot drove, in its frame at one of them."""
+    """The hits of several scans, combined by their poses in the robot's frame at one of them."""
     parts = (moved(each.hits, between(middle.pose, each.pose)) for each in scans)
     return some(concatenated(parts), WINDOW_HITS)
 
 
 def _spread(scores: list[float]) -> float:
-    """The unit of chance: by it, the scores of the best of many wrong places are spread.
+    """The unit of a lead: the scale of the scores of the best wrong places.
 
-    They fall off exponentially, so that a lead of n units is met by chance once in e^n.
+    These fall off exponentially, so that a lead of n units occurs by chance once in e^n cases.
     """
     *best, last = scores
     return float(np.mean(best)) - last if best else np.inf

@@ -170,7 +170,7 @@ def draw_world(
 def draw_scenario(
     scenario: Scenario, path: str | Path | None = None, *, plan: PlanShown | None = None
 ) -> Figure:
-    """Draw a world as `draw_world` does, with the start, the lasers and the obstacles in it."""
+    """Draw a world as `draw_world` does, with the start, the lasers and the dynamic obstacles."""
     shown = scenario.poses
     if shown is None and scenario.start is not None:
         shown = np.array([scenario.start])
@@ -191,7 +191,7 @@ def draw_scenario(
 
 
 def _draw_fields(ax: Axes, lasers: Sequence[LaserRangeFinder], pose: Float) -> None:
-    """Draw the field of view of each laser of a robot at a pose (3,), small, in its place."""
+    """Draw the field of view of each laser of a robot at a pose (3,), in small, at its mount."""
     # Radius of the fields, as a share of the narrower side of the axes.
     share = 0.12
     size = share * min(abs(np.diff(ax.get_xlim())[0]), abs(np.diff(ax.get_ylim())[0]))

@@ -38,7 +38,7 @@ _STEP_INDOOR = 0.8
 # Largest number of pieces, which are larger where there would be more.
 _MOST_PIECES = 60_000
 
-# How far the ground goes past its picture, in the picture's longer side.
+# Margin of the ground around its picture, as a multiple of the picture's longer side.
 _MARGIN = 0.25
 
 # Largest side of the picture of the ground [pixels]: old graphics cards take no larger ones.
@@ -95,8 +95,8 @@ def _add_ground(document: Document, stage: Stage) -> None:
         document.material(name, texture=document.texture(name, each, "JPEG"))
         for name, each in (("ground", dark), ("lit ground", seen))
     )
-    # Round the squares eight more are a margin. None lies on another: far away viewers
-    # cannot tell which is nearer.
+    # Eight more rectangles around the squares are a margin. None overlap, since viewers
+    # cannot decide from far away which is nearer.
     low, high = squares[[0, -1], [0, 2]]
     margin = _MARGIN * float(np.max(high - low))
     nine = mesh(*np.array([low - margin, low, high, high + margin]).T).reshape(9, 6, 2)

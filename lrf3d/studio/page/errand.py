@@ -1,6 +1,6 @@
-"""Errands: a robot that is sent to a place drives there by a planned way, and turns as told.
+"""Errands: driving to a goal along a planned path, and turning to a heading there.
 
-A way and poses enter; a speed and a turn leave, until the robot is there.
+A path and poses enter; speeds and turn rates leave until the robot is there.
 """
 
 import math
@@ -14,34 +14,34 @@ from lrf3d.planning.free_space import Ground, find_free_space
 from lrf3d.planning.planner import INDOOR_SPEED, path_to
 from lrf3d.world import World
 
-# Distance from a way-point [m] at which the robot makes for the next one: planned ways keep farther
-# away from walls.
+# Distance from a way-point [m] at which the robot steers at the next one; less than the distance
+# that planned paths keep from walls.
 _NEAR = 0.25
 
-# Distance from the last one [m] at which it has arrived.
+# Distance from the last way-point [m] at which it has arrived.
 _THERE = 0.08
 
-# Difference in heading [rad] above which it turns on the spot, and that at which it has turned.
+# Heading errors [rad]: above the first it turns on the spot, below the second it has turned.
 _TURNS = 0.5
 _TURNED = 0.03
 
-# Share of the fastest turn for each radian of a difference in heading [1/rad].
+# Share of the highest turn rate for each radian of heading error [1/rad].
 _GAIN = 2.0
 
-# Speed [m/s] for each metre to the last way-point [1/s]: it stops there without a jerk.
+# Speed [m/s] for each metre to the last way-point [1/s], so that it stops smoothly.
 _BRAKES = 1.5
 
 
 @dataclass
 class Errand:
-    """A way (m, 2) [m] that is driven, and the heading [rad] at its end, or any."""
+    """A path (m, 2) [m] to drive, and the heading [rad] at its end; None for any."""
 
     way: Float
     heading: float | None = None
     done: bool = False
 
     def command(self, pose: Float) -> tuple[float, float]:
-        """The speed [m/s] and the share of the fastest turn from a pose (3,)."""
+        """The speed [m/s] and the share of the highest turn rate at a pose (3,)."""
         while len(self.way) > 1 and np.hypot(*(self.way[0] - pose[:2])) < _NEAR:
             self.way = self.way[1:]
         ahead = self.way[0] - pose[:2]
@@ -60,7 +60,7 @@ def _turn(off: float) -> float:
 
 
 def planned_way(world: World, start: Float, goal: Float, radius: float) -> Float | None:
-    """Way-points (m, 2) [m] from a start to a goal (2,) [m]; None where walls are in the way."""
+    """Way-points (m, 2) [m] from a start to a goal (2,) [m]; None if walls block the path."""
     try:
         space = find_free_space(Ground(world, start), radius, start=start)
     except InputError:

@@ -128,13 +128,13 @@ class HandDrive:
 
     @property
     def obstruction(self) -> str:
-        """What keeps the robot from where it is to go, in words."""
+        """What keeps the robot from its goal, in words."""
         if self._lost:
             return "there is no way to this place"
         return "a wall is in the way" if self.robot.bumped else ""
 
     def go_to(self, place: Float, heading: float | None = None) -> None:
-        """Set out for a place (2,) [m] by a planned way, and turn to a heading [rad] there."""
+        """Drive to a place (2,) [m] along a planned path, and turn to a heading [rad] there."""
         way = planned_way(self.world, np.array(self.robot.pose[:2]), place, self.radius)
         self._lost = way is None
         self._errand = None if way is None else Errand(way, heading)

@@ -41,9 +41,9 @@ _LEAST_SIZE = 1e-6
 
 
 def page_file(run: Run, *, every: int = 1, preview: bytes = b"") -> bytes:
-    """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept.
+    """A run as HTML that opens without a server and loads nothing else; keeps every n-th moment.
 
-    A PNG picture may be its preview, where pages are listed (the Open Graph protocol).
+    A PNG picture may be given as preview for messengers and link lists (the Open Graph protocol).
     """
     record = _Record()
     shown = PageSession.played(run, run.playback, record)

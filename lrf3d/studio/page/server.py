@@ -43,7 +43,7 @@ MESSAGE_SIZE = 10_000
 # Least time between two answers to a page that drives [s].
 _STEP = 1.0 / 30.0
 
-# Number of pages that are worked for at a time: memory that one thread frees serves no other.
+# Number of pages whose messages are answered at a time: each thread keeps memory of its own.
 _PAGES_AT_WORK = 4
 
 # Time that a page may take to load a file [s].
@@ -74,13 +74,13 @@ PAGE = Path(__file__).parent / "static"
 # Path of the socket of a scene.
 MOMENTS = "/lrf3d/moments"
 
-# What pages load, by its path: its kind, and its bytes.
+# Files that pages load, by path: the content type, and the bytes.
 Files = dict[str, tuple[str, bytes]]
 
-# Answers one page over its socket.
+# A function that serves one page over its socket.
 Talk = Callable[[Any], Coroutine[Any, Any, None]]
 
-# What answers pages, by the path of their socket.
+# The functions that serve pages, by the path of their socket.
 Talks = dict[str, Talk]
 
 # Makes what one page shows: each has its own.
@@ -94,7 +94,7 @@ def run_view(run: Run, playback: float | None) -> Make:
 
 def world_view(scenario: Scenario, seed: int) -> Make:
     """What pages show of a world to drive in, with a route or poses to start at."""
-    # One for all pages: a page's own would stay in memory until the garbage collector finds it.
+    # One for all pages; one for each would stay in memory until the garbage collector finds it.
     caster = caster_of("embree", scenario.world)
     drive = HandDrive(scenario, rng=seed, caster=caster)
     # The first step compiles kernels and builds search trees, so it is made before the user drives.
@@ -263,7 +263,7 @@ def page_text(setup: dict[str, Any]) -> str:
 
 
 def moments_talk(make: Make) -> Talk:
-    """What answers the pages of a run or a world, some of them at a time."""
+    """The function that serves the pages of a run or a world, some of them at a time."""
     return partial(_show, make, asyncio.Semaphore(_PAGES_AT_WORK))
 
 
@@ -280,7 +280,7 @@ async def _show(make: Make, turns: asyncio.Semaphore, page: Any) -> None:
         while True:
             before = wanted
             wanted = wanted.changed(await page.recv())
-            # In threads, so that one page's work holds up no other. A page that left while it
+            # In threads, so that no page has to wait for another. A page that left while it
             # waited for its turn needs no answer.
             async with turns:
                 if page.state is not State.OPEN:

@@ -33,7 +33,7 @@ _EVER = 1e9
 # Sides of pictures that are drawn for a page [pixels].
 _SIDES = (16.0, 8192.0)
 
-# A heading [rad] that none is: more than half a turn.
+# In place of a heading [rad] for none: more than half a turn.
 _NO_HEADING = 9.0
 
 # The least and the largest of the numbers that a page sends, by the fields of `Wanted`.
@@ -63,15 +63,15 @@ class Wanted:
 
     Args:
         view: The name of a camera.
-        time: Time from the start of the run on [s]; a story begins before it and goes on after its
-            end.
-        width: Width of what of the picture no controls cover [pixels].
+        time: Time since the start of the run [s]; a story begins before the start and goes on after
+            the end.
+        width: Width of the part of the picture that no controls cover [pixels].
         height: Its height [pixels].
         forward: Share of the robot's highest speed.
-        turn: Share of its fastest turn.
-        drive: Number of the drive: another starts again.
-        goal: Number of the goal; the robot sets out for another one.
-        x: Where the goal is, about the middle of the world [m].
+        turn: Share of its highest turn rate.
+        drive: Number of the drive; a new number starts again.
+        goal: Number of the goal; with a new number the robot drives to the goal.
+        x: Position of the goal, relative to the middle of the world [m].
         y: Likewise.
         heading: The heading there [rad]; 9 for any.
     """
@@ -100,7 +100,7 @@ class Wanted:
         return Wanted(view, **new) if within else self
 
 
-# How many times as fast as it is played what a story leaves out passes: at once.
+# Factor of speed at which the parts that a story leaves out pass: at once.
 _SKIPPED = 1e9
 
 # The words of a panel for a moment and a look.
@@ -185,7 +185,7 @@ class PageSession:
         }
 
     def _rates(self) -> list[tuple[float, float, float]]:
-        """From when to when [s] a story passes faster than it is played, and how many times."""
+        """The periods [s] that a story passes faster than its playback, with their factors."""
         story = self.cameras.get("story")
         if not isinstance(story, Story):
             return []

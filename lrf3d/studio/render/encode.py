@@ -46,8 +46,8 @@ FORMATS = {
         "yuv420p",
         1000.0,
         # A short look ahead halves the size that this preset gives, at a fifth less time than the
-        # next one. At this quality fifteen seconds of a city take 4 MB, of which the eye sees no
-        # loss: the structural similarity (SSIM) to what was drawn is .97.
+        # next one. At this quality fifteen seconds of a city take 4 MB, without visible
+        # loss: the structural similarity (SSIM) to the drawn pictures is 0.97.
         codec_options={
             "preset": "superfast",
             "x264-params": "rc-lookahead=8:mbtree=1",

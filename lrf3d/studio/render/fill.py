@@ -52,7 +52,7 @@ _FLAT = 1e-12
 class Surfaces(NamedTuple):
     """What rays see: triangles, the ground and their tones."""
 
-    # (t, 3, 13) place, colour, place before it, whether it is a wall, and what that shows.
+    # (t, 3, 13) place, colour, place in front of it, whether it is a wall, and what the wall shows.
     corners: Single
     # Texels of the ground's picture, all levels one after another.
     ground: NDArray[np.uint8]
@@ -62,9 +62,9 @@ class Surfaces(NamedTuple):
     area: Float
     # (4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit.
     tones: Float
-    # Share of light of roofs beside a wall that was seen.
+    # Share of light on roofs next to a wall that was seen.
     top: float
-    # Height that walls are cut at [m].
+    # Height at which walls are cut [m].
     cut: float
 
 
@@ -182,11 +182,11 @@ def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near
 
 @borrower
 def plane(corners: Single, eye: Float, found: Float) -> None:
-    """Fill in the numbers (10,) by which `shade` meets rays from an eye with a triangle (3, …).
+    """Fill in the numbers (10,) by which `shade` intersects rays from an eye with a triangle.
 
-    The product of a ray's direction with the first three is a volume. Its products with the next
-    three and the three after, divided by the volume, are the shares of the second and the third
-    corner (Möller and Trumbore, 1997); the last number divided by the volume is the distance.
+    The dot product of a ray's direction with the first three numbers is a volume. Its dot products
+    with the next three and the three after, divided by the volume, are the weights of the second
+    and the third corner (Möller and Trumbore, 1997); the last number divided by it is the distance.
     """
     found[9] = 0.0
     for k in range(3):
@@ -260,10 +260,9 @@ def expose(
     tones: Float,
     most: float,
 ) -> float:
-    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is.
+    """Light a colour by the laser, as ``common.glsl`` does; returns how lit it is.
 
-    In the dark it is as bright as it is without what is on it. It gets a share of light at the
-    most.
+    In the dark, it is as bright as the plain surface. It gets at most a given share of light.
     """
     age = (clock[0] - when[0]) * clock[1] - when[3]
     share = min(max(age / DAWN, 0.0), 1.0)

@@ -111,7 +111,7 @@ class FilmOptions:
     size: tuple[int, int] = SIZE
     view: str | None = None
     playback: float | None = None
-    # How long a story takes [s].
+    # Length of a story [s].
     length: float = LENGTH
     samples: int = 1
     renderer: str | None = None
@@ -132,7 +132,7 @@ class FilmOptions:
         view = run.film.view if self.view is None else self.view
         playback = self.playback
         if playback is None:
-            # A story shows parts of a long run, and those no faster.
+            # A story shows only parts of a long run, at the usual speed.
             playback = run.film.playback_of(0.0) if view == "story" else run.playback
         paired = isinstance(self.size, tuple | list) and len(self.size) == 2
         _check(paired, "size", self.size, "width and height [pixels]")

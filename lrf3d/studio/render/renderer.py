@@ -41,7 +41,7 @@ from lrf3d.studio.scene.stage.stage import Stage
 class Renderer:
     """Draws the scenes of a stage into RGBA pictures of a size [pixels].
 
-    With 4 samples a pixel edges are smooth, and with 1 they are smoothed; with 0 they are neither.
+    Edges are smooth with 4 samples a pixel, smoothed afterwards with 1, and jagged with 0.
     """
 
     def __init__(self, stage: Stage, size: tuple[int, int], samples: int) -> None:
@@ -147,7 +147,7 @@ class Renderer:
         self._tints.bind()
         GL.glEnable(GL.GL_DEPTH_TEST)
         GL.glDepthFunc(GL.GL_LEQUAL)
-        # What is blended takes opacity from the picture: its soft edges are not smoothed again.
+        # Blending lowers the opacity of the picture, by which soft edges are not smoothed again.
         left = GL.GL_ZERO, GL.GL_ONE_MINUS_SRC_ALPHA
         GL.glBlendFuncSeparate(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA, *left)
         GL.glEnable(GL.GL_PROGRAM_POINT_SIZE)

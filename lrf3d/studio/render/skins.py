@@ -1,4 +1,4 @@
-"""What walls show when they are lit, in the plain renderer: compiled, as ``walls.glsl`` has it."""
+"""Details of lit walls in the plain renderer, compiled; the same as in ``walls.glsl``."""
 
 import math
 
@@ -9,19 +9,19 @@ from lrf3d.studio.scene.look import GREY, SHELF, STOREY
 
 @borrower
 def strip(off: float, half_width: float, pixel: float) -> float:
-    """How much of a pixel lies within half a width of the middle of a strip [m]."""
+    """The share of a pixel that lies within half a width of the middle of a strip [m]."""
     return min(max(0.5 + (half_width - abs(off)) / pixel, 0.0), 1.0)
 
 
 @borrower
 def fraction(value: float) -> float:
-    """The part of a number after the point."""
+    """The fractional part of a number."""
     return value - math.floor(value)
 
 
 @borrower
 def facade(day: Single, place: tuple[float, float], wall: Single, pixel: float) -> float:
-    """Storeys with windows, a door on each side of a house, and shops in some."""
+    """Storeys with windows, a door on each side of a house, and shops in some houses."""
     along, height = place
     own = fraction(wall[2])
     storeys = math.floor((wall[1] + 0.5) / STOREY)
@@ -77,7 +77,7 @@ def facade(day: Single, place: tuple[float, float], wall: Single, pixel: float) 
 
 @borrower
 def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: float) -> None:
-    """A skirting, and frames where a wall ends free."""
+    """A skirting board, and frames at the free ends of a wall."""
     along, height = place
     kind = math.floor(wall[2])
     off = 9.0
@@ -125,7 +125,7 @@ def rack(day: Single, place: tuple[float, float], wall: Single, pixel: float) ->
 def cupboard(
     day: Single, place: tuple[float, float], wall: Single, pixel: float, top: float
 ) -> None:
-    """A base, doors, and a top that stands out."""
+    """A base, doors, and a top that protrudes."""
     along, height = place
     part = wall[0] / max(1.0, math.floor(wall[0] / 0.62))
     u = along - (math.floor(along / part) + 0.5) * part
@@ -140,10 +140,10 @@ def cupboard(
 
 @borrower
 def dress(day: Single, place: tuple[float, float], wall: Single, pixel: float, cut: float) -> float:
-    """Put on a wall's colour what gives it scale; returns how far it takes that of the map.
+    """Add details that give scale to a wall's colour; returns its share of the map's colour.
 
-    The place is how far along the wall and how high it is [m], the wall its length, its height [m]
-    and what it shows: see :class:`lrf3d.studio.scene.shapes.Painted`.
+    The place is the distance along the wall and the height [m]; the wall is its length, its height
+    [m] and what it shows: see :class:`lrf3d.studio.scene.shapes.Painted`.
     """
     if wall[2] < 1.0:
         return 1.0

@@ -1,7 +1,7 @@
-"""Smooth edges of a picture with one sample a pixel, along themselves (FXAA; Lottes, 2011).
+"""Smoothing the edges of a picture with one sample a pixel (FXAA; Lottes, 2011).
 
-In software OpenGL a pass of a shader over all pixels takes as long as four samples of each do. Here
-only the pixels of edges cost anything, which are a few per cent.
+In software OpenGL, a shader pass over all pixels takes as long as four samples a pixel. Here only
+pixels at edges take time, a few per cent of all.
 """
 
 import numpy as np
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from lrf3d.compiling import borrower, compiled
 from lrf3d.studio.scene.shapes import Pixels
 
-# How far the ends of an edge are looked for [pixels].
+# Largest distance at which the ends of an edge are searched [pixels].
 _REACH = 20
 
 # Least difference of brightness at an edge, of 255.
 _LEAST = 5
 
-# Least opacity of a pixel that is smoothed, of 255: lines and points have soft edges of their own.
+# Least opacity of a pixel that is smoothed, of 255: lines and points already have soft edges.
 _WHOLE = 250
 
 
@@ -24,7 +24,7 @@ _WHOLE = 250
 def far_end(
     bright: NDArray[np.int16], x: int, y: int, way: tuple[int, int], beyond: tuple[int, int]
 ) -> tuple[int, int]:
-    """How far an edge goes one way [pixels], and by how much brighter it is where it ends.
+    """Distance to the end of an edge in one direction [pixels], and how much brighter it is there.
 
     The edge lies between the pixel x, y and the one beyond it; twice the brightness is compared.
     """
@@ -45,7 +45,7 @@ def far_end(
 
 @borrower
 def edge_share(bright: NDArray[np.int16], x: int, y: int) -> tuple[float, int, int]:
-    """The share of a pixel that an edge takes from it, and the step to the one beyond the edge."""
+    """The share of a pixel that the surface beyond an edge covers, and the step to that side."""
     m = bright[y, x]
     n = bright[y - 1, x]
     s = bright[y + 1, x]
@@ -74,7 +74,7 @@ def edge_share(bright: NDArray[np.int16], x: int, y: int) -> tuple[float, int, i
         nearest = ahead
         off = other
     across = m - bright[y + beyond[1], x + beyond[0]]
-    # On the other side of the edge nothing is taken.
+    # The pixel on the other side of the edge is covered instead.
     if off == 0 or (off < 0) == (across < 0):
         return 0.0, 0, 0
     return 0.5 - nearest / (back + ahead), beyond[0], beyond[1]
@@ -82,7 +82,7 @@ def edge_share(bright: NDArray[np.int16], x: int, y: int) -> tuple[float, int, i
 
 @compiled
 def smooth_edges(picture: Pixels, source: Pixels, bright: NDArray[np.int16]) -> None:
-    """Blend pixels (h, w, 4) at edges with what lies beyond them.
+    """Blend pixels (h, w, 4) at edges with the pixels beyond.
 
     The source is a copy of the picture; its brightness is filled into bright (h, w).
     """

@@ -117,7 +117,7 @@ def _frame_times(
     view = str(options.view)
     if low == -np.inf and high == np.inf:
         return film_times(view, timeline, fps, options.length)
-    # A part is shown without gaps.
+    # A given part of the run is shown without gaps.
     times = timeline.frame_times(fps, margins(view))
     chosen = times[(times >= low - SLACK) & (times <= high + SLACK)]
     if not len(chosen):

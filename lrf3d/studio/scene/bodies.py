@@ -118,7 +118,7 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
 
 @cache
 def _robot_mesh() -> Any:
-    # Meshes of trimesh are cycles, of which each would wait for the garbage collector.
+    # Meshes of trimesh have reference cycles, and would stay until the garbage collector runs.
     return trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
 
 

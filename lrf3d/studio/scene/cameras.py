@@ -1,4 +1,4 @@
-"""The cameras of a film: with the robot, fixed, and of the whole."""
+"""The cameras of a film: those that move with the robot, fixed ones, and the overview."""
 
 from dataclasses import replace
 from functools import cache
@@ -160,9 +160,9 @@ def overview(
     at: float | None = None,
     drift: float = DRIFT,
 ) -> PathCamera:
-    """Looks at the whole world from one side, and drifts [rad/s of the film] slowly round it.
+    """Shows the whole world from its best side, and drifts slowly round it [rad/s of the film].
 
-    It stands at that side at a time [s] of a story, or else in the middle of the run.
+    It reaches that side at a given time [s] of a story, or else in the middle of the run.
     """
     corners = corners_of(timeline, structures)
     passed = np.linspace(-_LONGEST, _LONGEST, 9)

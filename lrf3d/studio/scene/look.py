@@ -88,7 +88,7 @@ STOREY = 3.1
 # Height of a shelf of a rack [m].
 SHELF = 0.78
 
-# Width of the edge of light, in the share of how surely places were seen.
+# Width of the soft edge of light, as a difference in how surely places were seen.
 RIM = 0.32
 
 # How light fades with the height [1/m]: that of a lamp so low does not reach high walls.
@@ -234,7 +234,7 @@ class Setting(NamedTuple):
     land: int
     # How far the loss of light next to walls reaches [m].
     shade: float
-    # Share of light of roofs beside a wall that was seen: in rooms they are cut through.
+    # Share of light on roofs next to a wall that was seen; walls of rooms are cut instead.
     top: float
     # The camera behind the robot.
     chase: Rig

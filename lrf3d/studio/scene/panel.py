@@ -44,10 +44,10 @@ _CARD_FROM = 0.9
 # Seconds in a minute; times of ten minutes and more are said in minutes.
 _MINUTE = 60.0
 
-# Shots whose caption says what has entered the map.
+# Shots whose caption counts the walls that have entered the map.
 _NEAR = ("chase", "close")
 
-# Time over which it counts that [s of the film].
+# Time over which they are counted [s of the film].
 _NEWS_TIME = 2.0
 
 # Shots whose caption counts walls.
@@ -83,7 +83,7 @@ def _mapped(run: Run, moment: Moment, shot: str) -> str:
 
 
 def _measured(run: Run, moment: Moment, shot: str) -> str:
-    """Words on the laser: its beams, and how often they are sent."""
+    """Text on the laser: its beams, and its scans per second."""
     beams = f"{len(run.ranges.T)} laser beams"
     if shot == "wave":
         return f"{beams} light up what they reach"
@@ -105,7 +105,7 @@ def _reflected(run: Run, moment: Moment) -> str:
 
 
 def _entered(run: Run, moment: Moment) -> str:
-    """Words on the walls that have entered the map in the last seconds, if there are some."""
+    """Text on the walls that have entered the map in the last seconds, if any."""
     earlier = _scan_before(run, moment, _NEWS_TIME)
     new = len(run.map_after(moment.mapped)) - len(run.map_after(earlier))
     seconds = moment.time - run.trajectory.times[earlier]
@@ -113,7 +113,7 @@ def _entered(run: Run, moment: Moment) -> str:
 
 
 def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
-    """The newest scan some seconds of the film before a moment."""
+    """The last scan earlier than some seconds of the film before a moment."""
     then = moment.time - seconds * run.playback
     return max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
 
@@ -140,7 +140,7 @@ def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> 
     """How much time has passed, how fast, and how many walls are mapped, if the head is silent."""
     seconds = moment.time - run.trajectory.times.min()
     words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
-    # What the camera rises over passes faster than all else.
+    # While the camera rises, the run passes faster than elsewhere.
     if playback > 1.0 and shot != "rise":
         words += f" at {playback:.2g} × speed"
     walls = counted(len(run.map_after(moment.mapped)), "wall")
@@ -163,7 +163,7 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 
 
 def _card(run: Run) -> Label:
-    """What was found in the end: of the walls that were in sight, if they are known."""
+    """What was found in the end: of the visible walls, if the truth is known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):

@@ -37,8 +37,8 @@ class Painted(NamedTuple):
     # (n, 4, 3) the place on the ground whose first-seen time a corner has, x and y [m], and 1; of a
     # roof, which no beam meets, the wall whose colour it takes, and 0.
     before: Single
-    # (n, 4, 4) where along its wall a corner lies, how long and how high that is [m], and what the
-    # wall is: a kind of `stage`, and as a fraction a number of its object's own.
+    # (n, 4, 4) for each corner its place along the wall, the wall's length and height [m], and what
+    # the wall shows: a kind of `stage`, plus a fraction that differs between objects.
     skin: Single
     # (n,) the object of each.
     objects: NDArray[np.int64]

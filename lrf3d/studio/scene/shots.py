@@ -1,8 +1,8 @@
-"""The shots of a film: which parts of a run it shows, chosen by what happens there.
+"""The shots of a film: which parts of a run it shows, chosen by how much happens there.
 
 A film takes about fifteen seconds, however long the run is. It opens in the dark before the run and
-shows the first scan; then come parts of the run in which most happens, and one in which all the
-rest passes quickly; it ends on the whole. A short run is shown without gaps.
+shows the first scan; then it shows the parts of the run in which most happens, and the rest in fast
+motion; it ends on the whole world. A short run is shown without gaps.
 """
 
 from itertools import pairwise
@@ -32,29 +32,29 @@ FIRST = 2.4
 # Largest share of a short run for which the first scan is shown.
 _FIRST_SHARE = 0.4
 
-# Time in which all that no other shot shows passes, while the camera rises [s of the film].
+# Time for all that comes after the other shots, while the camera rises [s of the film].
 LAPSE = 2.2
 
-# Time for which it shows the whole after the run has ended [s of the film].
+# Time for which it shows the whole world after the run has ended [s of the film].
 CLOSING = 5.0
 
-# About how long each other shot is [s of the film].
+# Approximate length of each other shot [s of the film].
 _SHOT = 2.4
 
-# Shots of parts of the run, in turns.
+# Kinds of these shots, which alternate.
 SHOTS = ("chase", "close")
 
-# Number of moments of a run at which it is asked what happens.
+# Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
 
-# Number of map snapshots that are looked at: a long run has thousands.
+# Number of map snapshots that are compared; a long run has thousands.
 _SNAPSHOTS = 120
 
-# Weight of what leaves the map, as when glass or a mirror deceived it, against what enters it:
-# it is rarer, and says more.
+# Weight of walls that leave the map, such as reflections, relative to walls that enter it: they are
+# rarer, and worth seeing.
 _TAKEN_BACK = 2.0
 
-# Weight of turning against what enters the map.
+# Weight of turning relative to walls that enter the map.
 _TURNING = 0.6
 
 
@@ -71,11 +71,11 @@ class Shot(NamedTuple):
 
 
 def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
-    """The shots of a film of a length [s], in the order of the run, whose times they share out."""
+    """The shots of a film of a length [s], in the order of the run."""
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
     fixed = OPENING + FIRST + LAPSE + CLOSING
-    # A shorter film has the same shots, which are shorter.
+    # In a shorter film, the same shots are shorter.
     scale = min(1.0, length / (fixed + _SHOT))
     free = max(length - fixed, scale * _SHOT)
     count = max(1, round(free / _SHOT))
@@ -84,7 +84,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     lapse = scale * LAPSE
     whole = lasts <= first + free + lapse
     if whole:
-        # All is shown, as it is.
+        # The whole run is shown, at its playback speed.
         each = (lasts - first) / (count + 1)
         starts = first + each * np.arange(count)
     else:
@@ -106,14 +106,14 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
 
 
 def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
-    """Where in a run (count,) shots of a length [s of the film] begin that show most of it."""
+    """Start times (count,) of the shots of a length [s of the film] in which most happens."""
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
     width = max(1, round(_MOMENTS * each / lasts))
-    # What happens in the shot that begins at each moment.
+    # How much happens in a shot that begins at each moment.
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
-    # Each shot has its part of the run, and after the last one there is something left.
+    # Each shot has its own part of the run, and some of the run remains after the last one.
     bounds = np.linspace(first, lasts - each, count + 1)
     starts = np.zeros(count)
     free = first
@@ -125,7 +125,7 @@ def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
 
 
 def _news(timeline: Timeline, times: Float) -> Float:
-    """How much happens at times (m,) of a run: what enters and leaves the map, and turns."""
+    """How much happens at times (m,) of a run: walls enter and leave the map, the robot turns."""
     run = timeline.run
     scans = np.searchsorted(run.trajectory.times, times, side="right") - 1
     numbers = np.array([run.snapshot_after(max(scan, 0)) for scan in scans.tolist()])
@@ -141,12 +141,12 @@ def _news(timeline: Timeline, times: Float) -> Float:
 
 
 def _share(values: Float) -> Float:
-    """Values (m,) in their sum."""
+    """Values (m,) as shares of their sum."""
     return np.asarray(values / max(float(values.sum()), np.finfo(float).tiny))
 
 
 def run_times(shots: tuple[Shot, ...], passed: Float) -> Float:
-    """Times (m,) of the run [s] that a film shows when some time [s] has passed (m,)."""
+    """Times (m,) of the run [s] that a film shows at its own times (m,) [s]."""
     begins = np.cumsum([0.0, *(shot.length for shot in shots[:-1])])
     number = np.clip(np.searchsorted(begins, passed, side="right") - 1, 0, len(shots) - 1)
     starts = np.array([shot.start for shot in shots])

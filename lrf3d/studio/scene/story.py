@@ -1,6 +1,7 @@
-"""The camera of a story: it opens in the dark, shows what happens, and ends on the whole.
+"""The camera of a story: it opens in the dark, shows what happens, and ends on the whole world.
 
-Where it stands is chosen by what it would see: the robot, and about it as much light as can be.
+For each shot, the position is chosen from which the robot is visible and most of the picture is
+lit.
 """
 
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
-# The camera in the dark.
+# Position of the camera in the opening, while all is dark.
 _DARK = Rig(2.9, 13.0, shift=-0.25)
 
 # Angle by which that camera turns round the robot [rad].
@@ -29,62 +30,64 @@ _DARK_TURN = 0.7
 # When that camera begins to rise, as a share of the opening before the run starts.
 _RISES = 0.3
 
-# When that camera has risen, as a share of the time in which the first scan is seen.
+# When that camera has risen, as a share of the time for which the first scan is shown.
 _RISEN = 0.6
 
-# How much steeper the eye looks down on its way to where the whole is seen from [rad]: into
-# streets, over the houses beside the robot.
+# Additional downward tilt half-way on the camera's path to the overview [rad], so that it sees into
+# streets over the houses next to the robot.
 _INTO_STREETS = np.radians(25.0)
 
-# Largest distance of shots from above, as a share of that from which the whole is seen.
+# Largest distance of shots from above, as a share of the overview's.
 _SHARE = 0.6
 
-# Number of sides of the robot that a shot may be taken from.
+# Number of directions from which a shot of the robot may be taken.
 _SIDES = 12
 
-# Angle by which a shot goes round the robot, to each side of its middle [rad].
+# Angle by which the camera circles the robot in a shot, to each side of its middle [rad].
 _SWAY = np.radians(9.0)
 
-# Angular speed at which the end goes round the whole [rad/s of the film].
+# Angular speed at which the camera circles the world at the end [rad/s of the film].
 _END_DRIFT = np.radians(2.0)
 
-# Number of moments of a shot at which it is judged.
+# Number of moments at which a candidate shot is rated.
 _JUDGED = 5
 
-# Columns and rows of the rays by which the light in a picture is judged.
+# Columns and rows of rays that sample the light in a picture.
 _RAYS = (12, 7)
 
-# Distance up to which a picture is judged [m]: haze hides what is beyond.
+# Distance up to which light is sampled [m]; haze hides what is beyond.
 _FARTHEST = 300.0
 
-# What a shot loses, in shares of a lit picture, where the robot is hidden all the time.
+# Weights of the rating, in which a fully lit picture counts 1. Penalty for hiding the robot all the
+# time.
 _HIDDEN = 3.0
 
-# What it loses where less than half of the picture is lit.
+# Penalty for a picture of which less than half is lit.
 _DARK_HALF = 0.8
 
-# What it gains where all of it is walls of the map, in their colours.
+# Bonus for a picture full of walls that are in the map, which have their colours.
 _MAPPED = 1.2
 
-# What it gains where the camera is nearest.
+# Bonus for the nearest camera.
 _NEAR = 0.25
 
-# Time in which what was never seen becomes glass, at the end [s of the film].
+# Time in which parts that were never seen become transparent, at the end [s of the film].
 _GLASSY = 1.2
 
-# Least share of glass at the end: what is lit is seen from both sides from its first picture on.
+# Least transparency at the end: above 0, lit walls are drawn from both sides, from the first
+# picture.
 _FIRST_GLASS = 1e-3
 
 
 class _Rigs(NamedTuple):
-    """Distances [m], or [shares of that from which the whole is seen], and angles [degrees]."""
+    """Camera distances [m], or as shares of the overview's, and downward angles [degrees]."""
 
     aways: tuple[float, ...]
     shares: tuple[float, ...]
     steeps: tuple[float, ...]
 
 
-# Where the cameras of shots may stand, in towns and in rooms.
+# Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
     "chase": _Rigs((5.0, 9.0), (), (20.0, 30.0)),
     "close": _Rigs((12.0, 20.0), (), (28.0, 40.0, 55.0)),
@@ -96,7 +99,7 @@ _ROOMS = {
 
 
 class Story:
-    """Shows a run in shots, which share out its times: between them the robot is followed."""
+    """Shows a run in shots; at times between shots the camera follows the robot."""
 
     def __init__(
         self,
@@ -111,7 +114,7 @@ class Story:
         self._exposure = exposure
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
-        # At the end the whole is turned from the side that shows it best.
+        # At the end the camera circles the world, starting from its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=middle, drift=_END_DRIFT)
         self._chase = chase(timeline, structures)
@@ -119,12 +122,12 @@ class Story:
         self._track = cache(self._made)
 
     def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run, also before its start and after its end."""
+        """The view at a time [s] of the run, also before its start and after its end."""
         number = max(int(np.searchsorted(self._starts, time, side="right")) - 1, 0)
         # The end begins when the run has ended.
         number -= time == self.shots[-1].start
         shot = self.shots[number]
-        # Shots that follow each other meet within a picture, as times are rounded.
+        # Times are rounded, so adjacent shots may leave a gap shorter than a frame.
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
         track = self._track(number, aspect)
@@ -134,12 +137,12 @@ class Story:
             passed = (time - shot.start) / self._timeline.playback
             glass = max(float(_eased(passed / _GLASSY)), _FIRST_GLASS)
             return track.look(time, cuts=True, glass=glass, inset=False, shot="end")
-        # Where the whole comes into view, it needs no map beside it.
+        # The rise shows the whole world, so it needs no map in the corner.
         inset = shot.name != "rise"
         return track.look(time, cuts=True, opens=True, inset=inset, shot=shot.name)
 
     def _made(self, number: int, aspect: float) -> CameraPath:
-        """The looks of a shot by its number."""
+        """The camera path of a shot by its number."""
         shot = self.shots[number]
         count = int(np.ceil(shot.length / STEP)) + 1
         times = np.linspace(shot.start, shot.end, count)
@@ -155,7 +158,7 @@ class Story:
         return self._best(shot, times, aspect)
 
     def _opening(self, times: Float, aspect: float) -> CameraPath:
-        """The robot in the dark, and from above its first scan."""
+        """The camera path of the opening: the robot in the dark, then its first scan from above."""
         timeline = self._timeline
         passed = (times - timeline.start) / timeline.playback
         begin, end = passed[[0, -1]].tolist()
@@ -174,13 +177,13 @@ class Story:
         return self._between(dark, above, risen)
 
     def _held(self, track: CameraPath, times: Float) -> CameraPath:
-        """The last look of a track, which follows the robot at later times (k,)."""
+        """The last view of a track, held relative to the robot at later times (k,)."""
         last = track.at(np.full(len(times), track.times[-1]))
         places = interpolated(times, self._path.times, self._path.places)
         return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
 
     def _best(self, shot: Shot, times: Float, aspect: float) -> CameraPath:
-        """The looks from where a shot sees the robot and the most light."""
+        """The best camera path of a shot: the robot is visible, and most of the picture is lit."""
         tracks = list(self._tracks(shot, times, aspect))
         moments = np.linspace(times[0], times[-1], _JUDGED)
         eyes = np.array([track.at(moments).eyes() for track in tracks])
@@ -191,7 +194,7 @@ class Story:
         return tracks[int(np.argmax(worth))]
 
     def _tracks(self, shot: Shot, times: Float, aspect: float) -> Iterator[CameraPath]:
-        """All looks that a shot may have: slowly round the robot, from each side."""
+        """All candidate camera paths of a shot: they slowly circle the robot, from each side."""
         rigs = (_ROOMS if self._structures.indoor else _TOWN)[shot.name]
         farthest = float(self._whole.track(aspect).aways.min())
         aways = [*rigs.aways, *(share * farthest for share in rigs.shares)]
@@ -214,7 +217,7 @@ class Story:
         return hides.reshape(eyes.shape[:2])
 
     def _blocked(self, eyes: Float, ends: Float) -> tuple[Int, Float]:
-        """Which sights from eyes to ends (n, 3) walls block, and at which shares of their ways."""
+        """Which lines of sight from eyes to ends (n, 3) walls block, and at which share of each."""
         structures = self._structures
         ways = shapely.linestrings(np.stack([eyes[:, :2], ends[:, :2]], axis=1))
         number, wall = structures.tree.query(ways, predicate="intersects")
@@ -230,7 +233,7 @@ class Story:
         return number, share[nearest][first]
 
     def _lit(self, track: CameraPath, moments: Float, aspect: float) -> float:
-        """The share of a picture that is lit, and more where the map has it: of moments (m,)."""
+        """Mean share of the picture that is lit at moments (m,), with a bonus for mapped walls."""
         views = [track.look(time) for time in moments.tolist()]
         ways = np.array([_rays(view, aspect) for view in views])
         count = ways.shape[1]
@@ -241,7 +244,7 @@ class Story:
         ends = eyes + np.minimum(share, _FARTHEST)[:, None] * ways
         number, part = self._blocked(eyes, ends)
         places = ends.copy()
-        # Of a wall the side that is looked at, not the inside of a house whose roof is.
+        # Sample in front of a wall, on its visible side, not inside the house.
         ahead = ends[number] - eyes[number]
         before = self._structures.setting.before * self._exposure.cell
         part -= before / np.maximum(np.linalg.norm(ahead, axis=1), TINY)
@@ -254,17 +257,17 @@ class Story:
         return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())
 
     def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
-        """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""
-        # The distance grows by the same factor in each second; steps in and down come last.
+        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it."""
+        # The distance grows exponentially.
         aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
         gap = far.aways - near.aways
         moved = (aways - near.aways) / np.where(gap == 0.0, 1.0, gap)
-        # The short way round as seen half-way, and for the whole shot: else the eye would leap.
+        # Turn the short way round, chosen once, half-way, so that the camera does not jump.
         turned = far.turns - near.turns
         turned -= 2.0 * np.pi * np.round(turned[np.argmin(np.abs(share - 0.5))] / (2.0 * np.pi))
         down = np.sqrt(share)
         fields = near.fields + share * (far.fields - near.fields)
-        # Seen from above, the robot would soon leave a picture that is moved up.
+        # Tilt and shift change early, or the robot would leave the picture as the camera rises.
         steeps, shifts = (
             a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
         )
@@ -276,7 +279,7 @@ class Story:
 
 
 def _rays(view: Look, aspect: float) -> Float:
-    """Directions (n, 3) evenly over the picture of a look."""
+    """Directions (n, 3) of rays spread evenly over the picture of a view."""
     columns, rows = ((np.arange(count) + 0.5) / count * 2.0 - 1.0 for count in _RAYS)
     x, y = np.meshgrid(columns, rows)
     tall = np.tan(0.5 * view.field)
@@ -285,6 +288,6 @@ def _rays(view: Look, aspect: float) -> Float:
 
 
 def _eased(shares: Float | float) -> Float:
-    """Shares that leave 0 and reach 1 at rest."""
+    """Shares 0…1, eased: with no speed and no acceleration at both ends."""
     shares = np.clip(shares, 0.0, 1.0)
     return np.asarray(shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2))

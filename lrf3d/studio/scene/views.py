@@ -1,4 +1,4 @@
-"""The cameras of films by their names, and the times of the run that films through them show."""
+"""The cameras of films by their names, and the times of the run that their films show."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.story import Story
 from lrf3d.studio.scene.timeline import Timeline
 
-# The cameras that every world has, but the one that tells a story.
+# The cameras that every world has, except the story.
 _CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
     "chase": chase,
     "first": First,
@@ -24,9 +24,9 @@ _CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
 
 
 def make_camera(view: str, timeline: Timeline, stage: Stage, length: float) -> Camera:
-    """Make the camera of a name, of every world or a fixed one of this, for a run.
+    """Make the camera of a name for a run: one that every world has, or a fixed one of this world.
 
-    A story takes a length [s of the film].
+    A story has a length [s of the film].
     """
     if view == "story":
         return Story(timeline, stage.structures, stage.exposure, length)
@@ -36,12 +36,12 @@ def make_camera(view: str, timeline: Timeline, stage: Stage, length: float) -> C
 
 
 def margins(view: str) -> tuple[float, float]:
-    """How long a film goes on before the run starts and after it has ended [s of the film]."""
+    """Durations of a film before the run starts and after it has ended [s of the film]."""
     return (OPENING, CLOSING) if view == "story" else (0.0, 0.0)
 
 
 def film_times(view: str, timeline: Timeline, fps: float, length: float) -> Float:
-    """The times (n,) of the run [s] that a film shows, of a length [s] where it is a story."""
+    """The times (n,) of the run [s] that a film's frames show; a story has a length [s]."""
     if view != "story":
         return timeline.frame_times(fps)
     shots = plan_shots(timeline, length)

@@ -79,16 +79,16 @@ FLAT = frozenset(
     " power place parking public_transport".split()
 )
 
-# Values of ``building`` of what is not there yet, or no more.
+# Values of ``building`` for buildings that do not exist yet, or no longer.
 ABSENT = ("proposed", "planned", "demolished", "razed")
 
-# Width [m] of a door in the wall of a room, where nothing is given.
+# Width [m] of a door in the wall of a room, if not given.
 DOOR = 0.9
 
-# Distance [m] from an opening within which it opens a wall.
+# Largest distance [m] between an opening and the wall that it opens.
 SIDE = 0.05
 
-# Distance [m] within which the walls of two rooms are one wall.
+# Distance [m] within which walls of two rooms are the same wall.
 SHARED = 1e-3
 
 # Properties of what is built.
@@ -107,9 +107,9 @@ class Feature:
     material: Material | None = None
     # Why it is left out.
     left_out: str = ""
-    # Whether it is a room, whose outline is walls, or an opening in walls.
+    # Whether it is a room, whose outline becomes walls, or an opening in walls.
     role: str = ""
-    # The storeys on which it is; none where it names none.
+    # Its storeys; empty if it names none.
     levels: tuple[str, ...] = ()
 
     @property
@@ -174,9 +174,9 @@ def feature_of(item: object) -> Feature:
 
 
 def room_role(properties: Mapping[str, Any]) -> str:
-    """Whether properties are those of a room or of an opening in its walls.
+    """Whether properties describe a room or an opening in its walls.
 
-    They are those of OpenStreetMap's Simple Indoor Tagging, or of IMDF.
+    They follow OpenStreetMap's Simple Indoor Tagging, or IMDF.
     """
     kind = properties.get("feature_type")
     leads = properties.get("door") not in (None, "", "no")
@@ -209,8 +209,8 @@ def with_rooms(
 ) -> tuple[list[Feature], str]:
     """Features in metres with the walls of rooms on one storey, and what was assumed.
 
-    Rooms become the lines of their outlines, each once, which openings divide. Without a level the
-    storey is the ground floor, or that of most rooms.
+    The outlines of rooms become lines, shared ones only once, with gaps at openings. Without a
+    level the storey is the ground floor, or that with most rooms.
     """
     known = Counter(each for f in features if f.role == "room" for each in f.levels[:1])
     chosen = level or ("0" if "0" in known or not known else known.most_common(1)[0][0])
@@ -218,7 +218,7 @@ def with_rooms(
         raise WorldError(f"has no level {shown(level)}; levels are {', '.join(sorted(known)[:20])}")
     here = list[Feature]()
     for feature in features:
-        # Buildings name a level, too, on which their entrance is.
+        # Buildings also name a level, that of their entrance.
         if feature.levels and chosen not in feature.levels and (feature.role or level):
             balance.used -= 1
             balance.leave(f"feature of another level: {', '.join(feature.levels[:3])}")
@@ -239,7 +239,7 @@ def _walls_of_rooms(rooms: list[Feature], openings: list[Feature]) -> list[Featu
     """The walls of rooms that touch, as one feature each."""
     if not rooms:
         return []
-    # A wall of no area may divide a room, too.
+    # A line without area may be a wall that divides a room.
     areas = shapely.make_valid(np.array(shapes_of(rooms), dtype=object))
     outlines = [each.boundary if each.area else each for each in areas]
     lines = shapely.union_all(outlines, grid_size=SHARED)

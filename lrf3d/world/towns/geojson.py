@@ -139,7 +139,7 @@ def _parse(path: Path) -> dict[str, Any]:
 
 
 def _of_lines(text: str) -> dict[str, Any] | None:
-    """The collection of features that stand in a line each, or None."""
+    """The collection of features of a file with one in each line, or None."""
     lines = [line.strip("\x1e ") for line in text.splitlines() if line.strip()]
     try:
         items = [json.loads(line, object_pairs_hook=_unique) for line in lines[1:] and lines]

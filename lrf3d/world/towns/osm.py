@@ -59,7 +59,7 @@ Place = tuple[float, float]
 Node = int | Place
 
 
-# Values of ``barrier`` of what stands as a wall.
+# Values of ``barrier`` that become walls.
 BARRIERS = ("wall", "fence", "city_wall", "retaining_wall")
 
 
@@ -196,7 +196,7 @@ def _place(element: Element) -> Place:
 
 
 def _balance(extract: _Extract, fates: dict[int, str], trees: bool) -> Balance:
-    """What becomes of each element that has tags; the total comes from the file."""
+    """The balance of the elements with tags; the total is counted in the file."""
     balance = Balance("element", len(extract.held))
     nodes = [*extract.points.values()]
     fates |= {id(tags): "" for _, tags in extract.trees.values() if trees}
@@ -209,7 +209,7 @@ def _balance(extract: _Extract, fates: dict[int, str], trees: bool) -> Balance:
     return balance
 
 
-# Keys that say what an element is, the first of which counts.
+# Keys that say what an element is; the first match counts.
 MAIN = (
     "building building:part barrier indoor door entrance highway railway waterway aeroway natural"
     " landuse leisure amenity shop power man_made boundary place public_transport route type"
@@ -217,7 +217,7 @@ MAIN = (
 
 
 def _lines(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
-    """The walls and fences, where their places are known, in degrees."""
+    """The walls and fences whose coordinates are known, in degrees."""
     for nodes, tags in extract.ways.values():
         if (kind := tags.get("barrier", "no")) == "no" or id(tags) in fates:
             continue
@@ -254,7 +254,7 @@ def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
 
 
 def _buildings(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
-    """The buildings, in degrees of longitude and latitude; notes what becomes of each."""
+    """The buildings, in degrees of longitude and latitude; notes whether each is used."""
     found, outlines = _of_relations(extract, fates)
     fates |= {id(extract.ways[n][1]): "" for n in outlines}
     for number, (refs, tags) in extract.ways.items():

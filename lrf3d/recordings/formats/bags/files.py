@@ -1,7 +1,7 @@
 """The messages in files of ROS bags: MCAP, SQLite, and the .bag of ROS 1.
 
-Files are read from their beginning, without an index, so that a file that a killed recorder or a
-full disk cut short is read up to its last whole record, also within a chunk.
+Files are read from the beginning, without their index, so that a truncated file (a killed recorder,
+a full disk) is read up to its last complete record, also within a chunk.
 """
 
 import bz2
@@ -21,8 +21,8 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
 from lrf3d.base.formats import MCAP, ROS_1, ROS_1_OLD, SQLITE, ZSTD, by_name
 
-# Largest size [bytes] of a record: recorders write chunks of a megabyte, some of a hundred, so that
-# the length of a larger one is damaged.
+# Largest size [bytes] of a record: recorders write chunks of one megabyte, some of a hundred, so a
+# larger length is damaged.
 LARGEST_RECORD = 1 << 28
 
 # Bytes that are unpacked at a time of a packed file: of a file that is cut, the last are lost.
@@ -38,7 +38,7 @@ class BagTopic(NamedTuple):
 
     @classmethod
     def of(cls, name: str, kind: str, packing: str) -> "BagTopic":
-        """The topic of a name, which may lack its slash, and of a type as ROS 1 or 2 names it."""
+        """A topic from its name, which may lack the slash, and its type in ROS 1's or 2's form."""
         new = re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)
         return cls("/" + name.removeprefix("/"), new, packing)
 
@@ -215,10 +215,10 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 # Code of ROS 1 records that hold a message.
 OLD_MESSAGE = 2
 
-# Code of ROS 1 records that hold an index, whose length recorders of 2010 wrote wrongly.
+# Opcode of index records in ROS 1 bags, whose length recorders of 2010 wrote wrongly.
 OLD_INDEX = 4
 
-# Bytes of an entry of such an index, by its version.
+# Size of an entry of such an index [bytes], by its version.
 INDEX_ENTRY = {0: 16, 1: 12}
 
 # Code of ROS 1 records that hold packed records.

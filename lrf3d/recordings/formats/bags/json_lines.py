@@ -1,6 +1,6 @@
 """ROS messages as JSON, each with its topic, as rosbridge and ``mcap cat --json`` write them.
 
-A file of an object a line, or of an array of objects, enters; messages leave, as those of a bag.
+A file with an object in each line, or an array of objects, enters; messages leave, as from a bag.
 """
 
 import json
@@ -18,10 +18,10 @@ from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
 # Finds the topic of a message in the first bytes of a file.
 TOPIC = re.compile(rb'\s*\[?\s*\{[^\0]*?"topic"\s*:\s*"').match
 
-# Bytes of a file that show whether its messages have topics: a scan may come before its topic.
+# Number of first bytes of a file in which a topic must occur; a long scan may come before it.
 BEGINNING = 1 << 16
 
-# The types of messages, by the fields that show them; the first one counts.
+# The types of messages, by their characteristic fields; the first match counts.
 KINDS = {
     SCAN: {"ranges", "angle_min"},
     TRANSFORMS: {"transforms"},
@@ -40,7 +40,7 @@ def is_messages(path: Path) -> bool:
 
 
 def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]:
-    """The topic, type, time of receipt [ns] and message of each object; a bad line as it is."""
+    """The topic, type, time of receipt [ns] and message of each object; bad lines as text."""
     for line in lines:
         text = line.strip().rstrip(b",")
         if text in (b"", b"[", b"]"):
@@ -51,7 +51,7 @@ def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]
             yield "", ODOMETRY, 0, text
             continue
         for value in values if isinstance(values, list) else [values]:
-            # Requests of rosbridge, such as to subscribe, hold no message.
+            # Other requests of rosbridge, such as subscribe, hold no message.
             fields = value if isinstance(value, dict) else {}
             bodies = [each for each in fields.values() if isinstance(each, dict)]
             if "topic" in fields and bodies:
@@ -61,14 +61,14 @@ def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]
 
 
 def message_of(data: Any, _: str) -> Any:
-    """A message as it was read; raises InputError for a line that is no JSON."""
+    """A message as it was read; raises InputError if the line is not JSON."""
     if isinstance(data, bytes):
         raise InputError("not JSON, or cut short")
     return data
 
 
 def _kind_of(message: dict[str, Any]) -> str:
-    """The type of a message by its fields; "" if it is none that is read."""
+    """The type of a message by its fields; "" if it is of no type that is read."""
     inner = message.get("pose")
     fields = {*message, *(f"pose.{name}" for name in (inner if isinstance(inner, dict) else ()))}
     return next((kind for kind, needed in KINDS.items() if needed <= fields), "")
@@ -85,7 +85,7 @@ def _message(value: Any) -> Any:
 
 
 def _received(value: dict[str, Any], message: Any) -> int:
-    """When a message was received [ns]; its own stamp where nobody wrote that."""
+    """When a message was received [ns], or its own stamp if that was not recorded."""
     if "log_time" in value:
         return round(float(value["log_time"]) * 1_000_000_000)
     with suppress(AttributeError, IndexError, TypeError, ValueError):

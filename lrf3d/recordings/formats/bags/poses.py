@@ -123,7 +123,7 @@ class Contents:
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
 
     def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> None:
-        """Take a message; an error says why it is of no use."""
+        """Read a message; raises an error that says why it cannot be used."""
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
             for each in message.transforms:
                 self._take_transform(topic, each, received, number)

@@ -49,7 +49,7 @@ from lrf3d.recordings.log import Intake, LaserLog
 # The type of point clouds, which are not read.
 CLOUD = "sensor_msgs/msg/PointCloud2"
 
-# The packing of messages that are text.
+# The encoding of messages that are text.
 JSON = "json"
 
 
@@ -154,6 +154,6 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
 
 
 def _short(error: Exception) -> str:
-    """The message of a library's error in one line; a full memory is no damage of the file."""
+    """The text of a library's error in one line; a MemoryError does not mean a damaged file."""
     check_memory(error)
     return one_line(" ".join(str(error).split()) or type(error).__name__, 150)

@@ -49,7 +49,7 @@ CLOCK = "/clock"
 GRID = "/map"
 LINES = "/map_objects"
 
-# The topic of estimated poses, at the scans at which their covariances are known.
+# The topic of estimated poses, at the scans for which covariances are known.
 ESTIMATE = "/pose"
 
 # The topics of a bag and their types, but for those of the lasers.
@@ -209,8 +209,8 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
 def _wheel_covariances(run: Run, steps: Float) -> tuple[Sequence[Float | None], ...]:
     """Covariances (3, 3) of the pose and of the twist at each scan; None where they are exact.
 
-    They are those of usual wheels, larger or smaller by what the increments are off, where the
-    truth is known.
+    They are those of usual wheels, scaled by the actual errors of the increments if the truth is
+    known.
     """
     poses = run.odometry
     if run.wheels is None and (run.estimate is None or not len(run.estimate.odometry)):

@@ -50,16 +50,16 @@ MOST_JUMPS = 0.1
 # Least share of the other readings whose bearings go the same way.
 LEAST_ALIKE = 0.9
 
-# Largest step of the bearings of a scan of pairs, in usual ones: what met nothing may be left out.
+# Largest step of bearings in a scan of pairs, in usual steps: beams without return may be left out.
 UNEVEN = 30.0
 
-# What stands before such pairs without a header, by the number of columns.
+# The columns before such pairs in files without a header, by their number.
 LEADING = {1: "stamp", 3: "x y theta", 4: "stamp x y theta"}
 
-# Number of first columns of ranges among which there may be stamps or counts of encoders.
+# Number of columns at the start of the ranges that may be stamps or encoder counts.
 FIRST_COLUMNS = 40
 
-# Factor by which numbers that only rise differ from ranges, where they are no beam.
+# Least factor between numbers that only rise and ranges, from which they are not beams.
 OTHER_SCALE = 5.0
 
 # A column of readings has more different numbers than this.
@@ -279,7 +279,7 @@ def _by_pairs(form: Form) -> Layout | None:
 
 
 def _are_pairs(row: Float) -> bool:
-    """Whether every other number is a bearing, which go on evenly, through a turn at most."""
+    """Whether every other number is a bearing: these rise in even steps, over at most one turn."""
     bearings = row[::2]
     if len(row) % 2 or len(row) < 2 * FEWEST_COUNTED or not np.isfinite(bearings).all():
         return False
@@ -302,13 +302,13 @@ def _by_length(form: Form) -> Layout | None:
 
 
 def _counts_up(form: Form, place: int) -> bool:
-    """Whether a column before the ranges never falls, as stamps and encoders, unlike those after.
+    """Whether one of the first columns never falls, like stamps and encoders but unlike ranges.
 
     Such columns would be taken for the first beams.
     """
     rows = [words for words in form.sample if len(words) == form.length]
     table = np.array([values_of(words[place : place + FIRST_COLUMNS]) for words in rows])
-    # Readings that are missing rise no more than they fall.
+    # Missing readings become 0, so that a column with some of them also falls.
     table = np.where(np.isfinite(table), table, 0.0)
     steps = np.diff(table, axis=0)
     rising = (steps >= 0.0).all(axis=0) & (steps > 0.0).any(axis=0)

@@ -29,15 +29,15 @@ class Layout:
 
     Args:
         columns: The first column, from 0, of each role.
-        beams: Number of the columns of ranges; None if they go on to the end.
-        length: Number of the words of a line; None if it differs.
-        units: Units of roles, as far as they are known.
-        settings: What holds for all scans, by the names of `SETTINGS`.
+        beams: Number of columns of ranges; None if they go on to the end of the line.
+        length: Number of words in a line; None if it varies.
+        units: Units of roles, if known.
+        settings: Values for all scans, by the names of `SETTINGS`.
         clockwise: Whether the beams go clockwise.
-        bearings: The bearings of the beams, where names of columns give them.
+        bearings: The bearings of the beams, if names of columns give them.
         unused: Names of columns that are not used.
-        paired: Whether the columns of ranges hold a bearing and a range by turns.
-        skips: Whether lines that leave a column blank are left out: they are of another topic.
+        paired: Whether the columns of ranges hold bearings and ranges alternately.
+        skips: Whether lines with a blank column are left out, as they belong to another topic.
     """
 
     columns: dict[str, int] = field(default_factory=dict)
@@ -108,7 +108,7 @@ class Layout:
         return any(place >= len(words) or not words[place].strip() for place in places)
 
     def only(self, roles: Container[str], keep: bool) -> "Layout":
-        """The layout of lines that hold these roles alone, or all others, and a stamp."""
+        """The layout of lines that hold a stamp and only these roles, or all others."""
         columns = {k: v for k, v in self.columns.items() if (k in roles) == keep or k == "stamp"}
         return replace(self, columns=columns, length=None, skips=True)
 

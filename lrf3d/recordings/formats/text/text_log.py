@@ -34,7 +34,7 @@ PARTNERS = "motors robot odometry odom poses pose trajectory groundtruth gt".spl
 
 SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 
-# Roles of columns of odometry, which stand in lines of their own where topics are merged.
+# Roles of columns of odometry, which have their own lines in tables of merged topics.
 MOVING = set("x y theta dx dy dtheta left right qx qy qz qw".split())
 
 # Columns of files of poses without a header, by the number of columns: TUM files, tables, and
@@ -54,7 +54,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
     spec, _, partner = (format or "").partition(";")
     layout = described(spec, form.header) if spec else layout_of(form, intake)
     if spec and not layout.columns:
-        # Settings alone leave the columns to be found.
+        # If only settings are given, the columns are found.
         layout = layout_of(form, intake).with_settings(layout)
     if "ranges" not in layout.columns:
         raise InputError(f"--format: {shown(spec)}: no column of ranges; expected 'ranges'")

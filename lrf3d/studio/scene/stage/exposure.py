@@ -1,9 +1,9 @@
 """First-seen times: when beams first passed each cell of the ground, and when the map covered it.
 
-The scans of a run enter; one picture of times leaves, which every renderer compares with now. The
-ground takes its own cell, a wall the cell before it. Light goes as far as the true ranges where
-they are known, as it ends at walls, else as far as the measured ones, at the poses that the robot
-had to go by: where its estimate is wrong, so is the light.
+The scans of a run enter; one picture of times leaves, which every renderer compares with the
+current time. The ground uses its own cell, a wall the cell in front of it. Light reaches as far as
+the true ranges if they are known, so that it ends at walls, else as far as the measured ones. Beams
+start at the robot's estimated poses: where these are wrong, so is the light.
 """
 
 from collections.abc import Sequence
@@ -141,7 +141,7 @@ class Exposure:
         return np.asarray(self.times[rows, columns])
 
     def walls(self, structures: Structures) -> Bool:
-        """Which cells (h, w) walls stand in that let no light pass."""
+        """Which cells (h, w) contain walls that let no light pass."""
         picture = Image.new("1", self.times.shape[::-1])
         draw = ImageDraw.Draw(picture)
         opaque = structures.segments[~structures.glass]
@@ -316,15 +316,15 @@ def _box(low: Int, high: Int) -> tuple[slice, ...]:
 
 
 def soft_rim(seen: Bool, walls: Bool) -> Float:
-    """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, the rim is blurred.
+    """How surely cells (h, w) were seen, 0…1: gaps between beams are closed, edges are blurred.
 
-    Gaps are not closed through walls (h, w), and a wall takes the light of its brighter side.
+    Gaps are not closed through walls (h, w); a wall gets the light of its brighter side.
     """
     within = slice(_AROUND, -_AROUND)
     open_ = np.pad(~walls, _AROUND, constant_values=True)
     lit = np.pad(seen, _AROUND) & open_
     grown = binary_dilation(lit, iterations=_CLOSED, mask=open_)
-    # What is beyond a wall does not shrink what is before it.
+    # Darkness behind a wall does not erode the light in front of it.
     closed = (binary_erosion(grown | ~open_, iterations=_CLOSED) & open_ | lit)[within, within]
     closed |= walls & maximum_filter(closed, 3)
     soft = gaussian_filter(closed.astype(np.float32), _RIM)

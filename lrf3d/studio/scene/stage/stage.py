@@ -20,20 +20,20 @@ from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.studio.scene.stage.structures import Structures, filled_between
 
-# What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. To the
-# number of a wall of a room 1 is added where its first end is free, and 2 where its last one is.
+# What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. For the
+# wall of a room, add 1 if its first end is free, and 2 if its last one is.
 PLAIN = 0.0
 FACADE = 1.0
 ROOM_WALL = 2.0
 FURNITURE = 6.0
 
-# Height from which on houses have windows [m].
+# Least height of houses with windows [m].
 _WINDOWS_FROM = 3.5
 
-# Inverse of the golden ratio, whose multiples are far apart for neighbours.
+# Inverse of the golden ratio: the fractions of its consecutive multiples are far apart.
 _GOLDEN = 0.6180339887
 
-# Largest number of an object's own.
+# Upper bound of the fraction that differs between objects.
 _OWN = 0.9
 
 # Length over which two walls at one place are one [m].
@@ -206,10 +206,10 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
 
 
 def _skins(structures: Structures, number: Int, segments: Float) -> Single:
-    """What the walls of numbers (n,) show, of which segments (n, 4) are parts: see `Painted`."""
+    """What the walls of numbers (n,) show, whose parts are segments (n, 4): see `Painted`."""
     whole = structures.segments[number]
     along = directions(segments)
-    # From that end of the whole wall which comes first along the part.
+    # Distances along the wall count from its end that comes first in the part's direction.
     ends = whole.reshape(-1, 2, 2)
     turned = (directions(whole) * along).sum(axis=1) < 0.0
     ends[turned] = ends[turned, ::-1]
@@ -217,10 +217,10 @@ def _skins(structures: Structures, number: Int, segments: Float) -> Single:
     places = ((corners - ends[:, :1]) * along[:, None]).sum(axis=2)
     tops = structures.heights[number]
     closed = structures.closed[number]
-    # Each object's own, so that no two houses have the same windows.
+    # A fraction for each object, so that houses have different windows.
     own = _OWN * np.mod(structures.objects[number] * _GOLDEN, 1.0)
     if structures.indoor:
-        # Where a wall of a room ends free, there is an opening.
+        # A wall of a room whose end is free ends at an opening.
         free = [_meeting(structures, each) < 2 for each in np.moveaxis(ends, 1, 0)]
         kind = np.where(closed, FURNITURE, ROOM_WALL + free[0] + 2.0 * free[1])
     else:
@@ -231,7 +231,7 @@ def _skins(structures: Structures, number: Int, segments: Float) -> Single:
 
 
 def _meeting(structures: Structures, places: Float) -> Int:
-    """How many walls meet at places (n, 2)."""
+    """The number of walls that meet at each of places (n, 2)."""
     points = shapely.points(places)
     number, _ = structures.tree.query(points, "dwithin", distance=_TOGETHER)
     return np.bincount(number, minlength=len(places))
