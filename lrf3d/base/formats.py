@@ -128,7 +128,7 @@ FORMATS: list[Format] = [
         kind="log", name="bag", endings=(".mcap", ".db3", ".bag"),
         looks=dict.fromkeys((MCAP, SQLITE, ROS_1, ROS_1_OLD, ZSTD), "a ROS bag"),
         read="lrf3d.recordings.formats.bags.reader:load_bag",
-        options=("poses", "scan_topic", "part"), extra="ros", apart=True,
+        options=("poses", "scan_topic", "part", "height"), extra="ros", apart=True,
     ),
     Format(
         kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
@@ -147,7 +147,7 @@ FORMATS: list[Format] = [
     ),
     Format(
         kind="log", name="messages", read="lrf3d.recordings.formats.bags.reader:load_bag",
-        options=("poses", "scan_topic", "part"),
+        options=("poses", "scan_topic", "part", "height"),
     ),
     Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
     Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),

@@ -27,11 +27,17 @@ POINT = np.dtype(
     }
 )
 
-# Codes of sensor_msgs/PointField for types of NumPy.
-DATATYPES = {"<f4": 7, "<u2": 4}
+# Types of the fields of points, by the codes of sensor_msgs/PointField, without their byte order.
+POINT_FIELDS = dict(enumerate(("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"), 1))
+
+# The codes of these types.
+DATATYPES = {f"<{kind}": code for code, kind in POINT_FIELDS.items()}
 
 # From a camera's frame, x ahead, to its optical frame, z ahead and y down.
 OPTICAL = {"x": -0.5, "y": 0.5, "z": -0.5, "w": 0.5}
+
+# The axes of an optical frame in the camera's frame.
+OPTICAL_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def records_of(scan: LidarScan, *, local: bool = True) -> Records:

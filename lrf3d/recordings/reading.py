@@ -50,6 +50,7 @@ def load_log(
     poses: str = "auto",
     scan_topic: str | None = None,
     part: int | None = None,
+    height: Sequence[float] | None = None,
     format: str | None = None,
     without_repairs: Sequence[str] = (),
     isolated: bool = True,
@@ -70,6 +71,9 @@ def load_log(
             robot: the robot of ``/scan``, or else of the first topic of scans.
         format: Text: its columns; found if not given. Arrays: units and bearings.
         part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
+        height: Bags with point clouds: scans are made of the points between these heights [m] above
+            the robot's frame; if not given, and there are no scans, of the ring nearest to the
+            level, or of the points at the height of the lidar.
         without_repairs: Names of repairs that are left out. Reading makes only ``no_return``;
             without it the largest and smallest readings are kept as they are.
         isolated: Read the file in a process of its own, with limits on memory and time.
@@ -97,10 +101,14 @@ def load_log(
         expect(text, str | None, name)
     if part is not None:
         part = whole_number(part, "part")
+    if height is not None:
+        height = as_rows([height], "height", 2, least=1)[0].tolist()
+        if not height[0] < height[1]:
+            raise InputError(f"height {shown(height)}: expected the lower one first, in metres")
     row = by_ending(path, "log")
     options = {
         "poses": poses, "scan_topic": scan_topic, "part": part, "format": format,
-        "largest_range": largest_range, "without_repairs": without_repairs,
+        "height": height, "largest_range": largest_range, "without_repairs": without_repairs,
         "smallest_range": smallest_range, "mask": masked,
     }  # fmt: skip
     known = row is None or row.apart
@@ -120,8 +128,9 @@ def log_of_file(
 ) -> LaserLog:
     """Read a log with the reader of its format, which gets the options that the format has."""
     row = _format_of(path, in_columns=bool(given["format"]))
-    if "scan_topic" not in row.options and (given["scan_topic"] or given["part"]):
-        name = "scan topic" if given["scan_topic"] else "part"
+    of_bags = [name for name in ("scan_topic", "part", "height") if given[name]]
+    if of_bags and "scan_topic" not in row.options:
+        name = of_bags[0].replace("_", " ")
         raise InputError(f"{path}: no bag, so that there is no {name} to choose")
     if "poses" not in row.options and given["poses"] not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {given['poses']} in it; there are auto, odom")

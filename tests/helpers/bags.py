@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lrf3d.laser import Stamp
-from lrf3d.recordings.formats.bags.poses import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.recordings.formats.bags.contents import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.recordings.formats.bags.writer import made
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs pip install 'lrf3d[ros]'")

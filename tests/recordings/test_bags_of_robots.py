@@ -16,7 +16,7 @@ import lrf3d
 from lrf3d.base.errors import InputError
 from lrf3d.laser import Stamp
 from lrf3d.recordings import load_log
-from lrf3d.recordings.formats.bags.poses import ECHOES, ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.recordings.formats.bags.contents import ECHOES, ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.recordings.formats.bags.writer import made
 
 RISING = np.linspace(1.0, 5.0, 41)

@@ -22,7 +22,7 @@ from lrf3d.geometry.lines import wrap_angle
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, Stamp
 from lrf3d.recordings import load_log
-from lrf3d.recordings.formats.bags.poses import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.recordings.formats.bags.contents import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.world import Material
 
 

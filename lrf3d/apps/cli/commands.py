@@ -57,6 +57,7 @@ LOG = """\
 --smallest-range M: Readings [m] of this or less are left out, such as those of the robot itself.
 --mask FROM:TO,…: Bearings [degrees] that are left out, counter-clockwise from ahead.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
+--height LOW,HIGH: Bags: make scans of the points of clouds between these heights [m].
 --format FORMAT: Text: its columns, such as
  stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg; found if not given.
 --part N: Bags whose stamps go back: the part that is read; the longest one if not given."""

@@ -149,7 +149,8 @@ def read_log(args: Namespace) -> LaserLog:
     mask = [(radians(first), radians(last)) for first, last in args.mask or ()]
     return load_log(
         args.log, largest_range=args.largest_range, smallest_range=args.smallest_range or 0.0,
-        mask=mask, poses=poses, scan_topic=args.scan_topic, part=args.part, format=args.format,
+        mask=mask, poses=poses, scan_topic=args.scan_topic, part=args.part,
+        height=args.height, format=args.format,
         without_repairs=getattr(args, "without_repair", None) or (),
     )  # fmt: skip
 
@@ -158,7 +159,7 @@ def read_map_and_log(args: Namespace) -> Scenario | MapAndLog | None:
     """Read a world for simulated drives; or a map and a log."""
     if args.log is None:
         limits = "--largest-range --smallest-range --mask"
-        logs = f"--out -o {limits} --scan-topic --format --part --without-repair"
+        logs = f"--out -o {limits} --scan-topic --height --format --part --without-repair"
         refuse(args, logs, "of a recorded drive; give a LOG")
         return read_world(args)
     drives = f"--known --strategy --seeds --sigma --position --heading --workers {DRIVE}"

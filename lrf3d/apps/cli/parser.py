@@ -160,7 +160,7 @@ def _add(group: Any, option: Option) -> None:
 
 def read_value(kind: str, word: str) -> Any:
     """What a word says, by what a help page calls it; a list of one or more where several may."""
-    unit, several, _ = kind.partition(",")
+    unit, several, _ = kind.partition(",") if kind.endswith("…") else (kind, "", "")
     read, expected = _choice(unit) if unit == unit.lower() else KINDS.get(unit, (str, unit))
     try:
         if "=" in kind:
@@ -232,6 +232,10 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
         "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680",
     ),
     "NAME": (_mapper, "robust, paper or FILE.py:NAME"),
+    "LOW,HIGH": (
+        _two(",", lambda low, high: low < high, float),
+        "two heights in metres, the lower one first, such as 0.2,0.6",
+    ),
     "A:B": (
         _two(":", lambda *pair: min(pair) >= 0 and pair[0] != pair[1]),
         "two numbers of scans, such as 120:2400",

@@ -13,6 +13,7 @@ from typing import Any
 
 from lrf3d.base.errors import InputError
 from lrf3d.base.formats import head_of
+from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
 
 # Finds the topic of a message in the first bytes of a file.
@@ -24,6 +25,7 @@ BEGINNING = 1 << 16
 # The types of messages, by their characteristic fields; the first match counts.
 KINDS = {
     SCAN: {"ranges", "angle_min"},
+    CLOUD: {"fields", "point_step"},
     TRANSFORMS: {"transforms"},
     ODOMETRY: {"pose", "twist"},
     "geometry_msgs/msg/PoseWithCovarianceStamped": {"pose.pose"},

@@ -1,37 +1,20 @@
-"""The contents of a bag, and the poses of its scans: by which robot's odometry and which clock."""
+"""The poses of the scans of a bag: by which robot's odometry and which clock."""
 
 import re
-from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from os.path import basename, commonpath, dirname
-from typing import Any
 
 import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
-from lrf3d.base.text import counted
-from lrf3d.geometry.lines import LARGEST_COORDINATE, usual_step
+from lrf3d.geometry.lines import usual_step
 from lrf3d.geometry.pose import Pose
-from lrf3d.laser import LaserScan, Stamp
-from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
+from lrf3d.laser import LaserScan
+from lrf3d.recordings.formats.bags.contents import DRIFTING, Contents, ScanStream, edges_of
 from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
-from lrf3d.recordings.formats.text.fans import WHOLE_TURN, WIDEST_FAN
 from lrf3d.recordings.formats.units import NANO
-from lrf3d.recordings.log import Intake, LaserLog
-
-# The types of messages of scans; where a beam has several echoes, the first one counts.
-ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
-SCANS = (SCAN, ECHOES)
-
-# The types of messages that are read.
-POSE = "geometry_msgs/msg/PoseStamped"
-UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
-OLD_TRANSFORMS = "tf/msg/tfMessage"
-TYPES = (*SCANS, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS, OLD_TRANSFORMS)
-
-# How far bearings may differ from what a message says, because it rounds them [rad].
-ROUNDED = 0.01
+from lrf3d.recordings.log import LaserLog
 
 # Parts that a recording may have; where stamps go back more often, they are useless.
 MOST_PARTS = 20
@@ -50,129 +33,8 @@ COARSE_SCANS = 3.0
 CLOCKS_APART = 2 * BACK
 
 
-@dataclass(slots=True)
-class ScanStream:
-    """The scans of a topic that have the same frame, in the order of their receipt."""
-
-    topic: str
-    frame: str
-    scans: list[LaserScan] = field(default_factory=list)
-    track: FrameTrack = field(default_factory=FrameTrack)
-    fans: tuple[tuple[float, float], ...] = ()
-    note: str = ""
-
-    @property
-    def words(self) -> str:
-        """The number of scans, their topic and their frame."""
-        return f"{counted(len(self.scans), 'scan')} of {self.topic} ({self.frame})"
-
-    def add(self, message: Any, *stamp: int) -> None:
-        """Add a message; an error says why it cannot be used."""
-        scan = LaserScan.from_ros(message)
-        first, last = scan.angles[[0, -1]].tolist()
-        low = message.angle_min
-        high = message.angle_max
-        step = message.angle_increment
-        # Drivers may send two beams more or fewer than the message says.
-        apart = abs(high - last) > max(ROUNDED, 2.0 * abs(step))
-        if not abs(step * (len(scan.angles) - 1) - (last - first)) < ROUNDED:
-            self.note = (
-                f"the angle_increment of {self.topic} contradicts its angle_min and angle_max:"
-                " beams lie evenly between these"
-            )
-        elif apart and high and abs(high - low) <= WIDEST_FAN:
-            self.note = (
-                f"the beams of {self.topic} end at {last:.3g} rad, its angle_max is {high:.3g}"
-            )
-            self.fans = ((low, high),)
-        elif abs(high - last) > 0.5 * abs(step) and high - low < WHOLE_TURN:
-            self.note = (
-                f"the angle_max of {self.topic} is {(high - last) / step:.2g} angle_increment past"
-                " its last beam: beams lie an increment apart"
-            )
-        # A range finder whose range_max is infinite does not measure such ranges either.
-        scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
-        if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
-            # Scans with the same angles share one array.
-            scan = replace(scan, angles=self.scans[-1].angles)
-        self.scans.append(scan)
-        self.track.add(*stamp)
-
-
-@dataclass(slots=True)
-class Contents:
-    """The contents of a bag: scans, the poses of each topic and their frames, and transforms.
-
-    Scans are kept by topic and frame; transforms by namespace, since several robots may use the
-    usual names of frames. ``children`` holds the frame whose poses a topic of poses reports.
-    """
-
-    intake: Intake
-    by_frame: dict[tuple[str, str], ScanStream] = field(default_factory=dict)
-    scan_topics: list[str] = field(default_factory=list)
-    tracks: dict[str, FrameTrack] = field(default_factory=lambda: defaultdict(FrameTrack))
-    children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, dict[str, tuple[str, FrameTrack]]] = field(
-        default_factory=lambda: defaultdict(dict)
-    )
-
-    @property
-    def streams(self) -> list[ScanStream]:
-        """The scans in the order of their topics, the preferred one first."""
-        found = self.by_frame.values()
-        return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
-
-    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> None:
-        """Read a message; raises an error that says why it cannot be used."""
-        if kind in (TRANSFORMS, OLD_TRANSFORMS):
-            for each in message.transforms:
-                self._take_transform(topic, each, received, number)
-            return
-        stamp = _stamp(message), received, number
-        if kind in SCANS:
-            if kind == ECHOES:
-                message.ranges = [[*each.echoes, np.inf][0] for each in message.ranges]
-                message.intensities = []
-            frame = _frame(message.header.frame_id)
-            stream = self.by_frame.get((topic, frame)) or ScanStream(topic, frame)
-            stream.add(message, *stamp)
-            self.by_frame[topic, frame] = stream
-            return
-        pose = message.pose if kind == POSE else message.pose.pose
-        child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
-        # Of several robots on one topic, each has a track.
-        name = topic if self.children.get(topic, child) == child else f"{topic} of {child}"
-        self.tracks[name].add_pose(pose.position, pose.orientation, *stamp)
-        self.children[name] = child
-
-    def _take_transform(self, topic: str, message: Any, received: int, number: int) -> None:
-        above = _frame(message.header.frame_id)
-        new = above, FrameTrack(is_static=topic.endswith(STATIC_FRAMES))
-        edges = self.edges[topic.rpartition("/")[0]]
-        parent, track = edges.setdefault(_frame(message.child_frame_id), new)
-        # A frame has one parent; if programs publish different ones, the first counts.
-        if parent == above:
-            moved = message.transform
-            stamp = _stamp(message), received, number
-            track.add_pose(moved.translation, moved.rotation, *stamp)
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return Stamp(int(stamp.sec), int(stamp.nanosec)).nanoseconds
-
-
-def _frame(name: str) -> str:
-    """The name of a frame in ROS 2; ROS 1 put a slash before it."""
-    return name.removeprefix("/")
-
-
 # Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane.
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
-
-# Frames of the robot and of its odometry, as REP 105 calls them.
-BASE = "base_link"
-DRIFTING = "odom"
 
 # The pose of a laser whose poses are unknown.
 STANDING = np.eye(4)
@@ -262,7 +124,7 @@ class _Robot:
         self.part = part
         self._stream = stream
         self._contents = contents
-        edges = _edges(contents, stream.topic)
+        edges = edges_of(contents, stream.topic)
         self._edges = {child: track for child, (_, track) in edges.items()}
         moving = {child: (parent, track.within(part)) for child, (parent, track) in edges.items()}
         self._frames = Frames({k: (above, m) for k, (above, m) in moving.items() if m is not None})
@@ -443,10 +305,3 @@ class _Robot:
             )
             scans.append(scan)
         return scans
-
-
-def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, FrameTrack]]:
-    """The transforms of the namespaces that contain a topic; if they have none, all transforms."""
-    spaces = sorted(contents.edges, key=len)
-    own = [space for space in spaces if topic.startswith(f"{space}/")]
-    return {k: edge for space in own or spaces for k, edge in contents.edges[space].items()}

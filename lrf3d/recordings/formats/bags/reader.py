@@ -17,18 +17,24 @@ before the first pose or after the last are left out and counted. Where stamps g
 of the recording begins, and one of the parts is read; where stamps are useless, the times at which
 messages were received replace them.
 
-Only messages of the types in `poses.TYPES` are unpacked, by rosbags (extra ``ros``) and its own
-definitions.
+Point clouds are read where there are no scans, or where the user chooses them: once again from the
+beginning, since their heights depend on the transforms of the whole bag; see `clouds`.
+
+Only messages of the types in `contents.MESSAGES` are unpacked, by rosbags (extra ``ros``) and its
+own definitions.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from lrf3d.base.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.base.formats import ZSTD
 from lrf3d.base.isolation import check_memory
+from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import SCAN, TRANSFORMS
+from lrf3d.recordings.formats.bags.contents import MESSAGES, OLD_TRANSFORMS, SCANS, Contents
 from lrf3d.recordings.formats.bags.files import (
     BagTopic,
     Packet,
@@ -37,49 +43,72 @@ from lrf3d.recordings.formats.bags.files import (
     unpacked,
 )
 from lrf3d.recordings.formats.bags.json_lines import is_messages, json_messages, message_of
-from lrf3d.recordings.formats.bags.poses import (
-    OLD_TRANSFORMS,
-    SCANS,
-    TYPES,
-    Contents,
-    log_of,
-)
+from lrf3d.recordings.formats.bags.poses import log_of
 from lrf3d.recordings.log import Intake, LaserLog
-
-# The type of point clouds, which are not read.
-CLOUD = "sensor_msgs/msg/PointCloud2"
 
 # The encoding of messages that are text.
 JSON = "json"
 
 
 def load_bag(
-    intake: Intake, *, poses: str = "auto", scan_topic: str | None = None, part: int | None = None
+    intake: Intake,
+    *,
+    poses: str = "auto",
+    scan_topic: str | None = None,
+    part: int | None = None,
+    height: Sequence[float] | None = None,
 ) -> LaserLog:
     """Read the scans of a ROS bag; see `load_log`."""
-    path = intake.path
-    contents = Contents(intake)
-    number = 0
+    contents = Contents(intake, height)
     topics = set[BagTopic]()
+    kinds: tuple[str, ...] = SCANS
+
+    def wanted(topic: BagTopic) -> bool:
+        return topic.kind in kinds and scan_topic in (None, topic.name)
+
+    _read(contents, topics, wanted)
+    if height is not None or (not contents.by_frame and _are_clouds(topics, scan_topic)):
+        contents.by_frame.clear()
+        kinds = (CLOUD,)
+        _read(contents, topics, wanted)
+        # A file that is cut short is noted both times.
+        intake.notes[:] = dict.fromkeys(intake.notes)
+    sizes = Counter({t.name: 0 for t in topics if t.kind in kinds})
+    for stream in contents.by_frame.values():
+        # The topic of most points is that of a whole cloud.
+        sizes[stream.topic] += stream.clouds.balance.all if stream.clouds else 0
+    scans = sorted(sizes, key=lambda name: (name != "/scan", -sizes[name], name))
+    if scan_topic not in (None, *scans) or not contents.by_frame:
+        raise InputError(f"{intake.path}: {_lacking(intake, topics, scans, scan_topic)}")
+    contents.scan_topics = scans
+    return log_of(contents, poses, part)
+
+
+def _are_clouds(topics: set[BagTopic], scan_topic: str | None) -> bool:
+    """Whether the chosen topic, or without one any, is of clouds, and none is of scans."""
+    kinds = {topic.kind for topic in topics if scan_topic in (None, topic.name)}
+    return CLOUD in kinds and kinds.isdisjoint(SCANS)
+
+
+def _read(contents: Contents, topics: set[BagTopic], wanted: Callable[[BagTopic], bool]) -> None:
+    """Read the messages of the wanted topics of scans; the first time all other ones, too."""
+    intake = contents.intake
+    path = intake.path
+    again = bool(topics)
     deserialized: Mapping[str, Callable[[Any, str], Any]] = {JSON: message_of}
     messages = _of_json(intake) if is_messages(path) else None
     if messages is None:
         messages = _of_files(intake)
         deserialized = _deserializers(path)
-    for number, (topic, received, data) in enumerate(_wanted(messages, scan_topic, topics), 1):
+    for number, (topic, received, data) in enumerate(_known(messages, topics), 1):
+        if not (wanted(topic) if topic.kind in (*SCANS, CLOUD) else not again):
+            continue
         try:
             message = deserialized[topic.packing](data, topic.kind)
             contents.take(topic.name, topic.kind, message, received, number)
         except Exception as error:
             # A damaged message may raise any exception.
             intake.refuse(number, _short(error), "message")
-    scans = sorted(
-        {t.name for t in topics if t.kind in SCANS}, key=lambda name: (name != "/scan", name)
-    )
-    if scan_topic not in (None, *scans) or not contents.by_frame:
-        raise InputError(f"{path}: {_lacking(intake, topics, scans, scan_topic)}")
-    contents.scan_topics = scans
-    return log_of(contents, poses, part)
 
 
 def _deserializers(path: Path) -> dict[str, Callable[[Any, str], Any]]:
@@ -107,19 +136,14 @@ def _lacking(
         return f"no scan on {scan_topic or scans[0]} {used}{intake.first_bad}{why}"
     there = ", ".join(sorted(f"{topic.name} ({topic.kind})" for topic in topics))
     there = there and f"; there are {one_line(there, 300)}"
-    if CLOUD in {topic.kind for topic in topics}:
-        there += "; ROS's pointcloud_to_laserscan makes scans of point clouds"
-    return f"no topic of {SCAN} in it{there}{why}"
+    return f"no topic of {SCAN} or {CLOUD} in it{there}{why}"
 
 
-def _wanted(
-    messages: Iterable[Packet], scan_topic: str | None, topics: set[BagTopic]
-) -> Iterator[Packet]:
-    """The messages of the types that are read; scans of one topic alone, if it is given."""
+def _known(messages: Iterable[Packet], topics: set[BagTopic]) -> Iterator[Packet]:
+    """The messages of the types that are read; all topics are noted."""
     for topic, received, data in messages:
         topics.add(topic)
-        unwanted = topic.kind in SCANS and scan_topic not in (None, topic.name)
-        if data is not None and topic.kind in TYPES and not unwanted:
+        if data is not None and topic.kind in MESSAGES:
             yield topic, received, data
 
 
@@ -137,7 +161,7 @@ def _of_files(intake: Intake) -> Iterator[Packet]:
         try:
             for topic, received, data in packets(file, intake.notes.append):
                 found = True
-                if data is not None and topic.kind in TYPES:
+                if data is not None and topic.kind in MESSAGES:
                     data = unpacked("zstd" if data.startswith(ZSTD) else "", data)
                 yield topic, received, data
         except Exception as error:

@@ -1,0 +1,310 @@
+"""Point clouds of bags as scans: in each direction the nearest point of one ring or of a band.
+
+Messages of ``sensor_msgs/PointCloud2`` enter; scans in the level frame of the lidar leave. Which
+points make a scan is decided in this order:
+
+- a band of heights that the user gives, in the frame of the robot, or in that of the lidar if it is
+  not known where the lidar is mounted;
+- the ring nearest to the level, where points have rings and one of them is about level;
+- a band around the height of the lidar.
+
+Points have times where a field has a usual name for them and its values fit one revolution.
+"""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lrf3d.base.balance import Balance
+from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Records, sealed, wrap_angle
+from lrf3d.laser import LaserScan
+from lrf3d.messages.clouds import OPTICAL_AXES, POINT_FIELDS
+from lrf3d.recordings.formats.units import NANO
+
+# Names that drivers give to the number of a point's layer and to its time.
+RINGS = ("ring", "channel", "laser_id", "line")
+TIMES = ("time", "t", "timestamp", "offset_time", "time_offset", "timestamps", "time_stamp")
+
+# Units of times [s]: the largest in which the points of a cloud take less than `LONGEST_SWEEP`.
+UNITS = (1.0, 1e-3, 1e-6, 1e-9)
+
+# [s] The longest revolution: lidars make three or more in a second.
+LONGEST_SWEEP = 0.35
+
+# [s] Times of points that differ from the stamp by more are by another clock.
+SAME_CLOCK = 1.0
+
+# [rad] How far bearings may be from even turning, by their root mean square: lasers of one column
+# look some degrees to the left and the right.
+UNEVEN = 0.15
+
+# [rad] The steepest elevation of a ring that stands for the level plane: 0.5 m in 10 m.
+LEVEL = 0.05
+
+# [m] Half the height of the band around a lidar without a level ring.
+HALF_BAND = 0.2
+
+# Number of points of a ring from which the step of its bearings is known.
+ENOUGH = 30
+
+# [rad] The step of bearings where it is unknown, and the finest one.
+USUAL_STEP = np.radians(0.5)
+FINEST_STEP = np.radians(0.05)
+
+# [rad] Bearings that differ by less from one scan to the next are the same: float32 rounds them.
+EQUAL = 1e-5
+
+# Spans of less [rad] between bearings are rounding, or several returns of one pulse.
+SAME = 1e-4
+
+
+class CloudPoints(NamedTuple):
+    """Points (n, 3) [m] of a message, their rings (n,) and their times (n,), if they have any."""
+
+    places: Float
+    rings: Int | None
+    times: Float | None
+
+
+def cloud_points(message: Any) -> CloudPoints:
+    """The points of a PointCloud2, whatever its layout; raises InputError if it is unusable."""
+    rows = _rows(message)
+    names = rows.dtype.names or ()
+    if not {"x", "y", "z"} <= {*names} or any(rows[name].dtype.kind != "f" for name in "xyz"):
+        there = one_line(", ".join(names), 80)
+        raise InputError(f"a cloud without x, y and z as floats; its fields are {there or 'none'}")
+    places = np.column_stack([rows[name].astype(np.float64) for name in "xyz"])
+    ring, time = (next((name for name in known if name in names), "") for known in (RINGS, TIMES))
+    rings = rows[ring].astype(np.int64) if ring and rows[ring].dtype.kind in "iu" else None
+    return CloudPoints(places, rings, rows[time].astype(np.float64) if time else None)
+
+
+def _rows(message: Any) -> Records:
+    """The points of a message as records (n,) of its fields."""
+    order = ">" if message.is_bigendian else "<"
+    names, formats, offsets = [], [], []
+    for each in message.fields:
+        if each.datatype not in POINT_FIELDS:
+            raise InputError(f"a cloud whose field {each.name!r} has the type {each.datatype}")
+        if each.name and each.name not in names:
+            names.append(each.name)
+            formats.append(order + POINT_FIELDS[each.datatype])
+            offsets.append(int(each.offset))
+    step = int(message.point_step)
+    ends = [at + np.dtype(kind).itemsize for at, kind in zip(offsets, formats, strict=True)]
+    if max(ends, default=1) > step:
+        raise InputError(f"a cloud with points of {step} bytes, shorter than their fields")
+    layout = {"names": names, "formats": formats, "offsets": offsets, "itemsize": step}
+    kind = np.dtype(layout)  # type: ignore[call-overload]
+    # In JSON, bytes are a text or a list of numbers.
+    text = isinstance(message.data, str)
+    data = base64.b64decode(message.data) if text else np.asarray(message.data, np.uint8).tobytes()
+    height, width = int(message.height), int(message.width)
+    # Rows may be padded; drivers that write a wrong length of rows do not pad them.
+    length = int(message.row_step)
+    if length < width * step or length * height > len(data):
+        length = width * step
+    if length * height > len(data):
+        expected = f"{height} x {width} points of {step} bytes"
+        raise InputError(f"a cloud of {len(data)} bytes, too few for {expected}")
+    table = np.frombuffer(data, np.uint8, length * height).reshape(height, length)
+    return np.ascontiguousarray(table[:, : width * step]).reshape(-1).view(kind)
+
+
+class Turning(NamedTuple):
+    """Where the first beam of a scan looks [rad], which way it turns (±1), and when it is sent.
+
+    The time of a turn is 0 [s] where it is unknown; then ``positions`` (n,) are bearings of points
+    from the first beam on, within one turn.
+    """
+
+    first: float
+    way: float
+    positions: Float
+    begins: float = 0.0
+    period: float = 0.0
+
+
+@dataclass(slots=True)
+class CloudScans:
+    """Makes scans of the clouds of one lidar, which all have the same rings and bearings.
+
+    Args:
+        topic: Its topic.
+        level: Its axes (3, 3) in its level frame.
+        height: Its height above the robot's frame [m]; 0 if it is unknown.
+        base: The robot's frame; "" if it is not known where the lidar is mounted.
+        band: Least and largest height of points that make scans [m], if the user gave them.
+    """
+
+    topic: str
+    level: Float
+    height: float
+    base: str
+    band: Sequence[float] | None
+    balance: Balance = field(default_factory=lambda: Balance("point"))
+    _ring: int | None = None
+    _beams: int = 0
+    _angles: Float | None = None
+    _words: str = ""
+    _clouds: int = 0
+    _timed: int = 0
+
+    def scan(self, message: Any, stamp: int) -> tuple[LaserScan, int]:
+        """The scan of a message, and when its first beam was sent [ns]; see `cloud_points`."""
+        points = cloud_points(message)
+        ranges = np.linalg.norm(points.places, axis=1)
+        valid = (ranges > 0.0) & (ranges < LARGEST_COORDINATE)
+        self.balance.all += len(valid)
+        self.balance.leave("invalid point", int((~valid).sum()))
+        if not valid.any():
+            raise InputError("a cloud without points")
+        places, rings, times = (None if each is None else each[valid] for each in points)
+        x, y, z = self.level @ places.T  # type: ignore[union-attr]
+        bearings = np.arctan2(y, x)
+        if not self._beams:
+            self._choose(np.column_stack([x, y, z]), bearings, rings)
+        chosen = self._chosen(z, rings)
+        outside = "point of other heights" if self._ring is None else "point of another ring"
+        self.balance.leave(outside, int((~chosen).sum()))
+        turning = self._turning(bearings, times, NANO * stamp)
+        step = 2.0 * np.pi / self._beams
+        beams = np.floor(turning.positions / step + 0.5).astype(np.int64)
+        if not turning.period:
+            beams %= self._beams
+        inside = (beams >= 0) & (beams < self._beams)
+        self.balance.leave("surplus point", int((chosen & ~inside).sum()))
+        found = np.full(self._beams, -np.inf)
+        if self._ring is not None:
+            # Other rings show that the lidar looked there, and its level one met nothing.
+            found[beams[inside]] = np.inf
+        angles: Float = turning.first + turning.way * step * np.arange(
+            self._beams, dtype=np.float64
+        )
+        kept = np.flatnonzero(chosen & inside)
+        # The nearest point of each beam comes first.
+        away = np.hypot(x[kept], y[kept])
+        order = np.lexsort((away, beams[kept]))
+        met, places_met = np.unique(beams[kept][order], return_index=True)
+        nearest = order[places_met]
+        found[met] = away[nearest]
+        angles[met] += wrap_angle(bearings[kept[nearest]] - angles[met])
+        self.balance.used += len(met)
+        self.balance.leave("hidden point", len(kept) - len(met))
+        begins = stamp + round(turning.begins / NANO)
+        increment = turning.period / self._beams
+        scan = LaserScan(
+            (0.0, 0.0, 0.0), self._shared(angles), found, time=NANO * begins,
+            time_increment=increment,
+        )  # fmt: skip
+        return scan, begins
+
+    @property
+    def words(self) -> str:
+        """How scans were made, in a sentence: what was assumed, used, and left out."""
+        used = f"{self.balance.used:,} of {counted(self.balance.all, 'point')}"
+        left = f"; left out: {self.balance.words()}" if self.balance.words() else ""
+        still = self._clouds - self._timed
+        timing = "beams by the times of points"
+        if still:
+            timing = "all beams at once" if still == self._clouds else f"{timing} but in {still}"
+            timing += ", for want of times that follow the bearings"
+        return f"clouds of {self.topic}: {self._words}, {timing}; {used} used{left}"
+
+    def _choose(self, places: Float, bearings: Float, rings: Int | None) -> None:
+        """Choose the ring or the band, and the number of beams, by the first cloud."""
+        numbers = np.unique(rings) if rings is not None else np.empty(0, dtype=np.int64)
+        elevations = [
+            float(np.median(np.arctan2(places[own, 2], np.hypot(*places[own, :2].T))))
+            for own in (rings == number for number in numbers)
+        ]
+        # Of two rings that are equally level the upper one does not see the floor.
+        ranked = np.lexsort((numbers, -np.sign(elevations), np.round(np.abs(elevations), 3)))
+        like = np.ones(len(bearings), dtype=np.bool_)
+        if len(ranked):
+            best = int(ranked[0])
+            like = rings == numbers[best]
+            if self.band is None and abs(elevations[best]) < LEVEL:
+                self._ring = int(numbers[best])
+                above = f"{np.degrees(elevations[best]):.1f}° above the level"
+                self._words = f"ring {self._ring} of {len(numbers)}, {above} (or give --height)"
+        if self._ring is None:
+            self._words = self._band_words()
+        gaps = np.diff(np.sort(bearings[like]))
+        gaps = gaps[gaps > SAME]
+        # Without rings, bearings of several layers lie between each other.
+        known = len(gaps) >= ENOUGH and (len(ranked) or self._ring is not None)
+        step = max(float(np.median(gaps)), FINEST_STEP) if known else USUAL_STEP
+        self._beams = round(2.0 * np.pi / step)
+        self._words += f", {counted(self._beams, 'beam')}"
+
+    def _band_words(self) -> str:
+        """Set the band of heights if none was given; the band in words."""
+        above = self.base or "the lidar, whose mount is unknown"
+        if self.band is not None:
+            return f"points from {self.band[0]:g} to {self.band[1]:g} m above {above}"
+        self.band = self.height - HALF_BAND, self.height + HALF_BAND
+        return f"points within {HALF_BAND:g} m of the lidar's height (or give --height)"
+
+    def _chosen(self, z: Float, rings: Int | None) -> Bool:
+        """Which points (n,) may make a scan, by their heights above the lidar and their rings."""
+        if self._ring is not None:
+            chosen: Bool = rings == self._ring if rings is not None else np.zeros(len(z), np.bool_)
+            return chosen
+        low, high = self.band or (0.0, 0.0)
+        return (low <= z + self.height) & (z + self.height <= high)
+
+    def _turning(self, bearings: Float, times: Float | None, stamp: float) -> Turning:
+        """How the lidar turned, by the times of its points, if these fit."""
+        still = Turning(-np.pi, 1.0, (bearings + np.pi) % (2.0 * np.pi))
+        self._clouds += 1
+        if times is None or not np.isfinite(times).all() or not np.ptp(times):
+            return still
+        unit = next((u for u in UNITS if u * np.ptp(times) < LONGEST_SWEEP), 0.0)
+        since = unit * (times - times.min())
+        order = np.argsort(since, kind="stable")
+        own = since[order]
+        turned = np.unwrap(bearings[order])
+        rate, first = np.polyfit(own, turned, 1)
+        apart = turned - (first + rate * own)
+        if not unit or np.sqrt(np.mean(apart**2)) > UNEVEN or not rate:
+            return still
+        self._timed += 1
+        earliest = unit * float(times.min())
+        begins = next((t for t in (earliest, earliest - stamp) if abs(t) < SAME_CLOCK), 0.0)
+        way = float(np.sign(rate))
+        period = 2.0 * np.pi / abs(float(rate))
+        positions = np.empty(len(bearings))
+        positions[order] = way * (turned - first)
+        # The first beam is that of the first point of a ring, not of the left or right neighbour.
+        ahead = float(positions.min())
+        start = float(wrap_angle(first + way * ahead))
+        begins += ahead / abs(float(rate))
+        return Turning(start, way, positions - ahead, begins, period)
+
+    def _shared(self, angles: Float) -> Float:
+        """The angles of the scan before if they are the same, so that scans share an array."""
+        before = self._angles
+        if before is not None and np.abs(before - angles).max() < EQUAL:
+            return before
+        self._angles = sealed(angles)
+        return angles
+
+
+def level_axes(frame: str, mount: Float | None) -> tuple[Float, bool]:
+    """A lidar's axes (3, 3) in its level frame, and whether the two frames are the same.
+
+    Without a mount (4, 4), a frame with ``optical`` in its name has z ahead.
+    """
+    if mount is None:
+        optical = "optical" in frame
+        return (OPTICAL_AXES if optical else np.eye(3)), True
+    yaw = np.arctan2(mount[1, 0], mount[0, 0])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    axes = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ mount[:3, :3]
+    return axes, bool(np.abs(axes - np.eye(3)).max() < 1e-9)
