@@ -28,7 +28,9 @@ from lrf3d.robot.following import LOOKAHEAD, SCAN_INTERVAL, SPEED, Patrol
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.simulation.tables import (
+    SENSORS,
     TABLES,
+    cloud_sensors,
     drive_of,
     in_radians,
     lasers_with_noise,
@@ -405,9 +407,10 @@ def read_scenario_file(name_or_path: str | Path, scale: float = 1.0, **options: 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     """The scenario that a file describes, by settings; all of one file share its world."""
-    tables: dict[str, Any] = {name: {**file.tables.get(name, {})} for name in TABLES}
-    for name, table in read_settings(settings).items():
-        tables[name].update(table)
+    chosen = read_settings(settings)
+    tables: dict[str, Any] = {
+        name: {**file.tables.get(name, {}), **chosen.get(name, {})} for name in TABLES
+    }
     robot = tables["robot"]
     noise = tables["noise"]
     film = FilmPlan(**tables["film"])
@@ -432,7 +435,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigmas = noise.get("sigma", SIGMA)
     sensors = motion_sensors(file, tables)
-    clouds: Mapping[str, Any] = file.tables
+    lidars, cameras = (cloud_sensors(file, name, chosen.get(name, {})) for name in SENSORS)
     with file.at("mapper"):
         LineMapper(**tables["mapper"])
     with file.at("robot"):
@@ -446,8 +449,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             mapper=tables["mapper"],
             **sensors,
             film=film,
-            lidars=tuple(clouds.get("lidar", ())),
-            depth_cameras=tuple(clouds.get("depth_camera", ())),
+            lidars=lidars,
+            depth_cameras=cameras,
             name=own_name(file.path, file.world.name),
             robot=drive_of(**in_radians(tables["drive"])) if tables["drive"] else None,
             **robot,

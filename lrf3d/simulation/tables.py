@@ -137,10 +137,24 @@ DEPTH_CAMERA: Mapping[str, Converter] = {
 }
 
 
+def depth_camera_of(**values: Any) -> DepthCamera:
+    """The depth camera of a table."""
+    if missing := [key for key in ("width", "height", "fov_deg") if key not in values]:
+        raise InputError(f"expected a {missing[0]}")
+    return DepthCamera(**in_radians(values))
+
+
+# What makes the sensors of tables of which a file may have several, beside lasers.
+SENSORS: Mapping[str, Callable[..., Any]] = {"lidar": lidar_of, "depth_camera": depth_camera_of}
+
+# The keys of tables that are not those of what is made of them.
+KEYS = {"robot": ROBOT, "lidar": LIDAR, "depth_camera": DEPTH_CAMERA}
+
+
 def keys_of_table(name: str) -> Mapping[str, Converter]:
     """The keys of a table; those of the noise are those of all kinds that are entered."""
-    if name == "robot":
-        return ROBOT
+    if name in KEYS:
+        return KEYS[name]
     if name == "laser":
         return schema.keys_of(LaserRangeFinder)
     if name == "noise":
@@ -159,11 +173,12 @@ def checked(name: str) -> Converter:
     # A laser of several may have a noise of its own.
     own = {"noise": schema.table(keys_of_table("noise"))} if name == "laser" else {}
     convert = schema.table({**keys_of_table(name), **own})
+    make = {**TABLES, **SENSORS}[name]
 
     def check(found: Any, key: str) -> Any:
         values = convert(found, key)
         with at(key):
-            TABLES[name](**values)
+            make(**values)
         return values
 
     return check
@@ -171,20 +186,8 @@ def checked(name: str) -> Converter:
 
 def read_file(path: Path) -> WorldFile:
     """Read a world file with all its tables."""
-    several_lasers = schema.tables(checked("laser"), alone=True)
-    clouds = {
-        "lidar": schema.tables(schema.table(LIDAR, make=lidar_of), alone=True),
-        "depth_camera": schema.tables(
-            schema.table(
-                DEPTH_CAMERA,
-                ["width", "height", "fov_deg"],
-                lambda **values: DepthCamera(**in_radians(values)),
-            ),
-            alone=True,
-        ),
-    }
-    lasers = {"laser": several_lasers}
-    return read_world_file(path, {n: checked(n) for n in TABLES} | lasers | clouds)
+    several = {n: schema.tables(checked(n), alone=True) for n in ("laser", *SENSORS)}
+    return read_world_file(path, {n: checked(n) for n in TABLES} | several)
 
 
 def read_toml(path: Path) -> World:
@@ -203,7 +206,7 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
             raise InputError(f"setting {shown(text)}: {expected}")
         place = f"setting {name[:80]}"
         with at(place):
-            check_names(place, [table], TABLES)
+            check_names(place, [table], [*TABLES, *SENSORS])
             keys = keys_of_table(table)
             check_names(place, [key], keys)
             tables.setdefault(table, {})[key] = keys[key](schema.value_of(value), place)
@@ -218,6 +221,17 @@ def motion_sensors(file: WorldFile, tables: Mapping[str, Any]) -> dict[str, Any]
             with file.at(name):
                 found[name] = kind(**tables[name])
     return found
+
+
+def cloud_sensors(file: WorldFile, name: str, settings: Mapping[str, Any]) -> tuple[Any, ...]:
+    """The lidars or the depth cameras of a file by settings, which make one where it has none."""
+    tables: Any = file.tables.get(name, [])
+    found = []
+    for place, table in enumerate(tables or [{}] * bool(settings)):
+        key = f"{name}[{place}]" if len(tables) > 1 else name
+        with file.at(f"{key} with settings" if settings else key):
+            found.append(SENSORS[name](**{**table, **settings}))
+    return tuple(found)
 
 
 def lasers_with_noise(

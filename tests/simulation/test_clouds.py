@@ -155,3 +155,33 @@ def test_clouds_go_into_bags_and_live_topics(scene: Any, tmp_path: Path) -> None
     assert sent["lidar/points"]["width"] == stream.robots[0].robot.clouds()[0].__next__().hits.sum()
     frames = {each["child_frame_id"] for each in sent["tf_static"]["transforms"]}
     assert frames == {"base_footprint", "laser", "lidar", "camera", "camera_optical"}
+
+
+def test_settings_change_the_lidars_of_a_world_or_give_it_one(tmp_path: Path) -> None:
+    file = tmp_path / "yard.toml"
+    file.write_text(SCENE)
+    before = lrf3d.load_scenario(file)
+    found = lrf3d.load_scenario(file, ["lidar.columns=7", "depth_camera.width=9"])
+    assert [each.columns for each in found.lidars] == [7] * len(before.lidars)
+    assert [each.width for each in found.depth_cameras] == [9] * len(before.depth_cameras)
+    (given,) = lrf3d.load_scenario("paper_room", ["lidar.preset=VLP-16"]).lidars
+    assert given.columns == 1800
+    for setting in ("lidar.columns=9", "depth_camera.width=9", "lidar.colums=9"):
+        with pytest.raises(lrf3d.InputError, match=r"expected a|did you mean"):
+            lrf3d.load_scenario("paper_room", [setting])
+
+
+@pytest.mark.parametrize("controlled", [False, True])
+def test_lidars_of_a_fleet_see_the_other_robots(controlled: bool) -> None:
+    class Still:
+        def command(self, time: float, pose: Any, scan: Any) -> tuple[float, float]:
+            return 0.0, 0.0
+
+    starts = [(0, 0, 0), (3, 0, 0)]
+    drives = [Still(), Still()] if controlled else [[start] for start in starts]
+    lidar = lrf3d.Lidar([0.0, 0.5], columns=8, mount=(0, 0, 0.1))
+    world = lrf3d.World([[9, -9, 9, 9]])
+    more = {"scans": 2} if controlled else {}
+    runs = lrf3d.simulate_fleet(world, drives, starts=starts, rng=0, lidars=lidar, **more)
+    first, second = (run.lidar(0).ranges[:, 4] for run in runs)
+    assert first[0] < 3.0 and second.round(6)[0] == 6.0 and first[1] > 9.0

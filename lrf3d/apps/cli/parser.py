@@ -72,9 +72,9 @@ def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: 
     known = [flag for option in options for flag in option.names if flag.startswith("--")]
     words = {flag: flag for flag in known}
     if unknown and "--set" in known:
-        from lrf3d.simulation.tables import TABLES, keys_of_table
+        from lrf3d.simulation.tables import SENSORS, TABLES, keys_of_table
 
-        for table in TABLES:
+        for table in (*TABLES, *SENSORS):
             for key in keys_of_table(table):
                 words.setdefault(f"--{key.replace('_', '-')}", f"--set {table}.{key}=VALUE")
     for flag in unknown:

@@ -222,7 +222,8 @@ def _run_fleet(
             scenario.world, drives, scenario.lasers, radius=scenario.radius,
             outline=scenario.outline, obstacles=scenario.obstacles, mapper=mapper, rng=args.seed,
             progress=progress, noise=measuring()[0], caster=args.caster,
-            odometry=scenario.odometry, imu=scenario.imu,
+            odometry=scenario.odometry, imu=scenario.imu, lidars=scenario.lidars,
+            depth_cameras=scenario.depth_cameras,
         )  # fmt: skip
     runs = [replace(run, film=scenario.film) for run in runs]
     common = {
