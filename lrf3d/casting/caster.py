@@ -1,7 +1,7 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -14,7 +14,15 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.casting.skyline import STILL, Conditions, Rows, StandingWalls, cast_depth, cast_lidar
+from lrf3d.casting.skyline import (
+    STILL,
+    Conditions,
+    Rows,
+    StandingWalls,
+    cast_depth,
+    cast_lidar,
+    cast_lidars,
+)
 from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows, sealed
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import (
@@ -208,6 +216,14 @@ class PlanarCaster:
         pose = as_pose(pose)
         depth, walls = self._layered(camera, pose, moment)
         return DepthImage(pose, camera, sealed(depth), sealed(walls), moment.time)
+
+    def lidar_batches(self, lidar: Lidar, poses: Float) -> Iterator[tuple[Int, Float]]:
+        """True ranges (k, layers, columns) of a lidar at some of the poses, with their numbers."""
+        if lidar.is_level and self.lighting is None:
+            yield from cast_lidars(self._standing, lidar, poses)
+            return
+        for number, pose in enumerate(poses):
+            yield np.array([number]), self.cast_lidar(lidar, pose).ranges[None]
 
     def _layered(
         self, sensor: Lidar | DepthCamera, pose: Pose, moment: Conditions

@@ -6,7 +6,7 @@ meshes, beams are cast in float64.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
 from sys import getrefcount
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.kernels.beams import RAY
+from lrf3d.casting.kernels.fleets import cast_fans
 from lrf3d.casting.kernels.layers import read_layers
 from lrf3d.casting.kernels.raising import raise_fan, raise_obstacles, raise_rays
 from lrf3d.casting.kernels.scans import laser_of, rays_from
@@ -36,6 +37,9 @@ ROOM_AT_FIRST = 8
 
 # [share] Rounding tolerance between the length of walls and that of the boundary of their area.
 WHOLE = 1e-9
+
+# Beams of lidars that are cast at a time: their ranges and noise fit into a cache of 2 MB.
+AT_ONCE = 1 << 16
 
 # [m] Length in the plane that stands for 0, of a beam straight up or down.
 UPRIGHT = 1e-20
@@ -99,11 +103,30 @@ class StandingWalls:
 
     def standing(self, pose: Float, z: float) -> Plain:
         """The walls as kernels take them, a `Standing`, for a sensor at a pose and a height."""
+        return self._outside_of(self._around(pose[None], z)[0], z)
+
+    def standings(self, poses: Float, z: float) -> Iterator[tuple[Int, Plain]]:
+        """The walls for sensors at poses (k, 3), and the numbers of the poses that share them."""
+        groups: dict[bytes, list[int]] = {}
+        around = self._around(poses, z)
+        for number, areas in enumerate(around):
+            groups.setdefault(areas.tobytes(), []).append(number)
+        for numbers in groups.values():
+            yield np.array(numbers), self._outside_of(around[numbers[0]], z)
+
+    def _around(self, poses: Float, z: float) -> list[Int]:
+        """The outlines around each of the poses (k, 3) whose tops a sensor at a height may see."""
+        if not self._lowest < z:
+            return [np.empty(0, np.int64)] * len(poses)
+        place, area = self._solids[1].query(shapely.points(poses[:, :2]), predicate="within")
+        return [area[place == number] for number in range(len(poses))]
+
+    def _outside_of(self, around: Int, z: float) -> Plain:
+        """The walls for a sensor at a height within some outlines."""
         inner, corners = self._plain
         if self._lowest < z:
-            found, tree = self._solids
+            found, _ = self._solids
             # An outline around the sensor is the wall of a yard, and has no top.
-            around = tree.query(shapely.Point(pose[0], pose[1]), predicate="within")
             rows = self._tree.rows
             inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)[rows]
             corners = found.corners[rows]
@@ -209,6 +232,35 @@ def cast_lidar(
         rays["time"] = times
     ranges, hits = _columns(walls, standing, rays, z, layers, fan, moment.obstacles)
     return (ranges.T, hits.T) if order is None else (ranges.T[order], hits.T[order])
+
+
+def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tuple[Int, Float]]:
+    """Ranges (k, layers, columns) of a level lidar at some of the poses, with their numbers (k,).
+
+    They come in parts that fit into the cache.
+    """
+    layers, order, laser = _layers_of(lidar)
+    z = lidar.mount[2]
+    sensor = laser, (z, *layers.extent), layers.plain, layers.range_max
+    rays = np.zeros(lidar.columns, RAY)
+    shape = lidar.columns, len(lidar.slopes)
+    many = max(1, AT_ONCE // (shape[0] * shape[1]))
+    hits = np.empty(shape, np.int32)
+    ranges = np.empty((many, *shape))
+    for numbers, standing in walls.standings(poses, z):
+        for part in (numbers[k : k + many] for k in range(0, len(numbers), many)):
+            done = 0
+            while done < len(part):
+                skies = walls.skies(lidar.columns)
+                rest = poses[part[done:]]
+                fitting = cast_fans(standing, sensor, rest, rays, skies, ranges[done:], hits)
+                done += fitting
+                if done < len(part):
+                    walls.room *= 2
+                else:
+                    walls.keep(skies)
+            found = ranges[: len(part)] if order is None else ranges[: len(part), :, order]
+            yield part, np.ascontiguousarray(found.transpose(0, 2, 1))
 
 
 def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:

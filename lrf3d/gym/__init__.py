@@ -36,6 +36,8 @@ try:
     from gymnasium import spaces
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
+
+    from lrf3d.gym.clouds import CloudEyes
 except ModuleNotFoundError:
     raise missing_extra("environments need Gymnasium", "gym") from None
 
@@ -156,7 +158,10 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         reach = [np.full(each.beams, each.range_max, np.float32) for each in self.lasers]
         self._reach = np.concatenate(reach)
         seen = spaces.Box(np.zeros_like(self._reach), self._reach)
-        self.single_observation_space = spaces.Dict({"goal": spaces.Box(low, high), "ranges": seen})
+        self._eyes = CloudEyes(scenario, self._caster, _noises(scenario, sigma)[0], self._crowd)
+        self.single_observation_space = spaces.Dict(
+            {"goal": spaces.Box(low, high), "ranges": seen, **self._eyes.spaces}
+        )
         self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -338,17 +343,19 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         near = np.minimum(distances, self._farthest)
         goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
         ranges = np.clip(self.scan[0], 0.0, self._reach)
-        return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32)}
+        clouds = self._eyes.observe(self.poses, self._times, self._own, self.np_random)
+        return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32), **clouds}
 
 
 class DriveEnv(_Limited, gymnasium.Env[Observation, NDArray[np.float32]]):
     """A robot that drives to a goal by its range finder, without hitting a wall.
 
     The observation is ``ranges`` (beams,) [m] in float32, range_max without return and 0 below
-    range_min, and ``goal`` (3,): distance [m], cosine and sine of the bearing. The action is v and
-    ω, from −1 to 1 of the scenario's speed and of 1.5 rad/s, held until the next scan. The reward
-    is 1 for each metre nearer to the goal, 10 at the goal, −10 at a wall, and −0.01 for each step.
-    An episode ends at the goal or at a wall, and is truncated after max_steps.
+    range_min, and ``goal`` (3,): distance [m], cosine and sine of the bearing; in a world with a
+    lidar or a depth camera also ``lidar`` (layers, columns) and ``depth`` (height, width) [m]. The
+    action is v and ω, from −1 to 1 of the scenario's speed and of 1.5 rad/s, held until the next
+    scan. The reward is 1 for each metre nearer to the goal, 10 at the goal, −10 at a wall, and
+    −0.01 for each step. An episode ends at the goal or at a wall, and is truncated after max_steps.
 
     Args:
         world: A built-in world, a world file or a Scenario, with the range finder, the robot's

@@ -18,7 +18,16 @@ from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, sealed
 from lrf3d.geometry.pose import as_pose, between, compose
-from lrf3d.laser import Chain, DepthImage, LaserRangeFinder, LaserScan, Lidar, LidarScan
+from lrf3d.laser import (
+    Chain,
+    DepthCamera,
+    DepthImage,
+    LaserRangeFinder,
+    LaserScan,
+    Lidar,
+    LidarScan,
+    Noise,
+)
 from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.laser.scan import ScanBatch
 from lrf3d.robot import Trajectory
@@ -74,10 +83,8 @@ class Clouds:
         image = self._caster.cast_depth(camera, place, Conditions(time, None, self._crowd))
         if not noisy:
             return image
-        half = 0.5 * camera.fov
-        fan = LaserRangeFinder(-half, half, camera.width, camera.range_min, camera.range_max)
         stream = len(self.sensors.lidars) + number
-        depth, walls = self._measured(image.depth, image.walls, fan, stream, time)
+        depth, walls = self._measured(image.depth, image.walls, fan_of(camera), stream, time)
         return replace(image, depth=depth, walls=walls)
 
     def _measured(
@@ -86,20 +93,34 @@ class Clouds:
         """Measured ranges (layers, beams) from true ones, and walls; the time seeds the noise."""
         moment = int(np.float64(time).view(np.uint64))
         rng = np.random.default_rng([self.sensors.seed, stream, moment])
-        noise = Chain([self.sensors.noise])
-        limits = fan.range_min, fan.range_max
-        if noise.batched:
-            found = noise(ScanBatch(fan.angles, ranges, walls, *limits), rng).ranges
-        else:
-            rows = [
-                LaserScan(
-                    (0.0, 0.0, 0.0), fan.angles, *row, range_min=limits[0], range_max=limits[1]
-                )
-                for row in zip(ranges, walls, strict=True)
-            ]
-            found = np.array([noise(row, rng).ranges for row in rows])
-        found = np.where((found < limits[0]) & (found > -np.inf), -np.inf, found)
+        found = measured(self.sensors.noise, fan, ranges, walls, rng)
         return sealed(found), sealed(np.where(np.isfinite(found), walls, np.int32(-1)))
+
+
+def fan_of(sensor: Lidar | DepthCamera) -> LaserRangeFinder:
+    """The range finder of a row of beams, for noises."""
+    if isinstance(sensor, Lidar):
+        return sensor.planar
+    half = 0.5 * sensor.fov
+    return LaserRangeFinder(-half, half, sensor.width, sensor.range_min, sensor.range_max)
+
+
+def measured(
+    noise: Noise, fan: LaserRangeFinder, ranges: Float, walls: Any, rng: np.random.Generator
+) -> Float:
+    """Measured ranges (…, beams) from true ones and the walls that they hit."""
+    chain = Chain([noise])
+    near, far = fan.range_min, fan.range_max
+    if chain.batched:
+        found = chain(ScanBatch(fan.angles, ranges, walls, near, far), rng).ranges
+    else:
+        rows = zip(ranges.reshape(-1, fan.beams), walls.reshape(-1, fan.beams), strict=True)
+        nowhere = (0.0, 0.0, 0.0)
+        scans = [
+            LaserScan(nowhere, fan.angles, *row, range_min=near, range_max=far) for row in rows
+        ]
+        found = np.array([chain(scan, rng).ranges for scan in scans]).reshape(ranges.shape)
+    return np.where((found < near) & (found > -np.inf), -np.inf, found)
 
 
 def sweeps_of(lidars: Iterable[Lidar], path: Any, pose: Float, time: float) -> Float:

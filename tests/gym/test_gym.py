@@ -16,6 +16,9 @@ from matplotlib import pyplot
 
 import lrf3d.gym
 from lrf3d.base.errors import InputError
+from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.skyline import Conditions
+from lrf3d.geometry.pose import compose
 from lrf3d.gym import DriveEnv, DriveVectorEnv
 from lrf3d.simulation.scenario import Scenario, load_scenario
 from lrf3d.studio.render import film
@@ -328,3 +331,29 @@ def test_robots_are_agents_of_pettingzoo():
     from lrf3d.gym.parallel import parallel_env
 
     parallel_api_test(parallel_env(3, "paper_room", max_steps=20), num_cycles=50)
+
+
+@pytest.mark.parametrize("crowded", [False, True])
+def test_lidars_and_depth_cameras_are_observed_as_they_are_cast(crowded):
+    # One of the walls is lower than the lidar, which stands in its outline or outside.
+    yard = lrf3d.World(
+        [[-9, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9],
+         [-2, -2, 2, -2], [2, -2, 2, 2], [2, 2, -2, 2], [-2, 2, -2, -2]],
+        objects=[0] * 4 + [1] * 4, heights=[2.5] * 4 + [0.4] * 4,
+    )  # fmt: skip
+    lidar = lrf3d.Lidar([0.2, 0.0, -0.2], columns=36, mount=(0.1, 0, 0.8), range_min=1.0)
+    camera = lrf3d.DepthCamera(8, 6, fov=1.0, mount=(0, 0, 0.6))
+    lrf = lrf3d.LaserRangeFinder(beams=3, range_max=30.0)
+    moving = lrf3d.DynamicObstacle([[0, 0], [1, 0], [0, 1]], lrf3d.Trajectory([0.0], [(5, 5, 0)]), 1.5)
+    world = Scenario(yard, lrf, lidars=(lidar,), depth_cameras=(camera,), radius=0.2,
+                     obstacles=(moving,) * crowded)  # fmt: skip
+    envs = DriveVectorEnv(40, world, sigma=0.0)
+    seen, _ = envs.reset(seed=1)
+    assert envs.observation_space.contains(seen)
+    caster = lrf3d.PlanarCaster(yard)
+    now = Conditions(0.0, None, Crowd(world.obstacles))
+    for robot, pose in enumerate(envs.poses):
+        scan = caster.cast_lidar(lidar, compose(pose, np.array([0.1, 0, 0])), now)
+        assert np.array_equal(seen["lidar"][robot], scan.ranges.clip(0, 100).astype(np.float32))
+        image = caster.cast_depth(camera, pose, now)
+        assert np.array_equal(seen["depth"][robot], image.depth.clip(0, 20).astype(np.float32))

@@ -1,0 +1,83 @@
+"""What the lidars and depth cameras of robots see, as observations of environments."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.skyline import Conditions
+from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.pose import as_pose, compose
+from lrf3d.laser import DepthCamera, Lidar, Noise
+from lrf3d.simulation.clouds import fan_of, measured
+from lrf3d.simulation.scenario import Scenario
+
+
+class CloudEyes:
+    """The lidars and depth cameras of robots in one world.
+
+    An observation is ``lidar`` (layers, columns) [m] or ``depth`` (height, width) [m]; of several
+    lidars or cameras it is ``lidar_NAME`` or ``depth_NAME``. No return is range_max, too near is 0.
+    """
+
+    def __init__(
+        self, scenario: Scenario, caster: PlanarCaster, noise: Noise, crowd: Crowd
+    ) -> None:
+        self._caster = caster
+        self._noise = noise
+        self._crowd = crowd
+        self._sensors: dict[str, Lidar | DepthCamera] = {}
+        for kind, sensors in (("lidar", scenario.lidars), ("depth", scenario.depth_cameras)):
+            for each in sensors:
+                name = kind if len(sensors) == 1 else f"{kind}_{each.name}"
+                self._sensors[name] = each
+
+    @property
+    def spaces(self) -> dict[str, spaces.Box]:
+        """The space of each observation."""
+        return {
+            name: spaces.Box(0.0, np.float32(each.range_max), _shape(each), np.float32)
+            for name, each in self._sensors.items()
+        }
+
+    def observe(
+        self, poses: Float, times: Float, own: Int, rng: np.random.Generator
+    ) -> dict[str, NDArray[np.float32]]:
+        """The observations of robots at poses (k, 3) and times (k,), with their numbers (k,)."""
+        found = {}
+        for name, sensor in self._sensors.items():
+            seen = np.empty((len(poses), *_shape(sensor)), np.float32)
+            fan = fan_of(sensor)
+            for numbers, ranges in self._cast(sensor, poses, times, own):
+                walls = np.zeros(ranges.shape, np.int32)
+                noisy = measured(self._noise, fan, ranges, walls, rng)
+                seen[numbers] = noisy.clip(0.0, sensor.range_max, out=noisy)
+            found[name] = seen
+        return found
+
+    def _cast(
+        self, sensor: Lidar | DepthCamera, poses: Float, times: Float, own: Int
+    ) -> Iterator[tuple[Int, Float]]:
+        """True ranges of some of the robots at a time, with their numbers."""
+        x, y, _, yaw, *_ = sensor.mount
+        places = compose(poses, np.array([x, y, yaw]))
+        if isinstance(sensor, Lidar) and not len(self._crowd):
+            yield from self._caster.lidar_batches(sensor, places)
+            return
+        for number, (place, time) in enumerate(zip(places, times.tolist(), strict=True)):
+            moment = Conditions(time, None, self._crowd.without(int(own[number])))
+            pose = as_pose(place)
+            if isinstance(sensor, Lidar):
+                ranges = self._caster.cast_lidar(sensor, pose, moment).ranges
+            else:
+                ranges = self._caster.cast_depth(sensor, pose, moment).depth
+            yield np.array([number]), ranges[None]
+
+
+def _shape(sensor: Lidar | DepthCamera) -> tuple[int, int]:
+    if isinstance(sensor, Lidar):
+        return len(sensor.elevations), sensor.columns
+    return sensor.height, sensor.width
