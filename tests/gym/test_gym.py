@@ -344,7 +344,9 @@ def test_lidars_and_depth_cameras_are_observed_as_they_are_cast(crowded):
     lidar = lrf3d.Lidar([0.2, 0.0, -0.2], columns=36, mount=(0.1, 0, 0.8), range_min=1.0)
     camera = lrf3d.DepthCamera(8, 6, fov=1.0, mount=(0, 0, 0.6))
     lrf = lrf3d.LaserRangeFinder(beams=3, range_max=30.0)
-    moving = lrf3d.DynamicObstacle([[0, 0], [1, 0], [0, 1]], lrf3d.Trajectory([0.0], [(5, 5, 0)]), 1.5)
+    moving = lrf3d.DynamicObstacle(
+        [[0, 0], [1, 0], [0, 1]], lrf3d.Trajectory([0.0], [(5, 5, 0)]), 1.5
+    )
     world = Scenario(yard, lrf, lidars=(lidar,), depth_cameras=(camera,), radius=0.2,
                      obstacles=(moving,) * crowded)  # fmt: skip
     envs = DriveVectorEnv(40, world, sigma=0.0)

@@ -19,6 +19,7 @@ from lrf3d.studio.gltf.stage import add_stage
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look, SmoothPath
 from lrf3d.studio.scene.cameras import behind
+from lrf3d.studio.scene.clouds import thinned, with_cloud
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, outlines
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
@@ -30,6 +31,9 @@ _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 
 
 # Distance of hits from their walls [m], so that both never share a pixel.
 _OFF_WALL = 0.02
+
+# Number of points of a lidar's scan: each takes 84 bytes in the file.
+_CLOUD_POINTS = 500
 
 # Where the robot's camera looks, ahead of it [m].
 _AHEAD = np.array([2.0, 0.0, 0.0])
@@ -124,6 +128,9 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         beams = marks["beams"]
         assert isinstance(hits, Points) and isinstance(beams, Lines)
         parts = [_lines(document, beams, material)]
+        cloud = marks.get("clouds")
+        if isinstance(cloud, Points):
+            hits = with_cloud(hits, thinned(cloud, _CLOUD_POINTS))
         if len(hits.places):
             robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
             colours = np.repeat(hits.colours[:, None], 3, axis=1)

@@ -3,12 +3,13 @@
 Speeds enter step by step; a scene shows the path, the scans and the map of now.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from lrf3d.geometry.lines import Float, Int
-from lrf3d.laser import LaserScan
+from lrf3d.laser import DepthImage, LaserScan, LidarScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.simulation.live import LiveRobot
@@ -180,6 +181,10 @@ class HandDrive:
     def scans_at(self, number: int) -> tuple[LaserScan, ...]:
         """The scans of all lasers by their number; that of the latest follows the mapped ones."""
         return self._scans.get(number, self.latest)
+
+    def clouds(self, number: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """What the lidars and the depth cameras see now."""
+        return self.robot.clouds()
 
     def snapshot_after(self, scan: int) -> int:
         """The number of the map, which changes with it; −1 for none."""

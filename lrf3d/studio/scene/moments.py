@@ -16,6 +16,7 @@ from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import AIM, Look
+from lrf3d.studio.scene.clouds import draw_clouds, with_cloud
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -88,6 +89,15 @@ _OLD_SCANS = 8
 # Opacity of hits when the next scan has come.
 _HITS_STRENGTH = 0.8
 
+# Number of points of a lidar's scan.
+_CLOUD_POINTS = 4000
+
+# Number of points of one that fades, in which the rings on the floor would be specks.
+_OLD_CLOUD_POINTS = 800
+
+# Height up to which points are on the floor [m]: the noise of ranges is a few centimetres.
+_ON_FLOOR = 0.05
+
 # Diameter of hits of earlier scans [m].
 _HIT_SIZE = 0.05
 
@@ -139,6 +149,7 @@ class Scene:
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
+        self._clouds = Latest()
         self._trails = Latest()
         self._hits = Latest(2 * _OLD_SCANS)
         self._recent = Latest()
@@ -202,7 +213,8 @@ class Scene:
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            ("points", "recent", self._recent_hits(moment)),
+            ("points", "recent", self._recent_hits(moment, view)),
+            ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
             ("marker", "marker", self._markers(moment.time, pose, lens, size)),
@@ -213,7 +225,7 @@ class Scene:
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
         if (self.structures.glass | self.structures.mirrors).any():
-            cut = look.SECTION if self._is_cut(view) else np.inf
+            cut = self._cut(view)
             panes, edges = self._panes.of(cut, partial(panes_of, self.structures, cut))
             yield "outlines", "panes", panes
             yield "outlines", "edges", edges
@@ -258,6 +270,22 @@ class Scene:
         key = moment.scan, moment.pose.tobytes(), moment.time if self.live else None
         return self._beams.of(key, partial(self._drawn_beams, moment.scan, moment.pose))
 
+    def _clouds_at(self, moment: Moment, view: Look) -> Points | None:
+        """What lidars hit at the newest scan; None without lidars."""
+        if not moment.scanning:
+            return None
+        heights = -np.inf, self._cut(view)
+        key = moment.scan, moment.time if self.live else None, heights
+        return self._clouds.of(key, partial(self._drawn_clouds, key[0], _CLOUD_POINTS, heights))
+
+    def _drawn_clouds(self, number: int, most: int, heights: tuple[float, float]) -> Points | None:
+        scans, _ = self.run.clouds(number)
+        return draw_clouds(scans, self.origin, most, heights)
+
+    def _cut(self, view: Look) -> float:
+        """The height above which nothing is drawn [m]."""
+        return look.SECTION if self._is_cut(view) else np.inf
+
     def _drawn_beams(self, number: int, robot: Float) -> tuple[Lines, Points, Soft]:
         """Beams, hits and lamps of all lasers at a scan, with the robot at a pose (3,)."""
         run = self.run
@@ -280,28 +308,33 @@ class Scene:
         lines, points, light = map(together, zip(*drawn, strict=True))
         return lines, points, light
 
-    def _recent_hits(self, moment: Moment) -> Points:
+    def _recent_hits(self, moment: Moment, view: Look) -> Points:
         times = self.run.trajectory.times
         lasting = _HITS_FADE * self.timeline.playback
         last = moment.scan if moment.scanning else moment.mapped + 1
         first = min(int(np.searchsorted(times, moment.time - lasting)), last)
         step = 1 + (last - first) // _OLD_SCANS
         chosen = tuple(number for number in range(first, last) if number % step == 0)
-        hits, counts = self._recent.of(chosen, partial(self._hits_together, chosen))
+        cut = self._cut(view)
+        hits, counts = self._recent.of((chosen, cut), partial(self._hits_together, chosen, cut))
         left = np.clip(1.0 - (moment.time - times[list(chosen)]) / lasting, 0.0, 1.0)
         colours = hits.colours.copy()
         colours[:, 3:] = np.repeat(_HITS_STRENGTH * left, counts)[:, None]
         return hits._replace(colours=colours)
 
-    def _hits_together(self, chosen: tuple[int, ...]) -> tuple[Points, list[int]]:
+    def _hits_together(self, chosen: tuple[int, ...], cut: float) -> tuple[Points, list[int]]:
         places, colours, sides = (np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
         none = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
-        each = [self._hits.of(number, partial(self._hits_of, number)) for number in chosen]
+        each = [self._hits.of((n, cut), partial(self._hits_of, n, cut)) for n in chosen]
         hits: Points = together([none, *each])
         return hits, [len(one.places) for one in each]
 
-    def _hits_of(self, number: int) -> Points:
-        return self._drawn_beams(number, self.run.trajectory.poses[number])[1]
+    def _hits_of(self, number: int, cut: float) -> Points:
+        hits = self._drawn_beams(number, self.run.trajectory.poses[number])[1]
+        # A drive that goes on casts only the clouds of now.
+        if self.live:
+            return hits
+        return with_cloud(hits, self._drawn_clouds(number, _OLD_CLOUD_POINTS, (_ON_FLOOR, cut)))
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""

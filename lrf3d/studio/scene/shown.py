@@ -3,11 +3,11 @@
 A :class:`~lrf3d.simulation.run.Run` has these attributes, and so does a drive by hand.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from lrf3d.geometry.lines import Float, Int
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser import DepthImage, LaserRangeFinder, LaserScan, LidarScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.world import World
@@ -73,6 +73,9 @@ class Shown(Hashable, Protocol):
 
     def scans_at(self, number: int, /) -> tuple[LaserScan, ...]:
         """The scans of all range finders by their number."""
+
+    def clouds(self, number: int, /) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
+        """The scans of all lidars and the images of all depth cameras at a scan; none of most."""
 
     def snapshot_after(self, scan: int, /) -> int:
         """The number of the newest map snapshot without any scan after this one; −1 for none."""

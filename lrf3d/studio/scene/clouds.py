@@ -1,0 +1,81 @@
+"""What lidars hit, as points coloured by height; a few thousand of them.
+
+The scans of lidars enter; points in the film's frame leave, where each column of beams was sent
+from. Layers stay whole, so that walls light up band by band.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from lrf3d.casting.skyline import swept
+from lrf3d.geometry.lines import Float
+from lrf3d.laser import LidarScan
+from lrf3d.studio.scene.shapes import Points, single, together
+
+# Colours of points from the floor to the top.
+HEIGHT_COLOURS = np.array([[0.16, 0.30, 0.75], [0.10, 0.75, 0.72], [1.0, 0.80, 0.35]])
+
+# Largest height with a colour of its own [m]: streets are higher.
+TOP = 4.0
+
+# Number of layers that are drawn of a lidar.
+LAYERS = 16
+
+# Diameter of a point [m].
+SIZE = 0.05
+
+# Its smallest and largest diameter [pixels of 720 lines].
+PIXELS = (1.8, 4.5)
+
+
+def draw_clouds(
+    scans: Iterable[LidarScan], origin: Float, most: int, heights: tuple[float, float]
+) -> Points | None:
+    """Points between two heights [m], of some beams of each scan, with the film's origin (2,)."""
+    parts = [_points(scan, most) for scan in scans]
+    if not parts:
+        return None
+    places = np.concatenate(parts) - [*origin, 0.0]
+    low, high = heights
+    places = places[(low < places[:, 2]) & (places[:, 2] < high)]
+    steps = np.linspace(0.0, min(TOP, high), len(HEIGHT_COLOURS))
+    colours = [np.interp(places[:, 2], steps, channel) for channel in HEIGHT_COLOURS.T]
+    colours.append(np.ones(len(places)))
+    sides = np.zeros((len(places), 2))
+    return Points(
+        single(places), single(np.column_stack(colours)), single(sides), SIZE, PIXELS, glows=False
+    )
+
+
+def with_cloud(hits: Points, cloud: Points | None) -> Points:
+    """Hits of range finders and of lidars as one mark."""
+    joined: Points = hits if cloud is None else together([hits, cloud])
+    return joined
+
+
+def thinned(points: Points, most: int) -> Points:
+    """At most about a number of points, evenly chosen."""
+    step = slice(None, None, 1 + len(points.places) // most)
+    return points._replace(
+        places=points.places[step], colours=points.colours[step], sides=points.sides[step]
+    )
+
+
+def _points(scan: LidarScan, most: int) -> Float:
+    """Points (n, 3) in the world of some layers and columns of a scan."""
+    lidar = scan.lidar
+    pose = np.array(scan.pose)
+    still = scan.motion is None or not np.any(scan.motion)
+    poses = pose[None] if still else swept(lidar, pose, np.asarray(scan.motion))
+    layers = slice(None, None, max(1, len(lidar.elevations) // LAYERS))
+    shown = len(lidar.elevations[layers])
+    columns = slice(None, None, max(1, lidar.columns * shown // most))
+    beams = lidar.directions((0.0, 0.0, 0.0))[layers, columns]
+    ranges = np.where(scan.hits, scan.ranges, 0.0)[layers, columns, None]
+    x, y, z = np.moveaxis(ranges * beams, 2, 0)
+    place_x, place_y, theta = np.broadcast_to(poses, (lidar.columns, 3))[columns].T
+    cos: Float = np.cos(theta)
+    sin: Float = np.sin(theta)
+    places = place_x + cos * x - sin * y, place_y + sin * x + cos * y, lidar.mount[2] + z
+    return np.stack(places, axis=2)[scan.hits[layers, columns]]
