@@ -90,6 +90,10 @@ FORMATS: list[Format] = [
         options=("trees", "level"), apart=True,
     ),
     Format(
+        kind="world", endings=(".sdf", ".world"), read="lrf3d.world.sdf:read_sdf",
+        looks={b"<sdf": "a world in SDF"}, largest=1 << 26, options=("cut",), apart=True,
+    ),
+    Format(
         kind="world", endings=(".yaml", ".yml"), read="lrf3d.world.ros_map:read_ros_map",
         write="lrf3d.world.ros_map:write_ros_map", largest=1 << 16, apart=True,
     ),
@@ -213,7 +217,6 @@ FORMATS: list[Format] = [
             b"<COLLADA": "a COLLADA model: save it as .glb, as by Blender",
             b"<kml": "KML: make GeoJSON of it, as by `ogr2ogr town.geojson FILE`",
             b"<core:CityModel": _CITY, b"<CityModel": _CITY,
-            b"<sdf": "SDF, which is not read: export the meshes of its models as .glb",
             b"<html": _PAGE, b"<!DOCTYPE html": _PAGE,
             b"version https://git-lfs": "a pointer of Git LFS: fetch the file by `git lfs pull`",
             b"\0\0\0\r\n\tOSMHeader": _PBF, b"\0\0\0\x0e\n\tOSMHeader": _PBF,

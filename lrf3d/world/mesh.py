@@ -93,7 +93,7 @@ def cut_of_mesh(path: Path, cut: float | None = None) -> tuple[World, Balance, s
     owners, numbers = np.unique(kinds[:, 0].astype(np.int64), return_inverse=True)
     found = [
         parts[owners[each]][0]._replace(
-            number=int(each), segments=_joined(segments[kind == row], tolerance), heights=top[at]
+            number=int(each), segments=joined(segments[kind == row], tolerance), heights=top[at]
         )
         for row, (each, at) in enumerate(zip(numbers, first, strict=True))
     ]
@@ -191,14 +191,14 @@ def _check_buffers(path: Path) -> None:
         raise WorldError(f"needs {shown(missing[0])}; put that file next to it, or save it as .glb")
 
 
-def _joined(segments: Float, tolerance: float) -> Float:
+def joined(segments: Float, tolerance: float) -> Float:
     """Segments (n, 4) joined where they go straight on."""
     lines = shapely.linestrings(segments[without_repeats(segments)].reshape(-1, 2, 2))
-    joined = []
+    found = []
     for chain in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):
         opened = shapely.linestrings(from_corner(shapely.get_coordinates(chain)))
-        joined.append(walls(shapely.get_coordinates(shapely.simplify(opened, tolerance))))
-    return np.concatenate(joined)
+        found.append(walls(shapely.get_coordinates(shapely.simplify(opened, tolerance))))
+    return np.concatenate(found)
 
 
 def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:

@@ -32,6 +32,12 @@ SVG = """<?xml version="1.0"?>
 <path d="M0 0 L10 10 C 20 20 30 20 40 10 Q 5 5 6 7 A 3 4 10 0 1 9 9 z"/></svg>
 """
 
+SDF = """<?xml version="1.0"?>
+<sdf version="1.7"><world name="w"><model name="m"><pose>1 2 0.5 0 0 0.3</pose><link name="l">
+<collision name="c"><geometry><box><size>4 3 1</size></box></geometry></collision>
+</link></model></world></sdf>
+"""
+
 TOML = 'name = "a"\n[[object]]\nname = "b"\npoints = [[0, 0], [4, 0], [4, 3]]\nclosed = true\n'
 
 RING = [[0, 0], [9, 0], [9, 7], [0, 7], [0, 0]]
@@ -74,6 +80,7 @@ def valid() -> dict[str, dict[str, bytes]]:
         "toml": {"a.toml": TOML.encode()},
         "geojson": {"a.geojson": json.dumps(GEOJSON).encode()},
         "osm": {"a.osm": OSM.encode()},
+        "sdf": {"a.sdf": SDF.encode()},
         "svg": {"a.svg": SVG.encode()},
         "dxf": {"a.dxf": dxf("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n2\n")},
         "yaml": {"a.yaml": YAML.encode(), "map.png": picture("PNG")},

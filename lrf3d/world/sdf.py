@@ -1,0 +1,253 @@
+"""Worlds of Gazebo in SDF (``.sdf``, ``.world``): shapes that stand become walls with heights.
+
+Boxes, cylinders, spheres, polylines and meshes of collisions, or of visuals where a link has none,
+are cut at the height of the beams, or at half their height if they are lower; each model is an
+object. Models of ``include`` and meshes are searched by their names in the folder of the file, in
+those above it, and in ``models`` beside it; nothing is fetched. Models with sensors are robots,
+which are left out. Shapes that are not used are counted by reason.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import shapely
+from scipy.spatial.transform import Rotation
+
+from lrf3d.base.balance import Balance
+from lrf3d.base.errors import InputError, WorldError, one_line
+from lrf3d.base.files import own_name
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, number
+from lrf3d.world.mesh import CUT, joined, level_cut
+from lrf3d.world.model import World
+from lrf3d.world.pieces import Part, world_of_parts
+
+# Models that may be included within each other.
+DEEPEST = 16
+
+# Shapes of a world: the largest worlds of others have some thousand.
+MOST_SHAPES = 100_000
+
+# Sides of cylinders and spheres: with 48 a circle of 1 m is 2 mm off.
+SIDES = 48
+
+# Folders above a file in which models are searched.
+FOLDERS_ABOVE = 3
+
+# Rounding of lengths [m], within which walls go straight on.
+TOLERANCE = 1e-6
+
+
+def read_sdf(path: Path, cut: float | None = None) -> World:
+    """Read the shapes of a world, cut at a height [m], as walls."""
+    height = CUT if cut is None else number(cut, "cut", positive=True)
+    reading = _Reading(path, height)
+    root = _root(path)
+    for scope in (root, *root.findall("world")):
+        reading.add_models(scope, np.eye(4), path, 0)
+    balance = reading.balance
+    if not reading.parts:
+        raise WorldError(
+            f"no shape stands {height:g} m high; left out: {balance.words() or 'none'}"
+        )
+    balance.note(path)
+    return world_of_parts(reading.parts, own_name(path))
+
+
+def _root(path: Path) -> Element:
+    root = ElementTree.parse(path).getroot()
+    if root.tag != "sdf":
+        raise WorldError(f"its root is <{one_line(root.tag, 40)}>, expected <sdf>")
+    return root
+
+
+@dataclass
+class _Reading:
+    """The walls of a file that is read, each model an object, and the balance of its shapes."""
+
+    path: Path
+    cut: float
+    parts: list[Part] = field(default_factory=list)
+    balance: Balance = field(default_factory=lambda: Balance("shape"))
+    models: int = 0
+
+    def add_models(self, scope: Element, pose: Float, file: Path, depth: int) -> None:
+        """Add the models and includes of a world or of a model at a pose (4, 4)."""
+        if depth > DEEPEST:
+            raise WorldError(f"{file.name}: models within each other more than {DEEPEST} times")
+        for model in scope.findall("model"):
+            self._add_model(model, pose @ _pose(model, scope), file, depth)
+        for include in scope.findall("include"):
+            uri = include.findtext("uri", "").strip()
+            found = self._find(uri, file)
+            sdf = None if found is None else _file_of_model(found)
+            if sdf is None:
+                self.balance.all += 1
+                self.balance.leave(f"missing model: {one_line(_name(uri), 60)}")
+                continue
+            for model in _root(sdf).findall("model"):
+                own = include if include.find("pose") is not None else model
+                self._add_model(model, pose @ _pose(own, scope), sdf, depth + 1)
+
+    def _add_model(self, model: Element, pose: Float, file: Path, depth: int) -> None:
+        name = model.get("name", "")
+        shapes = [shape for link in model.findall("link") for shape in _shapes(link)]
+        self.balance.all += len(shapes)
+        if self.balance.all > MOST_SHAPES:
+            raise WorldError(f"over {MOST_SHAPES:,} shapes; cut out a part")
+        if model.find("link/sensor") is not None:
+            self.balance.leave(f"shape of robots: {one_line(name, 60)}", len(shapes))
+            return
+        self.models += 1
+        for link in model.findall("link"):
+            own = pose @ _pose(link, model)
+            for shape in _shapes(link):
+                self._add_shape(shape, own @ _pose(shape, link), name, file)
+        self.add_models(model, pose, file, depth + 1)
+
+    def _add_shape(self, shape: Element, pose: Float, name: str, file: Path) -> None:
+        geometry = shape.find("geometry")
+        kind = next(iter(geometry), None) if geometry is not None else None
+        reason = "shape of no kind"
+        mesh = None
+        if kind is not None:
+            reason = f"unread {one_line(kind.tag, 30)}"
+            mesh = self._mesh(kind, file)
+        if isinstance(mesh, str):
+            reason = mesh
+        elif mesh is not None:
+            triangles = np.asarray(mesh.vertices @ pose[:3, :3].T + pose[:3, 3])[mesh.faces]
+            reason = self._add_walls(triangles, name)
+        if reason:
+            self.balance.leave(reason)
+        else:
+            self.balance.used += 1
+
+    def _add_walls(self, triangles: Float, name: str) -> str:
+        """Add the cut of triangles (n, 3, 3); why there is none, if so."""
+        if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
+            return "shape too far away"
+        low = float(triangles[..., 2].min())
+        high = float(triangles[..., 2].max())
+        if low >= self.cut:
+            return "shape above the beams"
+        if high <= TOLERANCE:
+            return "shape below the floor"
+        # Exactly the height of corners would cut nothing.
+        height = self.cut if high > self.cut else 0.5 * (max(low, 0.0) + high)
+        segments, face = level_cut(triangles, height)
+        tops = np.round(triangles[face, :, 2].max(axis=1), 6)
+        for top in np.unique(tops).tolist():
+            walls = joined(segments[tops == top], TOLERANCE)
+            self.parts.append(Part(self.models - 1, walls, np.array(top), name))
+        return "" if len(segments) else "shape that the cut misses"
+
+    def _mesh(self, kind: Element, file: Path) -> Any:
+        """The mesh of a shape, z up; None if its kind is not read, or why it is left out."""
+        import trimesh
+
+        make = trimesh.creation
+        if kind.tag == "box":
+            return make.box(_numbers(kind.findtext("size", ""), 3))
+        if kind.tag == "cylinder":
+            radius, length = (
+                _numbers(kind.findtext(each, ""), 1)[0] for each in ("radius", "length")
+            )
+            return make.cylinder(radius, length, sections=SIDES)
+        if kind.tag == "sphere":
+            return make.uv_sphere(_numbers(kind.findtext("radius", ""), 1)[0], count=[SIDES, SIDES])
+        if kind.tag == "polyline":
+            corners = [_numbers(point.text or "", 2) for point in kind.findall("point")]
+            outline = shapely.Polygon(corners)
+            return make.extrude_polygon(outline, _numbers(kind.findtext("height", ""), 1)[0])
+        if kind.tag == "plane":
+            return "ground plane"
+        return self._loaded(kind, file) if kind.tag == "mesh" else None
+
+    def _loaded(self, kind: Element, file: Path) -> Any:
+        """The mesh of a file, or why it is left out."""
+        import trimesh
+
+        uri = kind.findtext("uri", "").strip()
+        found = self._find(uri, file)
+        if found is None or not found.is_file():
+            return f"missing mesh: {one_line(_name(uri), 60)}"
+        try:
+            mesh = trimesh.load_scene(found, process=False, skip_materials=True).to_mesh()
+        except Exception as error:
+            # Libraries of meshes raise what they like; .dae needs pycollada.
+            return f"unreadable mesh: {found.name} ({one_line(str(error), 60)})"
+        mesh.vertices = mesh.vertices * _numbers(kind.findtext("scale", "1 1 1"), 3)
+        return mesh
+
+    def _find(self, uri: str, file: Path) -> Path | None:
+        """The file or the folder that a URI names, near the file that names it."""
+        name = _name(uri)
+        if not name:
+            return None
+        above = [*file.resolve().parents, *self.path.resolve().parents[:FOLDERS_ABOVE]]
+        folders = [*above[: FOLDERS_ABOVE + 1], *self.path.resolve().parents[:FOLDERS_ABOVE]]
+        places = (folder / each / name for folder in folders for each in ("", "models"))
+        return next((place for place in places if place.exists()), None)
+
+
+def _name(uri: str) -> str:
+    """The name of a model, and the path in it, that a URI gives: the last of a model on the web."""
+    scheme, colon, rest = uri.partition("://")
+    if not colon:
+        return uri
+    return rest.rstrip("/").rpartition("/models/")[2] if scheme.startswith("http") else rest
+
+
+def _file_of_model(place: Path) -> Path | None:
+    """The SDF of a model's folder, which its model.config names, or of a file."""
+    if place.is_file():
+        return place
+    config = place / "model.config"
+    named = ElementTree.parse(config).findtext("sdf", "").strip() if config.is_file() else ""
+    found = (place / each for each in (named, "model.sdf") if each)
+    return next((each for each in found if each.is_file()), None)
+
+
+def _shapes(link: Element) -> list[Element]:
+    """The shapes of a link that beams meet: its collisions, or else its visuals."""
+    return link.findall("collision") or link.findall("visual")
+
+
+def _pose(element: Element, scope: Element, depth: int = 0) -> Float:
+    """The pose (4, 4) of an element in the one that holds it."""
+    given = element.find("pose")
+    matrix = np.eye(4)
+    base = matrix.copy()
+    if given is None:
+        return matrix
+    text = (given.text or "").split()
+    if given.get("rotation_format") == "quat_xyzw":
+        row = _numbers(given.text or "", 7)
+        turn = Rotation.from_quat(row[3:])
+    elif text:
+        row = _numbers(given.text or "", 6)
+        turn = Rotation.from_euler("xyz", row[3:], degrees=given.get("degrees") == "true")
+    else:
+        return matrix
+    matrix[:3, :3] = turn.as_matrix()
+    matrix[:3, 3] = row[:3]
+    other = given.get("relative_to", "")
+    for each in scope if other and depth < DEEPEST else ():
+        if each.get("name") == other and each.tag in ("link", "frame", "model"):
+            base = _pose(each, scope, depth + 1)
+    return np.asarray(base @ matrix)
+
+
+def _numbers(text: str, count: int) -> list[float]:
+    """Finite numbers of a text; raises InputError if there are others, or not as many."""
+    try:
+        found = [float(word) for word in text.split()]
+    except ValueError:
+        found = []
+    if len(found) != count or not np.isfinite(found).all():
+        raise InputError(f"{one_line(text, 60) or 'an empty text'!r}: expected {count} numbers")
+    return found

@@ -1,0 +1,116 @@
+"""Worlds of Gazebo: shapes become walls with heights, and what is not read is counted."""
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+import lrf3d
+from lrf3d.base.errors import InputError, Lrf3dNote
+
+BOX = "<box><size>4 2 {}</size></box>"
+
+
+def shape(geometry, pose="", kind="collision"):
+    return f"<{kind} name='s'>{pose}<geometry>{geometry}</geometry></{kind}>"
+
+
+def model(*shapes, pose="", name="m", more=""):
+    return f"<model name='{name}'>{pose}<link name='l'>{''.join(shapes)}{more}</link></model>"
+
+
+def world_of(path, *models):
+    file = path / "a.world"
+    text = (
+        f"<?xml version='1.0'?><sdf version='1.7'><world name='w'>{''.join(models)}</world></sdf>"
+    )
+    file.write_text(text)
+    return lrf3d.load_world(file)
+
+
+def outline(world, number=0):
+    return shapely.convex_hull(shapely.multilinestrings(world.segments.reshape(-1, 2, 2)))
+
+
+def test_a_box_is_four_exact_walls_as_high_as_its_top(tmp_path):
+    pose = "<pose>1 2 0.6 0 0 1.5707963267948966</pose>"
+    world = world_of(tmp_path, model(shape(BOX.format(1.2)), pose=pose, name="crate"))
+    assert len(world.segments) == 4 and world.heights == pytest.approx([1.2] * 4)
+    assert outline(world).bounds == pytest.approx((0, 0, 2, 4), abs=1e-9)
+    assert [*world.object_names] == ["crate"]
+    low = world_of(tmp_path, model(shape(BOX.format(0.2)), pose="<pose>0 0 0.1 0 0 0</pose>"))
+    assert low.heights == pytest.approx([0.2] * 4)
+
+
+def test_beams_meet_the_walls_where_rays_meet_the_shapes(tmp_path):
+    turned = "<pose degrees='true'>3 1 0.5 0 0 30</pose>"
+    quaternion = "<pose rotation_format='quat_xyzw'>-4 0 1  0 0 0.5 0.8660254037844386</pose>"
+    world = world_of(
+        tmp_path,
+        model(shape("<cylinder><radius>0.7</radius><length>1</length></cylinder>"), pose=turned),
+        model(shape(BOX.format(2), "<pose>0 1 0 0 0 0</pose>"), pose=quaternion),
+    )
+    assert world.object_count == 2
+    matrix = trimesh.transformations.rotation_matrix(np.pi / 3, [0, 0, 1])
+    matrix[:3, 3] = [-4, 0, 1]
+    matrix[:3, 3] += matrix[:3, :3] @ [0, 1, 0]
+    box = trimesh.creation.box((4, 2, 2), transform=matrix)
+    lrf = lrf3d.LaserRangeFinder(-np.pi, np.pi * 0.99, 181, range_max=30)
+    ranges = lrf3d.PlanarCaster(world).cast(lrf, (0, 0, 0)).ranges
+    true = lrf3d.EmbreeCaster(box).cast(lrf, (0, 0, 0)).ranges
+    behind = np.cos(lrf.angles) < 0
+    assert np.allclose(ranges[behind], true[behind], rtol=1e-5)
+    circle = outline(lrf3d.World(world.segments[world.objects == 0]))
+    assert circle.area == pytest.approx(np.pi * 0.49, rel=0.01)
+
+
+def test_includes_and_meshes_are_found_by_their_folders_and_missing_ones_named(tmp_path):
+    folder = tmp_path / "models" / "table"
+    folder.mkdir(parents=True)
+    trimesh.creation.box((1, 1, 1)).export(folder / "box.stl")
+    mesh = "<mesh><uri>model://table/box.stl</uri><scale>2 2 2</scale></mesh>"
+    (folder / "model.sdf").write_text(f"<sdf version='1.6'>{model(shape(mesh))}</sdf>")
+    gone = "<mesh><uri>model://gone/a.dae</uri></mesh>"
+    plane = "<plane><normal>0 0 1</normal></plane>"
+    robot = model(shape(BOX.format(1)), name="robot", more="<sensor name='s' type='ray'/>")
+    with pytest.warns(Lrf3dNote) as notes:
+        world = world_of(
+            tmp_path,
+            "<include><uri>model://table</uri><pose>5 0 1 0 0 0</pose></include>",
+            "<include><uri>https://web/1.0/x/models/Chair</uri></include>",
+            model(shape(gone), shape(plane), shape(BOX.format(1), "<pose>0 0 9 0 0 0</pose>")),
+            robot,
+        )
+    assert outline(world).bounds == pytest.approx((4, -1, 6, 1)) and world.heights.max() == 2.0
+    text = str(notes[0].message)
+    for part in ("1 missing model (Chair)", "1 missing mesh (gone/a.dae)", "1 ground plane",
+                 "1 shape above the beams", "1 shape of robots (robot)"):  # fmt: skip
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("<sdf><world/></sdf>", "no shape stands"),
+        ("<window/>", "expected <sdf>"),
+        (f"<sdf>{model(shape('<box><size>1 x 1</size></box>'))}</sdf>", "expected 3 numbers"),
+        (f"<sdf>{model(shape(BOX.format('nan')))}</sdf>", "expected 3 numbers"),
+        ("<sdf><model>" * 40 + "</model></sdf>" * 40, "models within|root|no shape"),
+        ("<sdf>", "no element|XML|unclosed"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(text, why, tmp_path):
+    file = tmp_path / "a.sdf"
+    file.write_text(text)
+    with pytest.raises(InputError, match=why) as caught:
+        lrf3d.load_world(file)
+    assert "\n" not in str(caught.value) and "a.sdf" in str(caught.value)
+
+
+def test_a_model_that_includes_itself_ends(tmp_path):
+    folder = tmp_path / "loop"
+    folder.mkdir()
+    inner = "<include><uri>model://loop</uri></include>"
+    (folder / "model.sdf").write_text(f"<sdf><model name='m'>{inner}</model></sdf>")
+    with pytest.raises(InputError, match="more than 16"):
+        world_of(tmp_path, inner)
