@@ -1,10 +1,10 @@
 """Worlds of Gazebo in SDF (``.sdf``, ``.world``): shapes that stand become walls with heights.
 
 Boxes, cylinders, spheres, polylines and meshes of collisions, or of visuals where a link has none,
-are cut at the height of the beams, or at half their height if they are lower; each model is an
-object. Models of ``include`` and meshes are searched by their names in the folder of the file, in
-those above it, and in ``models`` beside it; nothing is fetched. Models with sensors are robots,
-which are left out. Shapes that are not used are counted by reason.
+are cut at the height of the beams, or at half their height if they are lower; each shape is an
+object with the name of its model. Models of ``include`` and meshes are searched by their names in
+the folder of the file, in those above it, and in ``models`` beside it; nothing is fetched. Models
+with sensors are robots, which are left out. Shapes that are not used are counted by reason.
 """
 
 from dataclasses import dataclass, field
@@ -34,6 +34,9 @@ MOST_SHAPES = 100_000
 # Sides of cylinders and spheres: with 48 a circle of 1 m is 2 mm off.
 SIDES = 48
 
+# Models of Gazebo that have no walls.
+WITHOUT_WALLS = ("sun", "ground plane")
+
 # Folders above a file in which models are searched.
 FOLDERS_ABOVE = 3
 
@@ -44,7 +47,7 @@ TOLERANCE = 1e-6
 def read_sdf(path: Path, cut: float | None = None) -> World:
     """Read the shapes of a world, cut at a height [m], as walls."""
     height = CUT if cut is None else number(cut, "cut", positive=True)
-    reading = _Reading(path, height)
+    reading = _SdfWalls(path, height)
     root = _root(path)
     for scope in (root, *root.findall("world")):
         reading.add_models(scope, np.eye(4), path, 0)
@@ -65,14 +68,13 @@ def _root(path: Path) -> Element:
 
 
 @dataclass
-class _Reading:
-    """The walls of a file that is read, each model an object, and the balance of its shapes."""
+class _SdfWalls:
+    """The walls of a file that is read, each shape an object, and the balance of its shapes."""
 
     path: Path
     cut: float
     parts: list[Part] = field(default_factory=list)
     balance: Balance = field(default_factory=lambda: Balance("shape"))
-    models: int = 0
 
     def add_models(self, scope: Element, pose: Float, file: Path, depth: int) -> None:
         """Add the models and includes of a world or of a model at a pose (4, 4)."""
@@ -85,8 +87,10 @@ class _Reading:
             found = self._find(uri, file)
             sdf = None if found is None else _file_of_model(found)
             if sdf is None:
+                name = one_line(_name(uri), 60)
+                plain = name.lower().replace("_", " ") in WITHOUT_WALLS
                 self.balance.all += 1
-                self.balance.leave(f"missing model: {one_line(_name(uri), 60)}")
+                self.balance.leave("sun or ground plane" if plain else f"missing model: {name}")
                 continue
             for model in _root(sdf).findall("model"):
                 own = include if include.find("pose") is not None else model
@@ -101,7 +105,6 @@ class _Reading:
         if model.find("link/sensor") is not None:
             self.balance.leave(f"shape of robots: {one_line(name, 60)}", len(shapes))
             return
-        self.models += 1
         for link in model.findall("link"):
             own = pose @ _pose(link, model)
             for shape in _shapes(link):
@@ -129,21 +132,21 @@ class _Reading:
     def _add_walls(self, triangles: Float, name: str) -> str:
         """Add the cut of triangles (n, 3, 3); why there is none, if so."""
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
-            return "shape too far away"
+            return "shape of a place too far away"
         low = float(triangles[..., 2].min())
         high = float(triangles[..., 2].max())
         if low >= self.cut:
-            return "shape above the beams"
+            return "shape of greater height"
         if high <= TOLERANCE:
-            return "shape below the floor"
+            return "shape of no height"
         # Exactly the height of corners would cut nothing.
         height = self.cut if high > self.cut else 0.5 * (max(low, 0.0) + high)
         segments, face = level_cut(triangles, height)
         tops = np.round(triangles[face, :, 2].max(axis=1), 6)
         for top in np.unique(tops).tolist():
             walls = joined(segments[tops == top], TOLERANCE)
-            self.parts.append(Part(self.models - 1, walls, np.array(top), name))
-        return "" if len(segments) else "shape that the cut misses"
+            self.parts.append(Part(self.balance.used, walls, np.array(top), name))
+        return "" if len(segments) else "shape of no walls"
 
     def _mesh(self, kind: Element, file: Path) -> Any:
         """The mesh of a shape, z up; None if its kind is not read, or why it is left out."""
@@ -174,13 +177,19 @@ class _Reading:
         uri = kind.findtext("uri", "").strip()
         found = self._find(uri, file)
         if found is None or not found.is_file():
-            return f"missing mesh: {one_line(_name(uri), 60)}"
+            return f"missing mesh file: {one_line(_name(uri), 60)}"
         try:
-            mesh = trimesh.load_scene(found, process=False, skip_materials=True).to_mesh()
+            scene = trimesh.load_scene(found, process=False, skip_materials=True)
+            mesh = scene.to_mesh()
+            # Files of COLLADA name their unit, which is often an inch.
+            unit = trimesh.units.unit_conversion(scene.units, "meters") if scene.units else 1.0
+        except ImportError:
+            return f"mesh file of COLLADA, which 'lrf3d[sdf]' reads: {found.name}"
         except Exception as error:
-            # Libraries of meshes raise what they like; .dae needs pycollada.
-            return f"unreadable mesh: {found.name} ({one_line(str(error), 60)})"
-        mesh.vertices = mesh.vertices * _numbers(kind.findtext("scale", "1 1 1"), 3)
+            # Libraries of meshes raise what they like.
+            return f"unreadable mesh file: {found.name} ({one_line(str(error), 60)})"
+        scale = _numbers(kind.findtext("scale", "1 1 1"), 3)
+        mesh.vertices = mesh.vertices * (unit * np.array(scale))
         return mesh
 
     def _find(self, uri: str, file: Path) -> Path | None:
@@ -220,26 +229,31 @@ def _shapes(link: Element) -> list[Element]:
 def _pose(element: Element, scope: Element, depth: int = 0) -> Float:
     """The pose (4, 4) of an element in the one that holds it."""
     given = element.find("pose")
-    matrix = np.eye(4)
-    base = matrix.copy()
     if given is None:
-        return matrix
-    text = (given.text or "").split()
-    if given.get("rotation_format") == "quat_xyzw":
-        row = _numbers(given.text or "", 7)
-        turn = Rotation.from_quat(row[3:])
-    elif text:
-        row = _numbers(given.text or "", 6)
-        turn = Rotation.from_euler("xyz", row[3:], degrees=given.get("degrees") == "true")
-    else:
-        return matrix
-    matrix[:3, :3] = turn.as_matrix()
-    matrix[:3, 3] = row[:3]
+        return np.eye(4)
+    base = np.eye(4)
     other = given.get("relative_to", "")
     for each in scope if other and depth < DEEPEST else ():
         if each.get("name") == other and each.tag in ("link", "frame", "model"):
             base = _pose(each, scope, depth + 1)
-    return np.asarray(base @ matrix)
+    return np.asarray(base @ _given_pose(given))
+
+
+def _given_pose(given: Element) -> Float:
+    """The pose (4, 4) of numbers in a file."""
+    matrix = np.eye(4)
+    text = given.text or ""
+    if not text.split():
+        return matrix
+    if given.get("rotation_format") == "quat_xyzw":
+        row = _numbers(text, 7)
+        turn = Rotation.from_quat(row[3:])
+    else:
+        row = _numbers(text, 6)
+        turn = Rotation.from_euler("xyz", row[3:], degrees=given.get("degrees") == "true")
+    matrix[:3, :3] = turn.as_matrix()
+    matrix[:3, 3] = row[:3]
+    return matrix
 
 
 def _numbers(text: str, count: int) -> list[float]:

@@ -83,8 +83,8 @@ def test_includes_and_meshes_are_found_by_their_folders_and_missing_ones_named(t
         )
     assert outline(world).bounds == pytest.approx((4, -1, 6, 1)) and world.heights.max() == 2.0
     text = str(notes[0].message)
-    for part in ("1 missing model (Chair)", "1 missing mesh (gone/a.dae)", "1 ground plane",
-                 "1 shape above the beams", "1 shape of robots (robot)"):  # fmt: skip
+    for part in ("1 missing model (Chair)", "1 missing mesh file (gone/a.dae)", "1 ground plane",
+                 "1 shape of greater height", "1 shape of robots (robot)"):  # fmt: skip
         assert part in text
 
 

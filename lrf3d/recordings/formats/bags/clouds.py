@@ -53,8 +53,8 @@ HALF_BAND = 0.2
 ENOUGH = 30
 
 # [rad] The step of bearings where it is unknown, and the finest one.
-USUAL_STEP = np.radians(0.5)
-FINEST_STEP = np.radians(0.05)
+USUAL_STEP = float(np.radians(0.5))
+FINEST_STEP = float(np.radians(0.05))
 
 # [rad] Bearings that differ by less from one scan to the next are the same: float32 rounds them.
 EQUAL = 1e-5
@@ -79,32 +79,27 @@ def cloud_points(message: Any) -> CloudPoints:
         there = one_line(", ".join(names), 80)
         raise InputError(f"a cloud without x, y and z as floats; its fields are {there or 'none'}")
     places = np.column_stack([rows[name].astype(np.float64) for name in "xyz"])
-    ring, time = (next((name for name in known if name in names), "") for known in (RINGS, TIMES))
-    rings = rows[ring].astype(np.int64) if ring and rows[ring].dtype.kind in "iu" else None
-    return CloudPoints(places, rings, rows[time].astype(np.float64) if time else None)
+    rings = _first(rows, RINGS)
+    if rings is not None:
+        rings = rings.astype(np.int64) if rings.dtype.kind in "iu" else None
+    times = _first(rows, TIMES)
+    return CloudPoints(places, rings, None if times is None else times.astype(np.float64))
+
+
+def _first(rows: Records, known: Sequence[str]) -> Any:
+    """The first of some fields that points have; None if they have none of them."""
+    return next((rows[name] for name in known if name in (rows.dtype.names or ())), None)
 
 
 def _rows(message: Any) -> Records:
     """The points of a message as records (n,) of its fields."""
-    order = ">" if message.is_bigendian else "<"
-    names, formats, offsets = [], [], []
-    for each in message.fields:
-        if each.datatype not in POINT_FIELDS:
-            raise InputError(f"a cloud whose field {each.name!r} has the type {each.datatype}")
-        if each.name and each.name not in names:
-            names.append(each.name)
-            formats.append(order + POINT_FIELDS[each.datatype])
-            offsets.append(int(each.offset))
-    step = int(message.point_step)
-    ends = [at + np.dtype(kind).itemsize for at, kind in zip(offsets, formats, strict=True)]
-    if max(ends, default=1) > step:
-        raise InputError(f"a cloud with points of {step} bytes, shorter than their fields")
-    layout = {"names": names, "formats": formats, "offsets": offsets, "itemsize": step}
-    kind = np.dtype(layout)  # type: ignore[call-overload]
+    kind = _record_of(message)
+    step = kind.itemsize
     # In JSON, bytes are a text or a list of numbers.
     text = isinstance(message.data, str)
     data = base64.b64decode(message.data) if text else np.asarray(message.data, np.uint8).tobytes()
-    height, width = int(message.height), int(message.width)
+    height = int(message.height)
+    width = int(message.width)
     # Rows may be padded; drivers that write a wrong length of rows do not pad them.
     length = int(message.row_step)
     if length < width * step or length * height > len(data):
@@ -114,6 +109,23 @@ def _rows(message: Any) -> Records:
         raise InputError(f"a cloud of {len(data)} bytes, too few for {expected}")
     table = np.frombuffer(data, np.uint8, length * height).reshape(height, length)
     return np.ascontiguousarray(table[:, : width * step]).reshape(-1).view(kind)
+
+
+def _record_of(message: Any) -> np.dtype[Any]:
+    """The layout of the points of a message; of fields with the same name the first counts."""
+    order = ">" if message.is_bigendian else "<"
+    step = int(message.point_step)
+    fields = {each.name: each for each in reversed(message.fields) if each.name}
+    formats = []
+    for name, each in fields.items():
+        if each.datatype not in POINT_FIELDS:
+            raise InputError(f"a cloud whose field {name!r} has the type {each.datatype}")
+        formats.append(order + POINT_FIELDS[each.datatype])
+        if int(each.offset) + np.dtype(formats[-1]).itemsize > step:
+            raise InputError(f"a cloud with points of {step} bytes, shorter than their fields")
+    offsets = [int(each.offset) for each in fields.values()]
+    layout = {"names": [*fields], "formats": formats, "offsets": offsets, "itemsize": step}
+    return np.dtype(layout)  # type: ignore[call-overload,no-any-return]
 
 
 class Turning(NamedTuple):
@@ -235,11 +247,8 @@ class CloudScans:
                 self._words = f"ring {self._ring} of {len(numbers)}, {above} (or give --height)"
         if self._ring is None:
             self._words = self._band_words()
-        gaps = np.diff(np.sort(bearings[like]))
-        gaps = gaps[gaps > SAME]
         # Without rings, bearings of several layers lie between each other.
-        known = len(gaps) >= ENOUGH and (len(ranked) or self._ring is not None)
-        step = max(float(np.median(gaps)), FINEST_STEP) if known else USUAL_STEP
+        step = step_of(bearings[like]) if len(ranked) else USUAL_STEP
         self._beams = round(2.0 * np.pi / step)
         self._words += f", {counted(self._beams, 'beam')}"
 
@@ -294,6 +303,13 @@ class CloudScans:
             return before
         self._angles = sealed(angles)
         return angles
+
+
+def step_of(bearings: Float) -> float:
+    """The usual step [rad] between the bearings (n,) of one ring."""
+    gaps = np.diff(np.sort(bearings))
+    gaps = gaps[gaps > SAME]
+    return max(float(np.median(gaps)), FINEST_STEP) if len(gaps) >= ENOUGH else USUAL_STEP
 
 
 def level_axes(frame: str, mount: Float | None) -> tuple[Float, bool]:
