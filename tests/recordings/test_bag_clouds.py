@@ -211,6 +211,8 @@ def test_a_drive_with_a_lidar_maps_to_the_walls_of_the_planar_scans(tmp_path):
             mapper.update(scan)
         walls = mapper.map.segments
         found.append(np.concatenate([walls, walls[:, [2, 3, 0, 1]]]))
+    below = parse(["map", "drive.mcap", "--height", "-0.2,0.6"]).height
+    assert below == (-0.2, 0.6)
     for walls in found[1:]:
         # Ends follow the noise, which a laser has at a range_max that clouds do not name.
         assert len(walls) == len(found[0])

@@ -86,12 +86,18 @@ def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: 
 def _joined(words: Sequence[str], options: Sequence[Option]) -> list[str]:
     """Words in which a list of numbers is one: ``--sigma 0.1 0.2`` is ``--sigma 0.1,0.2``."""
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
+    valued = [flag for option in options if option.value for flag in option.names]
     joined: list[str] = []
     # A word that is a number, or meant to be one, but not `--`, after which the arguments stand.
     number = r"[-+]?\.?[0-9][0-9.eE+-]*"
     for word in words:
         if joined[-2:-1] and joined[-2] in several and re.fullmatch(number, word):
             joined[-1] += f",{word}"
+        elif (
+            joined and joined[-1] in valued and joined[-1][:2] == "--" and re.match(r"-\.?\d", word)
+        ):
+            # Otherwise it would be an option.
+            joined[-1] += f"={word}"
         else:
             joined.append(word)
     return joined

@@ -59,6 +59,12 @@ FINEST_STEP = float(np.radians(0.05))
 # [rad] Bearings that differ by less from one scan to the next are the same: float32 rounds them.
 EQUAL = 1e-5
 
+# [rad] Turns whose first bearings differ by less begin at the same one.
+SAME_START = 0.35
+
+# Length of a turn with its overlap, in turns.
+WHOLE = 1.02
+
 # Spans of less [rad] between bearings are rounding, or several returns of one pulse.
 SAME = 1e-4
 
@@ -163,6 +169,7 @@ class CloudScans:
     _ring: int | None = None
     _beams: int = 0
     _angles: Float | None = None
+    _origin: tuple[float, float] | None = None
     _words: str = ""
     _clouds: int = 0
     _timed: int = 0
@@ -275,26 +282,35 @@ class CloudScans:
         if times is None or not np.isfinite(times).all() or not np.ptp(times):
             return still
         unit = next((u for u in UNITS if u * np.ptp(times) < LONGEST_SWEEP), 0.0)
-        since = unit * (times - times.min())
-        order = np.argsort(since, kind="stable")
-        own = since[order]
+        earliest = unit * float(times.min())
+        order = np.argsort(times, kind="stable")
+        since = unit * (times[order] - times.min())
         turned = np.unwrap(bearings[order])
-        rate, first = np.polyfit(own, turned, 1)
-        apart = turned - (first + rate * own)
+        rate, first = (float(each) for each in np.polyfit(since, turned, 1))
+        apart = turned - (first + rate * since)
         if not unit or np.sqrt(np.mean(apart**2)) > UNEVEN or not rate:
             return still
         self._timed += 1
-        earliest = unit * float(times.min())
         begins = next((t for t in (earliest, earliest - stamp) if abs(t) < SAME_CLOCK), 0.0)
         way = float(np.sign(rate))
-        period = 2.0 * np.pi / abs(float(rate))
+        if 0.0 < begins * abs(rate) < 2.0 * np.pi * WHOLE - np.ptp(turned):
+            # The first columns met nothing: the turn began at the stamp.
+            first -= rate * begins
+            begins = 0.0
         positions = np.empty(len(bearings))
         positions[order] = way * (turned - first)
-        # The first beam is that of the first point of a ring, not of the left or right neighbour.
-        ahead = float(positions.min())
-        start = float(wrap_angle(first + way * ahead))
-        begins += ahead / abs(float(rate))
-        return Turning(start, way, positions - ahead, begins, period)
+        # Lasers look a little to the left and the right: the first beam is the first of all.
+        start = float(wrap_angle(first + way * min(float(positions.min()), 0.0)))
+        origin, before = self._origin or (start, way)
+        if way == before and abs(wrap_angle(start - origin)) < SAME_START:
+            start = origin
+        self._origin = start, way
+        shift = way * float(wrap_angle(first - start))
+        # Angles lie within a turn to both sides of ahead.
+        start += float(wrap_angle(start + way * np.pi)) - (start + way * np.pi)
+        return Turning(
+            start, way, positions + shift, begins - shift / abs(rate), 2.0 * np.pi / abs(rate)
+        )
 
     def _shared(self, angles: Float) -> Float:
         """The angles of the scan before if they are the same, so that scans share an array."""
