@@ -173,7 +173,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("render", "p", "--at", "1", "--size", "96x54", "--renderer", "embree", "--out", "p.png"),
     ("export", "c", "--to", "carmen", "--out", "c.log"),
     ("map", "c.log", "--out", "mapped"),
-    ("slam", "c.log", "--out", "solved"),
+    ("slam", "c.log", "--no-video", "--out", "solved"),
     ("score", "c", "--trajectory", "solved/trajectory.tum"),
     ("crosscheck", "paper_room"),
     ("localise", "paper_room"),

@@ -50,6 +50,7 @@ PROGRAMS = {
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
+    "slam": "--no-video",
     "sweep": "--seeds 1 --workers 1 --resume",
     "scripts/bench slam": "--scans 60 --spacings 0.5",
     "scripts/bench robots": "--robots 8 --seconds 0.1",

@@ -145,7 +145,7 @@ def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_pat
         run = lrf3d.simulate(ROOMS, path, lasers, noise=noise, rng=number, mapper=NoMap())
         lrf3d.export_run(run, "mcap", bag)
         logs, true = [*logs, lrf3d.load_log(bag)], np.vstack([true, path.poses])
-        done = program("slam", bag, *on, "--out", out)
+        done = program("slam", bag, "--no-video", *on, "--out", out)
         assert done.returncode == 0 and "warning" not in done.stderr
         assert len(np.loadtxt(out / "trajectory.tum")) == len(run)
         first, on, out = lrf3d.load_run(out), ["--on", out], tmp_path / "both"
@@ -192,7 +192,7 @@ def test_the_place_where_a_map_contradicts_itself_is_named_and_drawn(tmp_path):
     # The robot is carried to another house, and its wheels do not notice.
     path, around = tmp_path / "drive.log", [(1, 1), (4, 3), (5.5, 7), (4, 3), (1, 2), (4, 2)]
     write_log(log_of(drive(ROOMS, TWICE, seed=8), drive(ELSEWHERE, around, seed=1)), path)
-    done = program("slam", path, "--out", tmp_path / "out", "--json")
+    done = program("slam", path, "--no-video", "--out", tmp_path / "out", "--json")
     assert done.returncode == 0 and "--close A:B and --not A:B say" in done.stderr
     summary = json.loads(done.stdout)
     assert not summary["self_check"]["passed"] and (tmp_path / "out/check.png").exists()

@@ -288,8 +288,9 @@ Find poses and map of a log from odometry and scans.
 Loops are closed; the systematic errors of the wheels, and the lag of the laser behind them, are
 estimated.
 
-Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json; where the map contradicts
-itself also check.png: the place as each pass saw it, and the closures that were refused.
+Writes run.npz, map.geojson, map.png, trajectory.tum, summary.json and run.mp4; where the map
+contradicts itself also check.png: the place as each pass saw it, and the closures that were
+refused.
 
 LOG: {TEXT_OR_BAG}, or {ARRAYS}.
 {OUT}
@@ -299,8 +300,11 @@ LOG: {TEXT_OR_BAG}, or {ARRAYS}.
 --close A:B,A:B,…: Scans, by number, of which you know that they show the same place.
 --not A:B,A:B,…: Scans of which you know that they do not, though they look alike.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.
+--video = yes: Make the film.
 {LOG}
 {REPAIRS}
+
+{FILM}
 
 Example: lrf3d slam drive.log.gz --out out/drive""",
     "localise": f"""\

@@ -19,10 +19,10 @@ from lrf3d.studio.gltf.stage import add_stage
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look, SmoothPath
 from lrf3d.studio.scene.cameras import behind
+from lrf3d.studio.scene.glass import Panes
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, outlines
 from lrf3d.studio.scene.moments import Scene
-from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
-from lrf3d.studio.scene.stage.structures import panes_of
+from lrf3d.studio.scene.shapes import ON_TOP, Lines, Points, Seen, level_lines
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 # A look that nothing is made larger for, to be seen from far away.
@@ -83,9 +83,11 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
         document.animate(nodes[-1], "rotation", path.times, turned(path.poses[:, 2]))
     _add_camera(document, nodes[0], scene)
     if scene.structures.glass.any():
-        panes, edges = panes_of(scene.structures, np.inf)
+        panes = Panes.of(scene.structures, np.inf)
         material = document.material("glass", translucent=True)
-        parts = document.part(material, *panes[:2]), _lines(document, edges, material)
+        # From far above, panes show no reflection.
+        faces = panes.faces(np.array([0.0, 0.0, ON_TOP]), 0.0)
+        parts = document.part(material, *faces[:2]), _lines(document, panes.edges, material)
         document.node("glass", document.root, *parts)
     _add_scans(document, scene, every)
     _add_maps(document, scene, run)

@@ -257,7 +257,7 @@ def _object_colours(run: Shown, objects: Int) -> Float:
 
 def believed(estimate: EstimatedTrajectory) -> str:
     """What legends call the trail of an estimate, which may have no ellipses."""
-    return "estimate, 95 %" if len(estimate.known_scans) else "estimate"
+    return "estimate, ellipses of 95 %" if len(estimate.known_scans) else "estimate"
 
 
 def trail_lines(

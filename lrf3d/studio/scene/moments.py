@@ -16,6 +16,8 @@ from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import AIM, Look
+from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
+from lrf3d.studio.scene.glass import Panes, glass_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -33,7 +35,7 @@ from lrf3d.studio.scene.shapes import (
 )
 from lrf3d.studio.scene.stage.exposure import LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
-from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of, panes_of
+from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
@@ -136,6 +138,7 @@ class Scene:
         self._mirrors = structures.segments[structures.mirrors]
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
+        self._drift = Drift.of(run, self.origin, timeline.playback)
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -192,15 +195,23 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         beams, hits, lamp = self._beams_at(moment)
         drawn = self._snapshot(moment)
+        now = moment.time - self.timeline.start
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
         return [
-            *self._edges(view),
+            *self._edges(moment, view),
             ("shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)),
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
+            ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
+            (
+                "estimate",
+                "ghost",
+                self._drift and self._drift.ghost(now),
+            ),
             ("goal", "goal", self._goal),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
+            ("beams", "glass beams", self._glass_beams(moment)),
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
             ("points", "recent", self._recent_hits(moment)),
             ("points", "points", hits),
@@ -208,15 +219,17 @@ class Scene:
             ("marker", "marker", self._markers(moment.time, pose, lens, size)),
         ]
 
-    def _edges(self, view: Look) -> Iterator[tuple[str, str, Mark]]:
+    def _edges(self, moment: Moment, view: Look) -> Iterator[tuple[str, str, Mark]]:
         """Edges of houses or of walls that are cut, of glass and mirrors, and panes of glass."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
         if (self.structures.glass | self.structures.mirrors).any():
             cut = look.SECTION if self._is_cut(view) else np.inf
-            panes, edges = self._panes.of(cut, partial(panes_of, self.structures, cut))
-            yield "outlines", "panes", panes
-            yield "outlines", "edges", edges
+            exposure = None if self.live else self.exposure
+            panes = self._panes.of(cut, partial(Panes.of, self.structures, cut, exposure))
+            now, _ = self.exposure.clock(moment.now, self.timeline.playback)
+            yield "outlines", "panes", panes.faces(view.eye, now)
+            yield "outlines", "edges", panes.edges
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":
         number = self.run.snapshot_after(moment.mapped)
@@ -243,6 +256,10 @@ class Scene:
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
             found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
+        if self._drift is not None:
+            lasting = CLOSING_TIME * self.timeline.playback
+            found.append(("estimate", "drift", self._drift.trail(now, fade)))
+            found.append(("estimate", "closings", self._drift.closings(now, lasting)))
         if self._estimate is not None:
             found.append(("estimate", "estimate", self._estimate.trail(now, fade)))
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
@@ -279,6 +296,15 @@ class Scene:
             drawn.append((lines._replace(colours=colours), *others))
         lines, points, light = map(together, zip(*drawn, strict=True))
         return lines, points, light
+
+    def _glass_beams(self, moment: Moment) -> Lines | None:
+        """A beam through glass and one that came back; in a drive by hand, all beams are equal."""
+        if self.live or not (moment.scanning and self.structures.glass.any()):
+            return None
+        scan = unrolled(self.run.scans_at(moment.scan)[0])
+        scan = replace(scan, pose=np.array(scan.pose) - self._frame)
+        apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
+        return glass_beams(self.structures, scan, apex, self._height)
 
     def _recent_hits(self, moment: Moment) -> Points:
         times = self.run.trajectory.times

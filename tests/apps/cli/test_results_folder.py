@@ -77,7 +77,7 @@ WRITING = {
     "run of a seed": "run a.toml --seed {0:d} --no-video --scans 2 --out OUT",
     "run of robots": "run {0}.toml --robots 2 --no-video --scans 2 --out OUT",
     "map": "map {0}.log.gz --out OUT",
-    "slam": "slam {0}.log.gz --out OUT",
+    "slam": "slam {0}.log.gz --no-video --out OUT",
     "localise": "localise a.toml {0}.log.gz --out OUT",
     "score": "score run_{0} --trajectory a.tum --out OUT",
     "sweep": "sweep {0}.toml --sigma 0.1 --seeds 1 --mapper robust --workers 1 --out OUT",
@@ -100,7 +100,7 @@ def sources(tmp_path_factory):
         drive = ("run", f"{name}.toml", "--no-video", "--scans", 4, "--out", f"run_{name}")
         for words in (drive, ("export", f"run_{name}", "--to", "carmen", "-o", f"{name}.log.gz")):
             assert lrf3d(*words, cwd=folder).returncode == 0
-    lrf3d("slam", "a.log.gz", "--out", "slam_a", cwd=folder)
+    lrf3d("slam", "a.log.gz", "--no-video", "--out", "slam_a", cwd=folder)
     (folder / "slam_a/trajectory.tum").rename(folder / "a.tum")
     return folder
 

@@ -46,7 +46,7 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     relations = tmp_path / "room.relations"
     relations.write_text(f"0 {len(true) - 1} {relative[0]} {relative[1]} {relative[2]}\n")
     folder = tmp_path / "out"
-    done = program("slam", log, "--relations", relations, "--out", folder, "--json")
+    done = program("slam", log, "--no-video", "--relations", relations, "--out", folder, "--json")
     assert (done.returncode, done.stderr) == (0, "")
     summary = json.loads(done.stdout)
     assert summary == json.loads((folder / "summary.json").read_text())
@@ -102,7 +102,7 @@ def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
 
 def solved(log, tmp_path):
     """The rows of trajectory.tum that ``lrf3d slam`` writes."""
-    done = program("slam", log, "--out", tmp_path / "out", "--json")
+    done = program("slam", log, "--no-video", "--out", tmp_path / "out", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     return np.loadtxt(tmp_path / "out" / "trajectory.tum")
 
@@ -136,7 +136,7 @@ def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     log = tmp_path / "twice.log"
     log.write_text(part + part + lines[2 * scans + 1][:200])
     folder = tmp_path / "out"
-    done = program("slam", log, "--out", folder)
+    done = program("slam", log, "--no-video", "--out", folder)
     assert done.returncode == 0
     twice = f"{scans} scans and {scans + 1} odometry lines in the log more than once: read once"
     assert twice in done.stdout and "loop closure" in done.stdout
@@ -153,7 +153,9 @@ def test_a_missing_log_and_wrong_relations_are_one_line(log, tmp_path):
     bad = tmp_path / "bad.relations"
     bad.write_text("0 100000 1 0 0\n")
     assert "missing.log: no such file" in refused("slam", "missing.log")
-    assert "another log" in refused("slam", log, "--relations", bad, "--out", tmp_path / "out")
+    assert "another log" in refused(
+        "slam", log, "--no-video", "--relations", bad, "--out", tmp_path / "out"
+    )
 
 
 def test_readings_that_are_no_numbers_are_no_return_and_counted(log, tmp_path):
@@ -166,7 +168,7 @@ def test_readings_that_are_no_numbers_are_no_return_and_counted(log, tmp_path):
                 words[2 + place], lost = "nan", lost + 1
         lines[number] = " ".join(words)
     log.write_text("\n".join(lines) + "\n")
-    done = program("slam", log, "--out", tmp_path / "out")
+    done = program("slam", log, "--no-video", "--out", tmp_path / "out")
     assert done.returncode == 0 and f"{lost} readings NaN" in done.stdout
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["log"]["readings_not_numbers"] == lost and summary["log"]["bad_lines"] == 0

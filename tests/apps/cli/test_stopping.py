@@ -28,7 +28,7 @@ COMMANDS = {
     "run film": ["run", "WORLD", *FILM, "--out", "OUT"],
     "render": ["render", "READY", *FILM, "--out", "OUT/film.mp4"],
     "map": ["map", "LOG", "--out", "OUT"],
-    "slam": ["slam", "LOG", "--out", "OUT"],
+    "slam": ["slam", "LOG", "--no-video", "--out", "OUT"],
     "sweep": ["sweep", "WORLD", "--sigma", "0.04,0.4", "--seeds", "3", "--workers", "2",
               "--out", "OUT"],
     "export": ["export", "READY", "--to", "glb", "--out", "OUT/run.glb"],
