@@ -93,7 +93,7 @@ class Renderer:
     def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
         make_current()
-        self._light["clock"] = seen.clock
+        self._light |= {"clock": seen.clock, "dusk": seen.dusk}
         self._draw_tints(seen.tints)
         self._begin()
         for reflection in reflections(seen, self._mirrors):

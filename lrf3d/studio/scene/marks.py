@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, lengths
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory
@@ -203,6 +203,11 @@ class DrawnMap:
         return level_lines(
             height, starts, ends, self.colours, np.ones((len(self.segments), 2)), width
         )
+
+    def longer(self, past: float) -> "DrawnMap":
+        """Its segments, longer by some metres at both ends."""
+        way = past * directions(self.segments)
+        return DrawnMap(self.segments + np.hstack([-way, way]), self.colours)
 
     def bands(self) -> Lines:
         """Its segments along the walls."""

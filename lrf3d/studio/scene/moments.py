@@ -33,7 +33,7 @@ from lrf3d.studio.scene.shapes import (
     Tints,
     together,
 )
-from lrf3d.studio.scene.stage.exposure import LiveExposure
+from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys
@@ -168,6 +168,7 @@ class Scene:
             self.exposure.clock(moment.now, self.timeline.playback),
             tints=self._snapshot(moment).tints if "map" in layers else None,
             glass=view.glass,
+            dusk=view.dusk,
             robot=(x, y, AIM) if view.opens else None,
         )
         return seen._replace(cut=look.SECTION) if self._is_cut(view) else seen
@@ -238,13 +239,14 @@ class Scene:
     def _drawn_map(self, number: int) -> "_Snapshot":
         exposure = self.exposure
         drawn = DrawnMap.from_snapshot(self.run, number, self.structures)
+        wide = 2.0 * exposure.tolerance / exposure.cell
         flat = lens_from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
             bands=drawn.bands(),
             above=drawn.lines(self._height, _MAP_WIDTH),
             inset=drawn.lines(0.0, _INSET_MAP_WIDTH),
             ghosts=drawn.ghosts(self.structures, exposure.tolerance),
-            tints=Tints(flat, drawn.lines(0.0, 2.0 * exposure.tolerance / exposure.cell)),
+            tints=Tints(flat, drawn.longer(0.5 * WAVE_GAP).lines(0.0, wide)),
         )
 
     def _trails_at(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
@@ -348,7 +350,7 @@ class Scene:
         """
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
-        dart = _DART_SHARE * view.width
+        dart = _DART_SHARE * view.width * max(1.0, view.aspect) ** 0.5
         robot = bodies.flat_dart(pose, dart, 0.0)
         marks: list[tuple[str, Mark | None]] = [
             ("map", self._snapshot(moment).inset),
@@ -360,11 +362,10 @@ class Scene:
             box, view.lens(pose[:2]), tuple((f"plan {name}", mark) for name, mark in marks if mark)
         )
 
-    def inset_view(self) -> InsetView:
+    def inset_view(self, *, upright: bool = False) -> InsetView:
         """What the inset shows: the whole world or, in a large one, what is around the robot."""
-        return InsetView.of(
-            np.concatenate([self.structures.places, self.run.trajectory.poses[:, :2] - self.origin])
-        )
+        path = self.run.trajectory.poses[:, :2] - self.origin
+        return InsetView.of(np.concatenate([self.structures.places, path]), upright=upright)
 
 
 class _Snapshot(NamedTuple):
