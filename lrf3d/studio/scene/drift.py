@@ -62,7 +62,7 @@ class Drift(NamedTuple):
     @property
     def removed(self) -> Float:
         """How much drift each loop removed (c,) [m]."""
-        return np.hypot(*(self.jumps[:, 2:] - self.jumps[:, :2]).T)
+        return np.asarray(np.hypot(*(self.jumps[:, 2:] - self.jumps[:, :2]).T))
 
     @classmethod
     def of(cls, run: Shown, origin: Float, playback: float) -> "Drift | None":
