@@ -22,7 +22,7 @@ from lrf3d.studio.scene.cameras import behind
 from lrf3d.studio.scene.glass import Panes
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, outlines
 from lrf3d.studio.scene.moments import Scene
-from lrf3d.studio.scene.shapes import ON_TOP, Lines, Points, Seen, level_lines
+from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 # A look that nothing is made larger for, to be seen from far away.
@@ -52,6 +52,9 @@ _PIECE_ERROR = 0.03
 # Least length of such a piece, as of a robot that turns on the spot, and least half axis of an
 # ellipse [m].
 _LEAST = 1e-3
+
+# Opacity of panes of glass.
+_PANE = 0.2
 
 # Directions of the corners of the upright triangles of hits [rad].
 _CORNERS = np.radians(90.0 + 120.0 * np.arange(3))
@@ -85,9 +88,10 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     if scene.structures.glass.any():
         panes = Panes.of(scene.structures, np.inf)
         material = document.material("glass", translucent=True)
-        # From far above, panes show no reflection.
-        faces = panes.faces(np.array([0.0, 0.0, ON_TOP]), 0.0)
-        parts = document.part(material, *faces[:2]), _lines(document, panes.edges, material)
+        corners, colours, _ = panes.faces(np.zeros(3), 0.0)
+        # Players do not know from where panes are seen.
+        colours[..., 3] = _PANE
+        parts = document.part(material, corners, colours), _lines(document, panes.edges, material)
         document.node("glass", document.root, *parts)
     _add_scans(document, scene, every)
     _add_maps(document, scene, run)

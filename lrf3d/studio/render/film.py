@@ -240,6 +240,7 @@ class Film:
         inset = self._shows_inset and view.inset > 0.0 and not out
         if inset:
             seen = seen._replace(inset=self.scene.inset(moment, self._box, self._window))
+        seen = seen._replace(columns=self._size[0] - self._strip + out)
         self._picture = self.renderer.draw(seen)
         left, top, wide, high = self._box
         plan = self._picture[top : top + high, left : left + wide].copy()

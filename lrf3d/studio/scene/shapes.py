@@ -188,6 +188,8 @@ class Seen(NamedTuple):
     # Height that walls are cut at [m].
     cut: float = UNCUT
     inset: Inset | None = None
+    # Columns that are drawn [pixels]; the others are covered. All of them for 0.
+    columns: int = 0
 
 
 class Reflection(NamedTuple):
