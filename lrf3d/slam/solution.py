@@ -28,7 +28,7 @@ from lrf3d.recordings.repair.mirror import MIRROR
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.repairs import figures_of
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.robot.estimated_trajectory import NO_COVARIANCES, NO_SCANS
+from lrf3d.robot.estimated_trajectory import NO_COVARIANCES, NO_POSES, NO_SCANS
 from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import SelfCheck, doubtful_mount
@@ -197,7 +197,11 @@ class SolvedLog:
         if self.joined is not None:
             return joint_run(self.joined, slam, self.moments, poses, self.log.name)
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
-        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
+        wheels = NO_POSES
+        if self.log.placed:
+            driven = self.recording.path.at(self.recording.moments)
+            wheels = compose(driven, np.array(mount))
+        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen), wheels)
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.moments, poses, maps, estimate)
 

@@ -75,8 +75,8 @@ World and drive:
 FILM = f"""\
 Film:
 --view CAMERA: Camera: story, chase, first, orbit, overview, top, or one of the world.
---size WxH: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
---fps RATE: Frames per second; 25, but 10 for .gif.
+--size WxH: Size [pixels]; 1280x720, but 640x360 for .webp and with Embree, 416x234 for .gif.
+--fps RATE: Frames per second; 25, but 12.5 for .webp and 8 for .gif.
 --playback SPEED: Simulated seconds per second of film.
 --length S: Approximate length of a story [s]; 15 if not given.
 --samples 0|1|4 = 1: Samples per pixel: 1 with smoothed edges, 4, or 0 for one with jagged edges.
@@ -300,8 +300,11 @@ LOG: {TEXT_OR_BAG}, or {ARRAYS}.
 --close A:B,A:B,…: Scans, by number, of which you know that they show the same place.
 --not A:B,A:B,…: Scans of which you know that they do not, though they look alike.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.
+--video: Make the film, run.mp4, too.
 {LOG}
 {REPAIRS}
+
+{FILM}
 
 Example: lrf3d slam drive.log.gz --out out/drive""",
     "localise": f"""\

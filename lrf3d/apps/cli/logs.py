@@ -15,6 +15,7 @@ import numpy as np
 from lrf3d.apps.cli.console import Console, warn
 from lrf3d.apps.cli.folder import Drawing, ResultsFolder, new_file, results_folder
 from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
+from lrf3d.apps.cli.runs import write_film
 from lrf3d.base.errors import InputError
 from lrf3d.base.files import make_folder
 from lrf3d.base.formats import by_name
@@ -105,6 +106,8 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
     save_tum(solved.log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
+    if args.video:
+        drawings["video"] = "run.mp4", lambda path: write_film(run, path, args, console)
     if solved.tried:
         drawings["check picture"] = "check.png", partial(_draw_check, solved)
     output.finish(
@@ -112,7 +115,7 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
         {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
         drawings,
         rows=_slam_rows(solved, summary),
-        following=["view", output.path],
+        following=["view" if args.video else "render", output.path],
         kept=kept,
     )
 

@@ -23,6 +23,9 @@ from lrf3d.simulation.scenario import Scenario
 _LARGE = (1280, 720)
 _SMALL = (640, 360)
 
+# Sizes [pixels] and frames a second of loops for READMEs: fifteen seconds take less than 3 MB.
+_LOOPS = {".gif": ((416, 234), 8.0), ".webp": (_SMALL, 12.5)}
+
 
 def render(run: Run, args: Namespace, console: Console) -> None:
     """Draw the film of a run, or a picture of one moment."""
@@ -86,10 +89,9 @@ def write_film(
 
     ending = path.suffix.lower()
     look = _look(args)
-    if args.size is None and ending in (".gif", ".webp"):
-        look["size"] = _SMALL
-    # Frames a second: a GIF of 15 s then has less than 10 MB.
-    rate = args.fps or (10.0 if ending == ".gif" else 25.0)
+    size, rate = _LOOPS.get(ending, (look["size"], 25.0))
+    look["size"] = args.size or size
+    rate = args.fps or rate
     began = perf_counter()
     stamps = list[float]()
     with console.progress("film") as progress:

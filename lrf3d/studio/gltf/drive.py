@@ -20,10 +20,10 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look, SmoothPath
 from lrf3d.studio.scene.cameras import behind
 from lrf3d.studio.scene.clouds import thinned, with_cloud
+from lrf3d.studio.scene.glass import Panes
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, outlines
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
-from lrf3d.studio.scene.stage.structures import panes_of
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 # A look that nothing is made larger for, to be seen from far away.
@@ -57,6 +57,9 @@ _PIECE_ERROR = 0.03
 # ellipse [m].
 _LEAST = 1e-3
 
+# Opacity of panes of glass.
+_PANE = 0.2
+
 # Directions of the corners of the upright triangles of hits [rad].
 _CORNERS = np.radians(90.0 + 120.0 * np.arange(3))
 
@@ -87,9 +90,12 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
         document.animate(nodes[-1], "rotation", path.times, turned(path.poses[:, 2]))
     _add_camera(document, nodes[0], scene)
     if scene.structures.glass.any():
-        panes, edges = panes_of(scene.structures, np.inf)
+        panes = Panes.of(scene.structures, np.inf)
         material = document.material("glass", translucent=True)
-        parts = document.part(material, *panes[:2]), _lines(document, edges, material)
+        corners, colours, _ = panes.faces(np.zeros(3), 0.0)
+        # Players do not know from where panes are seen.
+        colours[..., 3] = _PANE
+        parts = document.part(material, corners, colours), _lines(document, panes.edges, material)
         document.node("glass", document.root, *parts)
     _add_scans(document, scene, every)
     _add_maps(document, scene, run)

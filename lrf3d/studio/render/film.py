@@ -21,12 +21,14 @@ from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.scene import panel
+from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.inset import InsetView
-from lrf3d.studio.scene.look import SIZE, WHITE, scale
+from lrf3d.studio.scene.look import PLAN_BACK, SIZE, WHITE, scale
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import Label, Pixels
 from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST
 from lrf3d.studio.scene.stage.stage import Stage
+from lrf3d.studio.scene.story import Story
 from lrf3d.studio.scene.timeline import Timeline, smoothed
 from lrf3d.studio.scene.views import make_camera, margins
 from lrf3d.world.cameras import check_view
@@ -43,8 +45,11 @@ _LARGEST = 8192
 # Side of a square as large as the inset, in shorter sides of the picture.
 _INSET = 0.25
 
-# Largest width of the inset, in that of the picture.
-_WIDEST = 0.34
+# Largest width of the inset, in that of the picture: in a corner, and in a strip.
+_WIDEST = 0.34, 0.19
+
+# Ratio of width and height from which on the inset has a strip of its own.
+_STRIP_FROM = 1.2
 
 # Least side of the inset, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
@@ -205,30 +210,43 @@ class Film:
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
-        self._window = self.scene.inset_view()
-        wide = _INSET * min(chosen.size) / self._window.aspect**0.5
-        wide = round(min(wide, _WIDEST * chosen.size[0]))
+        width, height = chosen.size
+        strip = width > _STRIP_FROM * height
+        self._window = self.scene.inset_view(upright=strip)
         gap = round(_GAP * _scale_of(chosen.size))
+        free = height - 4 * gap if strip else _INSET * min(chosen.size) * self._window.aspect**0.5
+        wide = round(min(free / self._window.aspect, _WIDEST[strip] * width))
         high = round(wide * self._window.aspect)
-        self._box = chosen.size[0] - gap - wide, gap, wide, high
+        self._box = width - gap - wide, gap, wide, high
+        shown = "inset" in chosen.layers and min(self._box[2:]) >= _LEAST_SIDE
+        self._shows_inset = shown
+        # Width of the strip [pixels], in which nothing else is drawn.
+        self._strip = shown * strip * (wide + 2 * gap)
         self._key: object = None
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
-        view = self.camera.look(time, self._size[0] / self._size[1])
+        view = self._view(time)
         key = min(moment.now, self.timeline.end + _SETTLED * self.timeline.playback), view.key
         if key == self._key:
             # Nothing has moved: the last picture is this one.
             return self._picture
         self._key = key
         seen = self.scene.seen(moment, view, self._size, self._layers)
-        inset = view.inset and "inset" in self._layers and min(self._box[2:]) >= _LEAST_SIDE
+        # The strip leaves as soon as the map is not whole any more, and the map before it.
+        out = round((1.0 - view.inset) * self._strip)
+        inset = self._shows_inset and view.inset > 0.0 and not out
         if inset:
             seen = seen._replace(inset=self.scene.inset(moment, self._box, self._window))
+        seen = seen._replace(columns=self._size[0] - self._strip + out)
         self._picture = self.renderer.draw(seen)
+        left, top, wide, high = self._box
+        plan = self._picture[top : top + high, left : left + wide].copy()
+        self._picture[:, self._size[0] - self._strip + out :, :3] = PLAN_BACK
         if inset:
+            self._picture[top : top + high, left : left + wide] = plan
             _lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
             _lay_label(
@@ -236,6 +254,17 @@ class Film:
                 panel.panel(self.run, moment, view, self.timeline.playback, full=self._full),
             )
         return self._picture
+
+    def _view(self, time: float) -> Look:
+        """The look at a time, in what the strip of the map leaves of the picture."""
+        width, height = self._size
+        view = self.camera.look(time, width / height)
+        if not (self._strip and view.inset):
+            return view
+        # A story frames the robot and has the same path whether there is a strip or not.
+        if not isinstance(self.camera, Story):
+            view = self.camera.look(time, (width - self._strip) / height)
+        return replace(view, aside=view.inset * self._strip / width)
 
     def close(self) -> None:
         """Free what the driver holds."""

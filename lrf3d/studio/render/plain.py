@@ -93,6 +93,7 @@ class PlainRenderer:
         self._laser = fill.LaserLight(
             times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
         )
+        self._night = np.array(setting.night)
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -107,6 +108,8 @@ class PlainRenderer:
             corners[..., 2] = np.minimum(corners[..., 2], seen.cut)
             self._surfaces = self._surfaces._replace(corners=corners, cut=seen.cut)
             self._rays = TriangleRays(single(corners[..., :3]))
+        tones = self._surfaces.tones
+        tones[2] = self._night + seen.dusk * np.subtract(look.DUSK, self._night)
         canvas = self._look(seen, lens, ways, None)
         for reflection in reflections(seen, self._mirrors):
             self._reflect(seen, reflection, canvas, ways)
@@ -213,16 +216,14 @@ class PlainRenderer:
         canvas.colours.reshape(-1, 3)[chosen] = tinted
 
     def _explored(self, lens: Lens, size: tuple[int, int]) -> Single:
-        scale = np.diag(lens.matrix)[:2]
-        x, y = (
-            (2.0 * (np.arange(side) + 0.5) / side - 1.0 - shift) / zoom
-            for side, shift, zoom in zip(size, lens.matrix[:2, 3], scale, strict=True)
-        )
+        across, down = (2.0 * (np.arange(side) + 0.5) / side - 1.0 for side in size)
+        pixels = np.stack(np.meshgrid(across, down), axis=-1) - lens.matrix[:2, 3]
+        places = pixels @ np.linalg.inv(lens.matrix[:2, :2]).T
         laser = self._laser
-        high, wide = laser.times.shape[:2]
-        rows = np.clip((y - laser.area[1]) * laser.area[3] * high, 0, high - 1).astype(int)
-        columns = np.clip((x - laser.area[0]) * laser.area[2] * wide, 0, wide - 1).astype(int)
-        when = laser.times[rows[:, None], columns]
+        size_of = np.array(laser.times.shape[1::-1])
+        cells = (places - laser.area[:2]) * laser.area[2:] * size_of
+        columns, rows = np.moveaxis(np.clip(cells, 0, size_of - 1).astype(int), -1, 0)
+        when = laser.times[rows, columns]
         age = (laser.clock[0] - when[..., 0]) * laser.clock[1] - when[..., 3]
         on = when[..., 1] * np.clip(age / look.DAWN, 0.0, 1.0)
         hot = (_HOT / (1.0 + 2.0 * age**2))[..., None]

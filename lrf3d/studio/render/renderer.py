@@ -61,6 +61,7 @@ class Renderer:
             )
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
+        self._limit = 0, 0, *size
         self._bright = np.zeros((size[1], size[0]), np.int16)
         self._scale = look.scale(size, look.LEAST_SCALE)
         self._camera = CameraBlock()
@@ -93,8 +94,9 @@ class Renderer:
     def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
         make_current()
-        self._light["clock"] = seen.clock
+        self._light |= {"clock": seen.clock, "dusk": seen.dusk}
         self._draw_tints(seen.tints)
+        self._limit = 0, 0, seen.columns or self._size[0], self._size[1]
         self._begin()
         for reflection in reflections(seen, self._mirrors):
             self._reflect(seen, reflection)
@@ -138,7 +140,8 @@ class Renderer:
 
     def _begin(self) -> None:
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._sampled or self._frame)
-        GL.glDisable(GL.GL_SCISSOR_TEST)
+        GL.glEnable(GL.GL_SCISSOR_TEST)
+        GL.glScissor(*self._limit)
         GL.glViewport(0, 0, *self._size)
         GL.glDepthMask(GL.GL_TRUE)
         # The sky covers what nothing else does, so that only the depth needs clearing.
@@ -246,10 +249,9 @@ class Renderer:
             x, y, _, depth = seen.lens.matrix @ [*seen.robot, 1.0]
             half = 1.5 * look.PEEP * seen.lens.focus
             corner = (0.5 + 0.5 * np.array([x, y]) / depth) * self._size - half
-            GL.glEnable(GL.GL_SCISSOR_TEST)
             GL.glScissor(*map(int, [*corner, 2.0 * half, 2.0 * half]))
         self._paint(f"walls{variant}", self._walls, **how, **self._light, **uniforms)
-        GL.glDisable(GL.GL_SCISSOR_TEST)
+        GL.glScissor(*self._limit)
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES

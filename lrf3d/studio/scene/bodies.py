@@ -90,6 +90,15 @@ _TOP_COLOUR = 0.45
 # Height of the dart over the top of an obstacle [m].
 _DART_LIFT = 0.005
 
+# Number of earlier places of an obstacle that are seen.
+_PAST = 5
+
+# Time from one to the next [s of the film].
+_PAST_STEP = 0.35
+
+# Opacity of an obstacle's earlier place at first.
+_PAST_STRENGTH = 0.5
+
 # Corners (6, 2) of the triangles of the robot as seen from above.
 _DART = DART[[0, 1, 2, 0, 2, 3]]
 
@@ -215,6 +224,17 @@ class Obstacles:
             for each, pose in zip(self._obstacles, self._poses(time), strict=True)
         ]
         return together(shadows) if shadows else None
+
+    def past(self, time: float, playback: float) -> Soft | None:
+        """Where the bodies were shortly before a time [s], fading with age."""
+        found = list[Soft]()
+        for age in range(1, _PAST + 1):
+            poses = self._poses(time - age * _PAST_STEP * playback)
+            for pose, top, colour in zip(poses, self._tops, self._colours, strict=True):
+                level = _placed(top.reshape(-1, 2), pose)
+                tint = [*colour, _PAST_STRENGTH * (1.0 - age / (_PAST + 1))]
+                found.append(_flat(level, _SHADOW_LIFT, np.tile(tint, (len(level), 1))))
+        return together(found) if found else None
 
     def from_above(self, time: float, dart: float) -> list[Soft]:
         """The bodies from straight above, where robots are darts of a size [m]."""

@@ -67,10 +67,12 @@ class Look:
         field: Angle of view from the bottom to the top of the picture [rad].
         up: Direction that is up in the picture.
         shift: How far the picture is moved up, in halves of its height.
+        aside: How far the picture is moved to the left, in halves of its width.
         shows_map: Whether the map is laid over the scene.
-        inset: Whether the map is also shown in a corner.
+        inset: How far the map is also shown next to it, 0…1: it slides in and out.
         cuts: Whether the walls of rooms are cut level, so that one looks into them.
         glass: How far what was never seen has become glass, 0…1.
+        dusk: How far the dark has become dusk, 0…1.
         opens: Whether what hides the robot is opened.
         shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
     """
@@ -80,17 +82,26 @@ class Look:
     field: float
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     shift: float = 0.0
+    aside: float = 0.0
     shows_map: bool = False
-    inset: bool = True
+    inset: float = 1.0
     cuts: bool = False
     glass: float = 0.0
+    dusk: float = 0.0
     opens: bool = False
     shot: str = ""
 
     @property
     def key(self) -> tuple[object, ...]:
         """What distinguishes this look from others of its camera."""
-        return self.eye.tobytes(), self.target.tobytes(), self.field, self.glass, self.shot
+        return (
+            self.eye.tobytes(),
+            self.target.tobytes(),
+            self.field,
+            self.glass,
+            self.inset,
+            self.shot,
+        )
 
     @property
     def away(self) -> float:
@@ -116,7 +127,7 @@ class Look:
         tall = 1.0 / np.tan(0.5 * self.field)
         near = max(NEAR, _NEAR_SHARE * self.away)
         projection = np.array([
-            [tall / aspect, 0, 0, 0],
+            [tall / aspect, 0, self.aside, 0],
             [0, -tall, self.shift, 0],
             [0, 0, (far + near) / (near - far), 2.0 * far * near / (near - far)],
             [0, 0, -1, 0],

@@ -11,8 +11,8 @@ from lrf3d.studio.scene.shapes import ON_TOP, Lens
 # Least width [m]: there may be no wall.
 _LEAST_WIDTH = 4.0
 
-# Least and largest height, in the width.
-_ASPECTS = (0.22, 1.6)
+# Least and largest height, in the width: in a corner, and in a strip.
+_ASPECTS = (0.22, 1.6), (1.0, 4.0)
 
 # Factor of the extent of the world that leaves a rim.
 _RIM = 1.04
@@ -33,18 +33,26 @@ class InsetView(NamedTuple):
     width: float
     # Its height, in its width.
     aspect: float
+    # Whether the y axis points to the right, so that a wide world fills a high strip.
+    turned: bool = False
 
     @classmethod
-    def of(cls, places: Float) -> "InsetView":
-        """A view of all places (n, 2) or, where that would be too large, around the robot."""
+    def of(cls, places: Float, *, upright: bool = False) -> "InsetView":
+        """A view of all places (n, 2) or, where that would be too large, around the robot.
+
+        An upright one is at least as high as wide, and turned where the world is not.
+        """
         low = places.min(axis=0)
         high = places.max(axis=0)
         wide, tall = _RIM * (high - low) + 2.0 * np.minimum(1.0, (high - low) / _WIDE_RIM)
-        aspect = float(np.clip(tall / max(wide, look.TINY), *_ASPECTS))
+        turned = bool(upright and wide > tall)
+        if turned:
+            wide, tall = tall, wide
+        aspect = float(np.clip(tall / max(wide, look.TINY), *_ASPECTS[upright]))
         width = max(float(wide), float(tall) / aspect, _LEAST_WIDTH)
         if width > look.INSET_WHOLE:
             return cls(None, look.INSET_FOLLOWED, 1.0)
-        return cls(0.5 * (low + high), width, aspect)
+        return cls(0.5 * (low + high), width, aspect, turned)
 
     @property
     def bar(self) -> float:
@@ -57,11 +65,17 @@ class InsetView(NamedTuple):
         """The lens that shows it where the robot is at a place (2,)."""
         middle = robot if self.middle is None else self.middle
         # With a negative height the first row of the picture has the largest y.
-        return lens_from_above(middle, self.width * np.array([1.0, -self.aspect]))
+        size = self.width * np.array([1.0, -self.aspect])
+        return lens_from_above(middle, size, turned=self.turned)
 
 
-def lens_from_above(middle: Float, size: Float) -> Lens:
-    """A lens straight above a middle (2,), which shows a width and height (2,) [m]."""
+def lens_from_above(middle: Float, size: Float, *, turned: bool = False) -> Lens:
+    """A lens straight above a middle (2,), which shows a width and height (2,) [m].
+
+    Where it is turned, the picture's right is the y axis.
+    """
     matrix = np.diag([*2.0 / size, 0.0, 1.0])
-    matrix[:2, 3] = -2.0 * middle / size
+    if turned:
+        matrix[:2, :2] = matrix[:2, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    matrix[:2, 3] = -matrix[:2, :2] @ middle
     return Lens(matrix, np.array([*middle, ON_TOP]), 1.0, 0.0, 0.0, ON_TOP)

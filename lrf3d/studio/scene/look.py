@@ -72,6 +72,9 @@ ZENITH = rgb("#0a0e17")
 # What black becomes where no beam has been: a model at night.
 NIGHT_LOW = rgb("#0a0f18")
 
+# What white becomes at the end where no beam has been: the model stands in dusk.
+DUSK = rgb("#66799f")
+
 # Colour of fresh light.
 EMBER = rgb("#ffbf73")
 

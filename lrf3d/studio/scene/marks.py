@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, lengths
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory
@@ -204,6 +204,11 @@ class DrawnMap:
             height, starts, ends, self.colours, np.ones((len(self.segments), 2)), width
         )
 
+    def longer(self, past: float) -> "DrawnMap":
+        """Its segments, longer by some metres at both ends."""
+        way = past * directions(self.segments)
+        return DrawnMap(self.segments + np.hstack([-way, way]), self.colours)
+
     def bands(self) -> Lines:
         """Its segments along the walls."""
         return self.lines(_BAND, _BAND_PIXELS)._replace(thick=_BAND_THICK)
@@ -257,7 +262,7 @@ def _object_colours(run: Shown, objects: Int) -> Float:
 
 def believed(estimate: EstimatedTrajectory) -> str:
     """What legends call the trail of an estimate, which may have no ellipses."""
-    return "estimate, 95 %" if len(estimate.known_scans) else "estimate"
+    return "estimate, ellipses of 95 %" if len(estimate.known_scans) else "estimate"
 
 
 def trail_lines(

@@ -17,6 +17,8 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import AIM, Look
 from lrf3d.studio.scene.clouds import draw_clouds, with_cloud
+from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
+from lrf3d.studio.scene.glass import Panes, glass_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -32,9 +34,9 @@ from lrf3d.studio.scene.shapes import (
     Tints,
     together,
 )
-from lrf3d.studio.scene.stage.exposure import LiveExposure
+from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
-from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of, panes_of
+from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
@@ -146,6 +148,7 @@ class Scene:
         self._mirrors = structures.segments[structures.mirrors]
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
+        self._drift = Drift.of(run, self.origin, timeline.playback)
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -176,6 +179,7 @@ class Scene:
             self.exposure.clock(moment.now, self.timeline.playback),
             tints=self._snapshot(moment).tints if "map" in layers else None,
             glass=view.glass,
+            dusk=view.dusk,
             robot=(x, y, AIM) if view.opens else None,
         )
         return seen._replace(cut=look.SECTION) if self._is_cut(view) else seen
@@ -203,15 +207,23 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         beams, hits, lamp = self._beams_at(moment)
         drawn = self._snapshot(moment)
+        now = moment.time - self.timeline.start
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
         return [
-            *self._edges(view),
+            *self._edges(moment, view),
             ("shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)),
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
+            ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
+            (
+                "estimate",
+                "ghost",
+                self._drift and self._drift.ghost(now),
+            ),
             ("goal", "goal", self._goal),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
+            ("beams", "glass beams", self._glass_beams(moment)),
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
             ("points", "recent", self._recent_hits(moment, view)),
             ("points", "clouds", self._clouds_at(moment, view)),
@@ -220,15 +232,17 @@ class Scene:
             ("marker", "marker", self._markers(moment.time, pose, lens, size)),
         ]
 
-    def _edges(self, view: Look) -> Iterator[tuple[str, str, Mark]]:
+    def _edges(self, moment: Moment, view: Look) -> Iterator[tuple[str, str, Mark]]:
         """Edges of houses or of walls that are cut, of glass and mirrors, and panes of glass."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
         if (self.structures.glass | self.structures.mirrors).any():
             cut = self._cut(view)
-            panes, edges = self._panes.of(cut, partial(panes_of, self.structures, cut))
-            yield "outlines", "panes", panes
-            yield "outlines", "edges", edges
+            exposure = None if self.live else self.exposure
+            panes = self._panes.of(cut, partial(Panes.of, self.structures, cut, exposure))
+            now, _ = self.exposure.clock(moment.now, self.timeline.playback)
+            yield "outlines", "panes", panes.faces(view.eye, now)
+            yield "outlines", "edges", panes.edges
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":
         number = self.run.snapshot_after(moment.mapped)
@@ -237,13 +251,14 @@ class Scene:
     def _drawn_map(self, number: int) -> "_Snapshot":
         exposure = self.exposure
         drawn = DrawnMap.from_snapshot(self.run, number, self.structures)
+        wide = 2.0 * exposure.tolerance / exposure.cell
         flat = lens_from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
             bands=drawn.bands(),
             above=drawn.lines(self._height, _MAP_WIDTH),
             inset=drawn.lines(0.0, _INSET_MAP_WIDTH),
             ghosts=drawn.ghosts(self.structures, exposure.tolerance),
-            tints=Tints(flat, drawn.lines(0.0, 2.0 * exposure.tolerance / exposure.cell)),
+            tints=Tints(flat, drawn.longer(0.5 * WAVE_GAP).lines(0.0, wide)),
         )
 
     def _trails_at(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
@@ -255,6 +270,10 @@ class Scene:
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
             found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
+        if self._drift is not None:
+            lasting = CLOSING_TIME * self.timeline.playback
+            found.append(("estimate", "drift", self._drift.trail(now, fade)))
+            found.append(("estimate", "closings", self._drift.closings(now, lasting)))
         if self._estimate is not None:
             found.append(("estimate", "estimate", self._estimate.trail(now, fade)))
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
@@ -308,6 +327,15 @@ class Scene:
         lines, points, light = map(together, zip(*drawn, strict=True))
         return lines, points, light
 
+    def _glass_beams(self, moment: Moment) -> Lines | None:
+        """A beam through glass and one that came back; in a drive by hand, all beams are equal."""
+        if self.live or not (moment.scanning and self.structures.glass.any()):
+            return None
+        scan = unrolled(self.run.scans_at(moment.scan)[0])
+        scan = replace(scan, pose=np.array(scan.pose) - self._frame)
+        apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
+        return glass_beams(self.structures, scan, apex, self._height)
+
     def _recent_hits(self, moment: Moment, view: Look) -> Points:
         times = self.run.trajectory.times
         lasting = _HITS_FADE * self.timeline.playback
@@ -355,7 +383,7 @@ class Scene:
         """
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
-        dart = _DART_SHARE * view.width
+        dart = _DART_SHARE * view.width * max(1.0, view.aspect) ** 0.5
         robot = bodies.flat_dart(pose, dart, 0.0)
         marks: list[tuple[str, Mark | None]] = [
             ("map", self._snapshot(moment).inset),
@@ -367,11 +395,10 @@ class Scene:
             box, view.lens(pose[:2]), tuple((f"plan {name}", mark) for name, mark in marks if mark)
         )
 
-    def inset_view(self) -> InsetView:
+    def inset_view(self, *, upright: bool = False) -> InsetView:
         """What the inset shows: the whole world or, in a large one, what is around the robot."""
-        return InsetView.of(
-            np.concatenate([self.structures.places, self.run.trajectory.poses[:, :2] - self.origin])
-        )
+        path = self.run.trajectory.poses[:, :2] - self.origin
+        return InsetView.of(np.concatenate([self.structures.places, path]), upright=upright)
 
 
 class _Snapshot(NamedTuple):

@@ -9,10 +9,13 @@ import numpy as np
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
+from lrf3d.mapping.line_map import GLASS
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
+from lrf3d.studio.scene.glass import BACK_COLOUR, THROUGH_COLOUR, counts_at_glass
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
 from lrf3d.studio.scene.timeline import Moment
@@ -62,14 +65,39 @@ _LINE_LENGTH = 60
 # The card of the run that was asked for last.
 _CARDS = Latest()
 
+# The drift of the run that was asked for last.
+_DRIFTS = Latest()
 
-def _caption(run: Run, moment: Moment, shot: str) -> str:
+
+def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     if moment.mapped < 0:
         return "The robot knows nothing yet"
+    if words := _closing(run, moment, playback):
+        return words
     if words := _mapped(run, moment, shot):
         return words
     return _measured(run, moment, shot) if shot in _SHOTS else shot
+
+
+def _closing(run: Run, moment: Moment, playback: float) -> str:
+    """Words on the loop that has closed in the last seconds, if any."""
+    drift = _drift_of(run, playback)
+    if drift is None:
+        return ""
+    since = moment.time - run.trajectory.times.min() - drift.times
+    fresh = np.flatnonzero((since >= 0.0) & (since < CLOSING_TIME * playback))
+    removed = drift.removed[fresh[-1:]].tolist()
+    return "".join(f"A loop closes: {_metres(each)} of drift removed" for each in removed)
+
+
+def _drift_of(run: Run, playback: float) -> Drift | None:
+    return _DRIFTS.of((run, playback), partial(Drift.of, run, np.zeros(2), playback))
+
+
+def _metres(length: float) -> str:
+    """A length in words, in centimetres below a metre."""
+    return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
 
 
 def _mapped(run: Run, moment: Moment, shot: str) -> str:
@@ -121,15 +149,15 @@ def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
     if view.shot == "end" and view.glass >= _CARD_FROM:
-        return _CARDS.of(run, partial(_card, run))
-    head = _caption(run, moment, view.shot)
+        return _CARDS.of(run, partial(_card, run, playback))
+    head = _caption(run, moment, view.shot, playback)
     if full:
         said = _numbers(run, moment, playback)
         counts = [run.map_after(moment.mapped).counts if run.maps else ""]
     else:
         said = [_passed(run, moment, playback, head, view.shot)]
         counts = []
-    others = [*((words, _PALE) for words in said), *_trails(run, moment.scan)]
+    others = [*((words, _PALE) for words in said), *_trails(run, moment, playback)]
     return _label(
         [(head, _INK), *others, *((words, _PALE) for words in counts)],
         _FULL_SIZE if full else _SIZE,
@@ -162,24 +190,58 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
     ]
 
 
-def _card(run: Run) -> Label:
+def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):
-        return _label([(f"{counted(len(run.map), 'wall')}, {objects}", _INK)], _SIZE)
-    found = found_words(score_run(judged_part(run)).as_dict())
-    return _label([(found, _INK), (f"what was never seen is glass  ·  {objects}", _PALE)], _SIZE)
+        found = f"{counted(len(run.map), 'wall')}, {objects}"
+        rest = ""
+    else:
+        found = found_words(score_run(judged_part(run)).as_dict())
+        rest = f"what was never seen is pale  ·  {objects}"
+    others = [*_drifted(run, playback), *_glass_words(run)]
+    return _label([(found, _INK), *((words, _PALE) for words in others or [rest])], _SIZE)
 
 
-def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
-    """The names of the two trails in their colours, and how far they are apart."""
-    found = []
-    for name, apart in estimate_words(run, scan):
-        colour = look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR
-        red, green, blue = (round(255 * part) for part in look.paler(colour))
-        found.append((f"━ {name}  {apart}".rstrip(), (red, green, blue)))
-    return found
+def _drifted(run: Run, playback: float) -> list[str]:
+    """Words on the loops of a run, and on how far its odometry drifted without them."""
+    drift = _drift_of(run, playback)
+    if drift is None or run.estimate is None:
+        return []
+    loops = counted(len(run.estimate.closures), "loop closure")
+    return [f"{loops}  ·  odometry alone ends {_metres(drift.total)} off"]
+
+
+def _glass_words(run: Run) -> list[str]:
+    """Words on what the glass of a run's world did to its beams and its map."""
+    through, back = counts_at_glass(run)
+    if not through + back:
+        return []
+    panes = int((run.map.kinds == GLASS).sum())
+    known = f"{counted(panes, 'pane')} found" if panes else "none is known as glass"
+    share = 100.0 * through / (through + back)
+    return [f"{share:.0f} % of the beams went through glass  ·  {known}"]
+
+
+def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
+    """The names of trails and of single beams in their colours, and how far trails are apart."""
+    found = [
+        (f"━ {name}  {apart}", look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR)
+        for name, apart in estimate_words(run, moment.scan)
+    ]
+    if (drift := _drift_of(run, playback)) is not None:
+        off = drift.off(moment.time - run.trajectory.times.min())
+        found.append((f"━ odometry alone  {off:.2f} m off", GHOST_COLOUR))
+    if moment.mapped >= 0 and any(counts_at_glass(run)):
+        found += [("━ a beam through the glass", THROUGH_COLOUR), ("━ one back", BACK_COLOUR)]
+    return [(words.rstrip(), _whole(colour)) for words, colour in found]
+
+
+def _whole(colour: look.Colour) -> tuple[int, int, int]:
+    """A colour for text in whole numbers, paler on its dark ground."""
+    red, green, blue = (round(255 * part) for part in look.paler(colour))
+    return red, green, blue
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float) -> Label:

@@ -181,11 +181,15 @@ class Seen(NamedTuple):
     tints: Tints | None = None
     # How far what was never seen has become glass, 0…1.
     glass: float = 0.0
+    # How far the dark has become dusk, 0…1.
+    dusk: float = 0.0
     # The robot, where what hides it is opened.
     robot: tuple[float, float, float] | None = None
     # Height that walls are cut at [m].
     cut: float = UNCUT
     inset: Inset | None = None
+    # Columns that are drawn [pixels]; the others are covered. All of them for 0.
+    columns: int = 0
 
 
 class Reflection(NamedTuple):

@@ -58,6 +58,10 @@ _TAKEN_BACK = 2.0
 _TURNING = 0.6
 
 
+# Weight of loops that close.
+_CLOSED = 1.5
+
+
 class Shot(NamedTuple):
     """A part of a film."""
 
@@ -125,7 +129,7 @@ def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
 
 
 def _news(timeline: Timeline, times: Float) -> Float:
-    """How much happens at times (m,) of a run: walls enter and leave the map, the robot turns."""
+    """How much happens at times (m,) of a run: walls come and go, loops close, the robot turns."""
     run = timeline.run
     scans = np.searchsorted(run.trajectory.times, times, side="right") - 1
     numbers = np.array([run.snapshot_after(max(scan, 0)) for scan in scans.tolist()])
@@ -136,8 +140,12 @@ def _news(timeline: Timeline, times: Float) -> Float:
     grown = np.diff(np.interp(np.arange(len(times)), np.arange(len(numbers))[::step], known))
     entered = np.append(grown, 0.0)
     entered = np.maximum(entered, -_TAKEN_BACK * entered)
+    closed = np.zeros(len(times))
+    if run.estimate is not None:
+        scans = np.unique(run.estimate.closures.max(axis=1, initial=0))
+        closed[np.searchsorted(times, run.trajectory.times[scans]) - 1] = 1.0
     turned = np.abs(np.gradient(np.unwrap(timeline.poses(times)[:, 2])))
-    return _share(entered) + _TURNING * _share(turned)
+    return _share(entered) + _TURNING * _share(turned) + _CLOSED * _share(closed)
 
 
 def _share(values: Float) -> Float:

@@ -58,6 +58,9 @@ _RAYS = (12, 7)
 # Distance up to which light is sampled [m]; haze hides what is beyond.
 _FARTHEST = 300.0
 
+# Share of the rise in which the map next to the picture leaves.
+_LEAVES = 0.4
+
 # Weights of the rating, in which a fully lit picture counts 1. Penalty for hiding the robot all the
 # time.
 _HIDDEN = 3.0
@@ -70,6 +73,15 @@ _MAPPED = 1.2
 
 # Bonus for the nearest camera.
 _NEAR = 0.25
+
+# Distances from which the first scan may be seen, as shares of the largest.
+_ABOVE = (0.5, 0.7, 1.0)
+
+# Bonus for the farthest of them, from which more is seen.
+_FAR = 0.3
+
+# How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
+_DUSK = 0.5
 
 # Time in which parts that were never seen become transparent, at the end [s of the film].
 _GLASSY = 1.2
@@ -132,14 +144,25 @@ class Story:
             return self._chase.look(time, aspect)
         track = self._track(number, aspect)
         if shot.name == "opening":
-            return track.look(time, cuts=True, opens=time > self._timeline.start, shot="wave")
+            share = max(time - self._timeline.start, 0.0) / max(
+                shot.end - self._timeline.start, TINY
+            )
+            dusk = _DUSK * float(_eased(share))
+            return track.look(time, cuts=True, opens=share > 0.0, dusk=dusk, shot="wave")
         if shot.name == "end":
             passed = (time - shot.start) / self._timeline.playback
             glass = max(float(_eased(passed / _GLASSY)), _FIRST_GLASS)
-            return track.look(time, cuts=True, glass=glass, inset=False, shot="end")
-        # The rise shows the whole world, so it needs no map in the corner.
-        inset = shot.name != "rise"
-        return track.look(time, cuts=True, opens=True, inset=inset, shot=shot.name)
+            return track.look(time, cuts=True, glass=glass, dusk=1.0, inset=0.0, shot="end")
+        # The rise shows the whole world: the map next to it leaves, and the dark with it.
+        rises = (time - shot.start) / max(shot.end - shot.start, TINY) * (shot.name == "rise")
+        return track.look(
+            time,
+            cuts=True,
+            opens=True,
+            dusk=_DUSK + (1.0 - _DUSK) * float(_eased(rises)),
+            inset=1.0 - float(_eased(rises / _LEAVES)),
+            shot=shot.name,
+        )
 
     def _made(self, number: int, aspect: float) -> CameraPath:
         """The camera path of a shot by its number."""
@@ -155,7 +178,10 @@ class Story:
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
             return self._between(self._held(before, times), whole, share)
-        return self._best(shot, times, aspect)
+        tracks = list(self._tracks(shot, times, aspect))
+        near = min(track.aways[0] for track in tracks) / np.array([t.aways[0] for t in tracks])
+        moments = np.linspace(times[0], times[-1], _JUDGED)
+        return self._best(tracks, moments, aspect, _NEAR * near)
 
     def _opening(self, times: Float, aspect: float) -> CameraPath:
         """The camera path of the opening: the robot in the dark, then its first scan from above."""
@@ -172,9 +198,18 @@ class Story:
         wave = self._structures.setting.wave
         farthest, *_ = self._whole.track(aspect).aways
         away = min(wave.away, _SHARE * float(farthest))
-        above = CameraPath.along(path, turns, wave._replace(away=away))
+        above = self._best_above(path, wave._replace(away=away), aspect)
         risen = _eased((passed - _RISES * begin) / (_RISEN * end - _RISES * begin))
         return self._between(dark, above, risen)
+
+    def _best_above(self, path: SmoothPath, rig: Rig, aspect: float) -> CameraPath:
+        """The camera path that shows most of the first scan's light from above, from far away."""
+        moments = np.linspace(0.5 * path.times[-1] + 0.5 * self._timeline.start, path.times[-1], 3)
+        tracks = [
+            CameraPath.along(path, path.headings + turn, rig._replace(away=share * rig.away))
+            for turn, share in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _ABOVE)
+        ]
+        return self._best(tracks, moments, aspect, _FAR * np.tile(_ABOVE, _SIDES))
 
     def _held(self, track: CameraPath, times: Float) -> CameraPath:
         """The last view of a track, held relative to the robot at later times (k,)."""
@@ -182,15 +217,14 @@ class Story:
         places = interpolated(times, self._path.times, self._path.places)
         return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
 
-    def _best(self, shot: Shot, times: Float, aspect: float) -> CameraPath:
-        """The best camera path of a shot: the robot is visible, and most of the picture is lit."""
-        tracks = list(self._tracks(shot, times, aspect))
-        moments = np.linspace(times[0], times[-1], _JUDGED)
+    def _best(
+        self, tracks: list[CameraPath], moments: Float, aspect: float, bonus: Float
+    ) -> CameraPath:
+        """The best camera path: the robot is visible, and most of the picture is lit."""
         eyes = np.array([track.at(moments).eyes() for track in tracks])
         hidden = self._hides(moments, eyes).mean(axis=1)
         lit = np.array([self._lit(track, moments, aspect) for track in tracks])
-        near = min(track.aways[0] for track in tracks) / np.array([t.aways[0] for t in tracks])
-        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden + _NEAR * near
+        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden + bonus
         return tracks[int(np.argmax(worth))]
 
     def _tracks(self, shot: Shot, times: Float, aspect: float) -> Iterator[CameraPath]:

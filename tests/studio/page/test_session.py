@@ -136,7 +136,7 @@ def test_a_page_gets_obstacles_and_the_estimate():
     assert place == pytest.approx(way.at(np.array([1.0]))[0, :2] - run.world.origin, abs=1e-4)
     assert {"estimate", "ellipses", "shadows"} <= set(header["marks"])
     assert header["words"]["truth"] == "truth"
-    assert header["words"]["believed"].startswith("estimate, 95 % ")
+    assert header["words"]["believed"].startswith("estimate, ellipses of 95 % ")
 
 
 def test_runs_without_a_map_or_of_one_beam_are_shown():

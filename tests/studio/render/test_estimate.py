@@ -53,7 +53,10 @@ def test_the_map_shows_both_paths_and_the_ellipses_and_loops_where_they_are_aske
     run = estimated(city_run())
     figure = draw_map(run)
     names = {text.get_text() for text in figure.findobj(Text)}
-    assert {"truth", "estimate, 95 %"} <= names and not {"path", "loop closures"} & names
+    assert {"truth", "estimate, ellipses of 95 %"} <= names and not {
+        "path",
+        "loop closures",
+    } & names
     assert not lines(figure, CLOSED)
     estimate(run.estimate, figure.axes[0])
     places = run.estimate.poses[:, :2]
@@ -71,6 +74,6 @@ def test_the_map_shows_both_paths_and_the_ellipses_and_loops_where_they_are_aske
 def test_the_map_of_a_recorded_drive_names_no_truth():
     run = estimated(city_run(), (0.0, 0.0, 0.0))
     names = {text.get_text() for text in draw_map(run).findobj(Text)}
-    assert "truth" not in names and "estimate, 95 %" in names
+    assert "truth" not in names and "estimate, ellipses of 95 %" in names
     without = replace(run, estimate=None)
     assert "path" in {text.get_text() for text in draw_map(without).findobj(Text)}

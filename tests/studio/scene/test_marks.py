@@ -158,10 +158,10 @@ def test_ellipses_that_stay_are_few_come_in_time_and_do_not_cover_each_other():
 
 def test_the_panel_says_the_error_only_where_the_truth_is_known():
     run = estimated(room_run())
-    assert estimate_words(run, 4) == (("truth", ""), ("estimate, 95 %", "0.50 m off"))
+    assert estimate_words(run, 4) == (("truth", ""), ("estimate, ellipses of 95 %", "0.50 m off"))
     recorded = replace(run, estimate=estimated(run, (0.0, 0.0, 0.0)).estimate)
     assert not recorded.knows_truth
-    assert estimate_words(recorded, 4) == (("estimate, 95 %", ""),)
+    assert estimate_words(recorded, 4) == (("estimate, ellipses of 95 %", ""),)
 
 
 def test_an_estimate_without_covariances_has_no_ellipses():

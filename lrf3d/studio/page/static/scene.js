@@ -220,7 +220,7 @@ export class Scene {
     if (!this.given) return;
     const camera = (this.camera = fitted(this.given, this.hand, this.below, canvas, this.size));
     camera.scale = Math.max(Math.min(canvas.width, canvas.height) / 720, this.leastScale);
-    this.laser = { grid: this.grid, area: this.area, clock: camera.clock };
+    this.laser = { grid: this.grid, area: this.area, clock: camera.clock, dusk: camera.dusk };
     this.paintTints();
     const box = [0, 0, canvas.width, canvas.height];
     gl.depthMask(true);

@@ -53,6 +53,8 @@ float lit(vec4 when, float age) {
     return sure * share * share * (3.0 - 2.0 * share);
 }
 
+uniform float dusk;     // how far the dark has become dusk: at the end, the model stands in it
+
 // A colour in the light of the laser: dark before it came, aglow with it, cool and bright after. In
 // the dark the bare colour is seen, without what is on it.
 vec3 exposed(vec3 day, vec3 bare, float on, float age, float height) {
@@ -62,7 +64,7 @@ vec3 exposed(vec3 day, vec3 bare, float on, float age, float height) {
     float hot = on / (1.0 + 2.0 * age * age);
     vec3 cool = day * COOL * (1.0 - EMBER_SHARE.x * hot);
     vec3 seen = cool + EMBER * (hot * (EMBER_SHARE.y + EMBER_SHARE.z * bright));
-    return mix(mix(NIGHT_LOW, NIGHT_HIGH, grey(bare)), seen, share);
+    return mix(mix(NIGHT_LOW, mix(NIGHT_HIGH, DUSK, dusk), grey(bare)), seen, share);
 }
 
 #if defined(MIRRORED) && !defined(VERTEX)

@@ -18,11 +18,12 @@ from scipy.ndimage import (
     binary_erosion,
     distance_transform_edt,
     gaussian_filter,
+    gaussian_filter1d,
     maximum_filter,
     minimum_filter,
 )
 
-from lrf3d.geometry.lines import Bool, Float, Int, Records, Single, lengths
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, Records, Single, directions, lengths
 from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.laser.unrolling import unrolled
@@ -82,6 +83,15 @@ _TOLERANCE = 0.5 * _COVERS
 # Least time between the light and the map's colour [s].
 _GAP = 0.3
 
+# Widest gap in the map of a wall over which its colour goes [m].
+WAVE_GAP = 1.6
+
+# Standard deviation by which the times of a wall are smoothed [m].
+_WAVE_SMOOTH = 0.8
+
+# Speed of the map's colour along a wall [m/s of the film].
+_WAVE_SPEED = 9.0
+
 # Width of what is not lit yet in the colour of the map [cells].
 _BRIDGED = 13
 
@@ -134,10 +144,14 @@ class Exposure:
         """A time of the run [s] in lengths of it, and the film's seconds in one length."""
         return (time - self.start) / self.length, self.length / playback
 
+    def cells_of(self, places: Float) -> Int:
+        """Columns and rows (2, n) of places (n, 2)."""
+        cells = np.floor((places - self.corner) / self.cell).astype(int)
+        return np.asarray(np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T)
+
     def sampled(self, places: Float) -> Records:
         """The times (n,) at places (n, 2)."""
-        cells = np.floor((places - self.corner) / self.cell).astype(int)
-        columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
+        columns, rows = self.cells_of(places)
         return np.asarray(self.times[rows, columns])
 
     def walls(self, structures: Structures) -> Bool:
@@ -247,12 +261,54 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
         for each in (np.append(0.0, share)[np.asarray(covered)], within)
     )
     mapped = np.where(within, sums / np.maximum(weights, _LEAST_WEIGHT), _NEVER)
+    cells["mapped"] = mapped
+    # A film shows a run at this speed, unless it is told otherwise.
+    even_walls(exposure, structures, run.film.playback_of(0.0) / length)
+    mapped = cells["mapped"].copy()
     # What the map has between two lit places is coloured with them.
     cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
     cells["delay"] = gaussian_filter(
         wave(exposure, poses[scans, :2], structures.setting.light), _SOFT
     )
     return exposure
+
+
+def even_walls(exposure: Exposure, structures: Structures, second: float) -> None:
+    """Let the map's colour come over each wall in one wave, from where the map has it first.
+
+    Gaps in a wall are closed, and times along it are smoothed. The wave is no faster than the eye
+    follows; a second of the film is given in lengths of the run.
+    """
+    cell = exposure.cell
+    opaque = structures.segments[~structures.glass]
+    off = directions(opaque) @ LEFT * cell * structures.setting.before
+    sides = np.concatenate([opaque + side * np.tile(off, 2) for side in (-1.0, 1.0)])
+    size = lengths(sides)
+    begin, end = np.hsplit(sides, 2)
+    # Most walls of a large world are not in the map.
+    ends = (begin + share * (end - begin) for share in (0.1, 0.5, 0.9))
+    known = np.any([exposure.sampled(each)["mapped"] < _NEVER for each in ends], axis=0)
+    for number in np.flatnonzero(known & (size > WAVE_GAP)).tolist():
+        along = np.arange(0.0, size[number], 0.5 * cell)
+        places = begin[number] + (along / size[number])[:, None] * (end - begin)[number]
+        columns, rows = exposure.cells_of(places)
+        times = exposure.times["mapped"][rows, columns]
+        there = np.flatnonzero(times < _NEVER)
+        if not len(there):
+            continue
+        nearest = distance_transform_edt(times >= _NEVER) * 0.5 * cell
+        filled = np.interp(along, along[there], times[there])
+        smooth = gaussian_filter1d(filled, 2.0 * _WAVE_SMOOTH / cell, mode="nearest")
+        first = int(smooth.argmin())
+        front = smooth[first] + np.abs(along - along[first]) / _WAVE_SPEED * second
+        even = np.where(nearest <= 0.5 * WAVE_GAP, np.maximum(smooth, front), _NEVER)
+        for aside in range(-1, 2):
+            near_rows, near_columns = (
+                np.clip(each + aside, 0, most - 1)
+                for each, most in zip((rows, columns), exposure.times.shape, strict=True)
+            )
+            for pair in ((near_rows, columns), (rows, near_columns)):
+                exposure.times["mapped"][pair] = even
 
 
 class LiveExposure:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
-from lrf3d.studio.scene.shapes import Lines, Soft, single
+from lrf3d.studio.scene.shapes import Lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
 
@@ -264,24 +264,6 @@ def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, 
     share = np.column_stack([np.ones(len(starts)), np.where(meets, share, np.inf)])
     nearest = np.argmin(share, axis=1)
     return share[np.arange(len(share)), nearest], nearest - 1
-
-
-def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
-    """Panes of glass up to the height of a cut [m], and the bright edges of glass and mirrors."""
-    framed = structures.glass | structures.mirrors
-    walls, tops, clear = (
-        each[framed] for each in (structures.segments, structures.heights, structures.glass)
-    )
-    a, b = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(walls, 2))
-    c, d = (end + np.minimum(tops, cut)[:, None] * [0.0, 0.0, 1.0] for end in (b, a))
-    corners = np.stack([a, b, c, a, c, d], axis=1)[clear].reshape(-1, 3, 3)
-    tints = np.full((*corners.shape[:2], 4), (*look.MATERIAL_COLOURS["glass"], look.PANE))
-    starts = np.concatenate([a, b, d])
-    ends = np.concatenate([d, c, c])
-    colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
-    full = np.ones((len(starts), 2), np.float32)
-    edges = Lines(single(starts), single(ends), colours, full, 2.0 * look.FINE)
-    return Soft(single(corners), single(tints)), edges
 
 
 def outlines_of(structures: Structures) -> Lines:

@@ -1,0 +1,159 @@
+"""Glass: panes as they are seen from an eye, and what beams do at them.
+
+Walls of glass, an eye and scans enter; translucent faces, lines and counts leave.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from lrf3d.base.latest import Latest
+from lrf3d.geometry.lines import LEFT, Bool, Float, directions, lengths
+from lrf3d.laser import LaserScan
+from lrf3d.simulation.run import Run
+from lrf3d.studio.scene import look
+from lrf3d.studio.scene.shapes import Lines, Soft, level_lines, single
+from lrf3d.studio.scene.stage.exposure import Exposure
+from lrf3d.studio.scene.stage.structures import Structures
+
+# Colour of a beam that goes through glass.
+THROUGH_COLOUR = look.rgb("#7fe3ff")
+
+# Colour of a beam that comes back from it.
+BACK_COLOUR = look.rgb("#ff8a7a")
+
+# Width of these beams [pixels of 720 lines].
+_BEAM_WIDTH = 2.6
+
+# Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
+_AT_PANE = 0.1
+
+# Width of the parts of a front of glass [m].
+_BAY = 1.3
+
+# Height of panes where walls are cut [m]: they stand out, and hide little.
+_HIGH = 1.9
+
+# Opacity that a pane gains as it is seen from its edge.
+_FRESNEL = 0.45
+
+# Opacity of the gleam in the upper corner of each part, which fades towards the others.
+_GLEAM = 0.14
+
+# Share of the opacity that panes have in the dark.
+_UNLIT = 0.3
+
+# Number of scans that are counted, at most.
+_COUNTED = 400
+
+
+class Panes(NamedTuple):
+    """The panes of glass of a world, in parts of about one width."""
+
+    # (n, 4, 3) corners, the first two at the foot [m].
+    corners: Float
+    # (n, 2) normals.
+    normals: Float
+    # (n,) when the laser first met each [lengths of the run]; +inf for never.
+    seen: Float
+    # The posts between them, and the edges of mirrors.
+    edges: Lines
+
+    @classmethod
+    def of(cls, structures: Structures, cut: float, exposure: Exposure | None = None) -> "Panes":
+        """The panes up to the height of a cut [m]; where all is lit, no exposure is given."""
+        clear = structures.glass
+        walls = structures.segments[clear]
+        count = np.maximum(np.round(lengths(walls) / _BAY), 1.0).astype(int)
+        owner = np.repeat(np.arange(len(walls)), count)
+        part = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        begin, end = np.hsplit(walls[owner], 2)
+        a, b = (begin + ((part + k) / count[owner])[:, None] * (end - begin) for k in (0, 1))
+        tops = np.minimum(structures.heights[clear], max(cut, _HIGH))[owner]
+        framed = structures.mirrors
+        segments = np.concatenate([np.hstack([a, b]), structures.segments[framed]])
+        tops = np.append(tops, np.minimum(structures.heights[framed], cut))
+        foot, far = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(segments, 2))
+        c, d = (ends + tops[:, None] * [0.0, 0.0, 1.0] for ends in (far, foot))
+        starts = np.concatenate([foot, far, d])
+        colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
+        full = np.ones((len(starts), 2), np.float32)
+        edges = Lines(
+            single(starts), single(np.concatenate([d, c, c])), colours, full, 1.5 * look.FINE
+        )
+        corners = np.stack([foot, far, c, d], axis=1)[: len(a)]
+        seen = np.full(len(a), -np.inf)
+        if exposure is not None:
+            found = exposure.sampled(0.5 * (a + b))
+            seen = np.where(found["sure"] > 0.5, found["seen"], np.inf)
+        return cls(corners, directions(np.hstack([a, b])) @ LEFT, seen, edges)
+
+    def faces(self, eye: Float, now: float) -> Soft:
+        """The panes from an eye (3,) at a time [lengths of the run]: opaque only at grazing angles.
+
+        The reflectance grows with the fifth power of 1 − cos θ (Schlick, 1994).
+        """
+        way = self.corners - eye
+        flat = np.einsum("nki,ni->nk", way[..., :2], self.normals)
+        cosine = np.abs(flat) / np.maximum(np.linalg.norm(way, axis=2), look.TINY)
+        alpha = look.PANE + _FRESNEL * (1.0 - cosine) ** 5 + _GLEAM * np.array([0.0, 0.0, 0.3, 1.0])
+        alpha *= np.where(self.seen <= now, 1.0, _UNLIT)[:, None]
+        tint = np.broadcast_to(look.MATERIAL_COLOURS["glass"], (*alpha.shape, 3))
+        order = [0, 1, 2, 0, 2, 3]
+        colours = np.dstack([tint, alpha])[:, order].reshape(-1, 3, 4)
+        return Soft(single(self.corners[:, order].reshape(-1, 3, 3)), single(colours))
+
+
+def at_glass(structures: Structures, starts: Float, ends: Float) -> tuple[Bool, Bool]:
+    """Which beams from (n, 2) to hits (n, 2) went through glass, and which came back from it."""
+    panes = shapely.union_all(shapely.linestrings(
+        structures.segments[structures.glass].reshape(-1, 2, 2)
+    ))  # fmt: skip
+    shapely.prepare(panes)
+    back = shapely.dwithin(panes, shapely.points(ends), _AT_PANE)
+    ways = shapely.linestrings(np.stack([starts, ends], axis=1))
+    return shapely.intersects(panes, ways) & ~back, back
+
+
+def glass_beams(structures: Structures, scan: LaserScan, apex: Float, height: float) -> Lines:
+    """One beam of a scan in the film's frame that went through glass, and one that came back."""
+    ends = scan.points()
+    starts = np.broadcast_to(scan.pose[:2], ends.shape)
+    shown = list[Float]()
+    colours = list[look.Colour]()
+    kinds = at_glass(structures, starts, ends)
+    for which, colour in zip(kinds, (THROUGH_COLOUR, BACK_COLOUR), strict=True):
+        beams = np.flatnonzero(which)
+        if len(beams):
+            shown.append(ends[beams[len(beams) // 2]])
+            colours.append(colour)
+    stops = np.array(shown).reshape(-1, 2)
+    begins = np.broadcast_to(apex, stops.shape)
+    tints = np.array(colours).reshape(-1, 3)
+    return level_lines(height, begins, stops, tints, np.ones((len(stops), 2)), _BEAM_WIDTH)
+
+
+# The counts of the run that was asked for last.
+_COUNTS = Latest()
+
+
+def counts_at_glass(run: Run) -> tuple[int, int]:
+    """How many beams of a run went through its glass, and how many came back from it."""
+    return _COUNTS.of(run, partial(_counts, run))
+
+
+def _counts(run: Run) -> tuple[int, int]:
+    structures = Structures.from_run(run)
+    if not structures.glass.any():
+        return 0, 0
+    step = 1 + len(run) // _COUNTED
+    scans = [run.scan(number) for number in range(0, len(run), step)]
+    ends = [scan.points() - structures.origin for scan in scans]
+    starts = [
+        np.broadcast_to(np.array(scan.pose[:2]) - structures.origin, each.shape)
+        for scan, each in zip(scans, ends, strict=True)
+    ]
+    through, back = at_glass(structures, np.concatenate(starts), np.concatenate(ends))
+    return step * int(through.sum()), step * int(back.sum())

@@ -1,0 +1,53 @@
+"""How a story frames what it shows: not in the dark, the robot in the middle, the map beside it."""
+
+import numpy as np
+import pytest
+from test_render import city_run, room_run
+
+import lrf3d
+from lrf3d.studio.render.film import Film
+from lrf3d.studio.scene.views import film_times
+
+# Brightness below which a pixel is black, 0…255.
+BLACK = 42.0
+
+# Seconds of a film from which on it is not meant to be dark.
+LIT = 2.6
+
+
+def scanned(name):
+    """A run of a built-in world with few scans."""
+    return lrf3d.load_scenario(name).run(scans=60, rng=0, snapshots=12)
+
+
+WORLDS = {
+    "room": room_run,
+    "town": lambda: city_run(seconds=40.0),
+    **{
+        name: lambda name=name: scanned(name)
+        for name in ("paper_room", "glass_office", "warehouse", "corridor", "mirror_hall", "city")
+    },
+}
+
+
+@pytest.mark.parametrize(
+    "world",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name != "room")) for name in WORLDS],
+)
+def test_no_half_of_a_picture_is_black_and_the_robot_is_in_its_middle_not_under_the_map(world):
+    film = Film(WORLDS[world](), view="story", size=(160, 90), samples=0)
+    passed = np.arange(LIT, 15.0, 2.0)
+    frames = film_times("story", film.timeline, 1.0 / 0.04, 15.0)
+    times = frames[(passed / 0.04).astype(int).clip(max=len(frames) - 1)]
+    for time in times.tolist():
+        view = film._view(time)
+        picture = film.draw(time)[:, : 160 - round(view.inset * film._strip), :3]
+        assert (picture @ [0.3, 0.55, 0.15] < BLACK).mean() < 0.5, time
+        if view.shot in ("chase", "close"):
+            moment = film.timeline.moment(time)
+            place = np.append(moment.pose[:2] - film.timeline.origin, [0.3, 1.0])
+            x, y, _, w = view.matrix(160 / 90, 1000.0) @ place
+            column = 80.0 * (1.0 + x / w)
+            assert 0.2 < column / picture.shape[1] < 0.8 and abs(y / w) < 0.6, time
+    assert film._box[0] >= 160 - film._strip or not film._strip
+    film.close()

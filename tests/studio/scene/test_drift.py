@@ -1,0 +1,66 @@
+"""Odometry that drifts off an estimate, and what glass does to beams."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_render import room_run
+
+import lrf3d
+from lrf3d.geometry.pose import compose
+from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.glass import Panes, at_glass
+from lrf3d.studio.scene.panel import panel
+from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.timeline import Timeline
+
+
+def said(run, shot="chase", *, time=1.0, glass=0.0):
+    """The lines of a panel."""
+    view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot, glass=glass)
+    return panel(run, Timeline(run).moment(time), view, 1.0).text
+
+
+def drifting(closures):
+    """A run whose odometry has another frame, and drifts by 0.1 m a scan to one side."""
+    run = room_run()
+    poses = run.trajectory.poses
+    slipped = poses + np.arange(len(run))[:, None] * [0.0, 0.1, 0.0]
+    odometry = compose(np.array([3.0, -1.0, 0.5]), slipped)
+    return replace(
+        run,
+        estimate=lrf3d.EstimatedTrajectory(poses, closures=np.array(closures), odometry=odometry),
+    )
+
+
+def test_the_ghost_drifts_until_a_loop_closes_and_begins_again_at_the_robot():
+    run = drifting([(0, 3)])
+    drift = Drift.of(run, np.zeros(2), 1.0)
+    times = run.trajectory.times - run.trajectory.times[0]
+    assert drift.removed.tolist() == pytest.approx([0.3]) and drift.times == times[[3]]
+    assert drift.off(times[3] - 1e-9) == pytest.approx(0.3, abs=1e-6)
+    assert drift.off(times[3] + 1e-6) == pytest.approx(0.0, abs=1e-3)
+    assert drift.total == pytest.approx(0.1 * (len(run) - 1))
+    # The line from odometry to the estimate appears as the loop closes.
+    assert not len(drift.closings(times[2], 1.0).starts)
+    assert len(drift.closings(times[3], 1.0).starts) == 1
+    assert said(run, time=times[3] + 0.1)[0] == "A loop closes: 30 cm of drift removed"
+    assert "1 loop closure" in said(run, "end", glass=1.0)[1]
+
+
+def test_beams_go_through_glass_or_come_back_from_it_and_panes_are_seen_at_a_slant():
+    walls = [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0], [2, 1, 2, 3]]
+    world = lrf3d.World(walls, [0, 0, 0, 0, 1], materials=[None, "glass"])
+    structures = Structures.from_world(world)
+    starts = np.tile(np.array([1.0, 2.0]) - structures.origin, (3, 1))
+    ends = np.array([[4.0, 2.0], [2.01, 2.0], [1.0, 4.0]]) - structures.origin
+    through, back = at_glass(structures, starts, ends)
+    assert through.tolist() == [True, False, False] and back.tolist() == [False, True, False]
+    panes = Panes.of(structures, 0.8)
+    x, y = np.array([2.0, 2.0]) - structures.origin
+    ahead, along = (
+        panes.faces(np.array([x + dx, y + dy, 1.0]), 0.0).colours[..., 3].max()
+        for dx, dy in ((-5.0, 0.0), (-0.2, -5.0))
+    )
+    assert along > 1.5 * ahead
