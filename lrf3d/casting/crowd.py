@@ -27,9 +27,16 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.following import Patrol
 from lrf3d.robot.kinematics import Twist
 
+# [m] Multiples of this are origins of the frame in which obstacles are placed. Less than half of it
+# from the origin, float64 resolves 1e-13 m; worlds around (0, 0) keep their own coordinates.
+FRAME = 1024.0
+
 
 class Crowd:
     """Dynamic obstacles as kernels take them.
+
+    Beams meet them in a frame near their paths: far from the origin of the world, as in UTM
+    coordinates, where they are would be rounded to nanometres.
 
     Their places at the last time are kept, as all robots of a fleet scan at the same times. The
     discs are a radius [m] for each obstacle that touches others as a disc, and 0 for an outline.
@@ -62,7 +69,12 @@ class Crowd:
         corners = records(CORNER, *np.concatenate(outlines).T)
         self.plain: Plain = movers, corners, moves_of(times, poses)
         """The obstacles as kernels take them: kinds MOVER, CORNER, LEG."""
-        self._placed = *self.plain, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
+        middle = poses[:, :2].mean(axis=0) if len(poses) else np.zeros(2)
+        self.origin: Float = np.append(FRAME * np.round(middle / FRAME), 0.0)
+        """Origin (3,) of the frame near the obstacles, as a pose."""
+        self.near: Plain = movers, corners, moves_of(times, poses - self.origin)
+        """The same obstacles in that frame."""
+        self._placed = *self.near, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
         self._moment = [math.nan]
 
     def __len__(self) -> int:
@@ -83,7 +95,20 @@ class Crowd:
         some["fastest"] = speeds
         some["rim"] = speeds + np.abs(moves["turn"]) * some["reach"]
         legs[some["leg"]] = moves
+        near = moves.copy()
+        near["x"] -= self.origin[0]
+        near["y"] -= self.origin[1]
+        self.near[2][some["leg"]] = near
         self._moment[0] = math.nan
+
+    def as_seen(self, rays: Records) -> Records:
+        """Rays (n,) in the frame near the obstacles."""
+        if not self.origin.any():
+            return rays
+        seen = rays.copy()
+        seen["x"] -= self.origin[0]
+        seen["y"] -= self.origin[1]
+        return seen
 
     def _place(self, time: float) -> None:
         if time != self._moment[0]:
@@ -101,6 +126,7 @@ class Crowd:
         self._place(time)
         own = np.full(len(poses), self.own) if own is None else own
         asked = self._placed, laser_of(lrf), float(lrf.height)
+        poses = poses - self.origin
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
@@ -119,7 +145,8 @@ class Crowd:
         Walls become −1, or the row of the obstacles' side, counted on from a number of walls.
         """
         limits = (float(lrf.range_min), float(lrf.range_max))
-        rays_among(self.plain, limits, (self.own, float(lrf.height), named), rays, ranges, walls)
+        seen = self.own, float(lrf.height), named
+        rays_among(self.near, limits, seen, self.as_seen(rays), ranges, walls)
 
 
 def move_of(time: float, pose: Sequence[float], twist: Twist) -> Records:
