@@ -170,17 +170,8 @@ class LaserScan(Value, Pictured):
         """
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
-        scan.__dict__.update(
-            pose=pose,
-            angles=lrf.angles,
-            ranges=sealed(ranges),
-            walls=sealed(walls),
-            range_min=lrf.range_min,
-            range_max=lrf.range_max,
-            time_increment=lrf.time_increment,
-            mount=lrf.mount,
-            laser=lrf.name,
-        )
+        common = lrf.of_scans
+        scan.__dict__.update(common, pose=pose, ranges=sealed(ranges), walls=sealed(walls))
         if light:
             for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:

@@ -66,6 +66,10 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
         DynamicObstacle(SQUARE, DRIVE),
         DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
     )
+    # So many that they are tested in groups.
+    rng = np.random.default_rng(0)
+    places = np.column_stack([rng.uniform(20, 80, (40, 2)), np.zeros(40)])
+    obstacles += tuple(DynamicObstacle(SQUARE, Trajectory([0.0], [place])) for place in places)
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
     scan = among(make(CITY), lrf, *obstacles)(pose, 0.75)
     sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])

@@ -104,7 +104,7 @@ def save_figure(figure: Figure, path: str | Path | None) -> Figure:
         with replacing(path) as unfinished:
             if as_path(path).suffix.lower() == ".png":
                 # The layout is computed while drawing; `savefig` would draw another time for it.
-                FigureCanvasAgg(figure).print_png(unfinished)
+                FigureCanvasAgg(figure).print_png(unfinished)  # type: ignore[no-untyped-call]
             else:
                 figure.savefig(unfinished, dpi=DOTS_PER_INCH)
     return figure
