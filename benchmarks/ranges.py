@@ -33,6 +33,9 @@ DRIVE, BATCH = 64, 4000
 CORNERS = 20_000
 """Beams aimed within 1e-9 to 1e-5 rad of corners."""
 
+FEW_BEAMS = (1, 4, 10, 30, 64)
+"""Beams of short scans."""
+
 NUMPY = "NumPy determinants"
 
 GROSS = 0.01
@@ -98,6 +101,7 @@ def bench(
     report = Report(__doc__.splitlines()[0])
     for count in numbers("--walls", walls, least=4):
         measure(report, count, seconds)
+    short_scans(report, seconds)
     savings(report, seconds)
     report.notes.append(
         f"scan: {LRF.beams} beams, range_max {LRF.range_max:g} m, the median. error: the largest of"
@@ -150,6 +154,35 @@ def measure(report: Report, count: int, seconds: float) -> None:
             error_m=max(plain.max(), at_corners.max()),
             over_1_cm_share=float((at_corners > GROSS).mean()),
             batch_s=batches[name].median / (BATCH * LRF.beams) if name in batches else None,
+        )
+
+
+def short_scans(report: Report, seconds: float) -> None:
+    """Single scans of few beams among 400 walls, as multiples of bare Embree on prepared rays."""
+    world = generate_city(400)
+    planar, poses = PlanarCaster(world), city_crossings(400, DRIVE)
+    try:
+        bare, prepared = bare_embree(world)
+    except ImportError as error:
+        report.notes.append(f"left out: {error}")
+        return
+    for beams in FEW_BEAMS:
+        lrf = LaserRangeFinder(beams=beams)
+        timed = take_turns(
+            {
+                "bare": partial(_scan, [prepared(pose, lrf) for pose in poses]),
+                "ranges": partial(_scan, [partial(planar.ranges, lrf, pose) for pose in poses]),
+                "cast": partial(_scan, [partial(planar.cast, lrf, pose) for pose in poses]),
+            },
+            seconds=seconds / 10,
+        )  # fmt: skip
+        base = timed["bare"].median
+        report.add(
+            "short scans",
+            beams=beams,
+            ranges_to_bare=timed["ranges"].median / base,
+            cast_to_bare=timed["cast"].median / base,
+            bare_error_m=errors(bare(lrf, poses), planar.cast_batch(lrf, poses), lrf).max(),
         )
 
 
@@ -224,7 +257,7 @@ def rays(world: World, lrf: LaserRangeFinder, poses: Float) -> tuple[Any, Any]:
     )
 
 
-def bare_embree(world: World) -> tuple[Cast, Ready]:
+def bare_embree(world: World) -> tuple[Cast, Callable[..., Callable[[], object]]]:
     """``EmbreeScene.run`` of embreex: the bare float32 library."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -238,7 +271,10 @@ def bare_embree(world: World) -> tuple[Cast, Ready]:
         distances = np.where(found["primID"] >= 0, found["tfar"].astype(np.float64), np.inf)
         return limited(distances.reshape(len(poses), lrf.beams), lrf)
 
-    return cast, lambda pose: partial(scene.run, *rays(world, LRF, pose[None]))
+    def prepared(pose: Float, lrf: LaserRangeFinder = LRF) -> Callable[[], object]:
+        return partial(scene.run, *rays(world, lrf, pose[None]))
+
+    return cast, prepared
 
 
 def open3d_ranges(world: World) -> Cast:

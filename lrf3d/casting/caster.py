@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from lrf3d.casting.light import Lighting
 
 
-# [beams] Largest scan that is cast beam by beam: as a fan it would take longer.
+# [beams] Largest scans of a batch that are cast beam by beam: as fans they would take longer. A
+# single scan is one call of a kernel as a fan and two beam by beam, so only one beam goes alone.
 FEW = 20
 
 # [rays] Rays that are prepared together: 160 kB, which stay in the cache of a core.
@@ -91,16 +92,34 @@ class PlanarCaster:
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
-        laser = laser_of(lrf)
         pose = as_pose(pose)
-        poses = np.fromiter(pose, np.float64, 3)[None]
         if self.lighting is not None:
-            (lit,) = self._lit(lrf, poses).scans()
+            (lit,) = self._lit(lrf, np.array([pose])).scans()
             return LaserScan.unchecked(lrf, pose, *lit.arrays(lrf.echoes))
+        return LaserScan.unchecked(lrf, pose, *self._once(lrf, pose))
+
+    def ranges(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Float:
+        """The ranges (beams,) of `cast` alone: for few beams a scan around them takes as long.
+
+        Examples:
+            >>> import lrf3d
+            >>> caster = lrf3d.PlanarCaster(lrf3d.World([[3, -5, 3, 5]]))
+            >>> caster.ranges(lrf3d.LaserRangeFinder(beams=3), (1, 0, 0)).tolist()
+            [inf, 2.0, inf]
+        """
+        pose = as_pose(pose)
+        if self.lighting is not None:
+            return np.asarray(self._lit(lrf, np.array([pose])).ranges[0])
+        return self._once(lrf, pose)[0]
+
+    def _once(self, lrf: LaserRangeFinder, pose: Pose) -> tuple[Float, Int]:
+        """Ranges and walls (beams,) from a pose; beams end also at mirrors and glass."""
+        laser = laser_of(lrf)
         ranges = np.empty(lrf.beams)
         walls = np.empty(lrf.beams, np.int64)
+        poses = np.fromiter(pose, np.float64, 3)[None]
         self._fill(lrf.height, laser, poses, ranges[None], walls[None])
-        return LaserScan.unchecked(lrf, pose, ranges, walls)
+        return ranges, walls
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
@@ -279,7 +298,7 @@ class PlanarCaster:
         Beams end at the first wall, also at mirrors and glass.
         """
         tree = self.tree(height)
-        if ranges.shape[1] > FEW:
+        if ranges.shape[1] > (FEW if len(poses) > 1 else 1):
             cast_scans(tree[:], laser, poses, ranges, walls)
         else:
             cast_one_by_one(tree, laser, poses, ranges, walls, lambda rays: NO_GUESSES)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from lrf3d.base.errors import CollisionError, InputError, each_of, expect
 from lrf3d.casting.crowd import Crowd, move_of, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.kernels.touch import EDGE, touched
+from lrf3d.casting.kernels.touch import EDGE, touched, touched_among
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.geometry.lines import Float, Int, Records, Value, as_rows, number
 from lrf3d.geometry.pose import Pose, between
@@ -156,7 +156,9 @@ class CollisionChecker:
         own = np.full(len(moves), self._crowd.own) if own is None else own
         walls, met = np.empty((2, len(moves)), np.int64)
         found = np.empty(len(moves)), walls, met
-        touched((self._tree[:], self._crowd.plain), body.plain, moves, seconds, own, found)
+        touched(self._tree[:], body.plain, moves, seconds, found)
+        if len(self._crowd):
+            touched_among(self._crowd.plain, body.plain, moves, seconds, own, found)
         return found
 
     def hit(self, starts: Float, ends: Float, radius: float) -> Int:

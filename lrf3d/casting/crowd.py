@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence, Sized
 from copy import copy
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from lrf3d.base.cores import share
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.movers import (
     CORNER,
+    GROUP,
     HELD,
     LEG,
     MOVER,
@@ -27,9 +29,22 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.following import Patrol
 from lrf3d.robot.kinematics import Twist
 
+# [m] Multiples of this are origins of the frame in which obstacles are placed. Less than half of it
+# from the origin, float64 resolves 1e-13 m; worlds around (0, 0) keep their own coordinates.
+FRAME = 1024.0
+
+# [obstacles] Mean number of those that a group would hold if all were evenly spread.
+TOGETHER = 8
+
+# [obstacles] Up to this number, tests of groups take longer than they save.
+UNGROUPED = 32
+
 
 class Crowd:
     """Dynamic obstacles as kernels take them.
+
+    Beams meet them in a frame near their paths: far from the origin of the world, as in UTM
+    coordinates, where they are would be rounded to nanometres.
 
     Their places at the last time are kept, as all robots of a fleet scan at the same times. The
     discs are a radius [m] for each obstacle that touches others as a disc, and 0 for an outline.
@@ -62,7 +77,15 @@ class Crowd:
         corners = records(CORNER, *np.concatenate(outlines).T)
         self.plain: Plain = movers, corners, moves_of(times, poses)
         """The obstacles as kernels take them: kinds MOVER, CORNER, LEG."""
-        self._placed = *self.plain, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
+        middle = poses[:, :2].mean(axis=0) if len(poses) else np.zeros(2)
+        self.origin: Float = np.append(FRAME * np.round(middle / FRAME), 0.0)
+        """Origin (3,) of the frame near the obstacles, as a pose."""
+        self.near: Plain = movers, corners, moves_of(times, poses - self.origin)
+        """The same obstacles in that frame."""
+        self._placed = *self.near, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
+        # Crowds of the same obstacles share where these are. Few are one group.
+        everywhere = np.array([(0.0, 0.0, np.inf, 0, len(movers))], GROUP)
+        self._groups: list[Any] = [everywhere, np.arange(len(movers))]
         self._moment = [math.nan]
 
     def __len__(self) -> int:
@@ -83,12 +106,27 @@ class Crowd:
         some["fastest"] = speeds
         some["rim"] = speeds + np.abs(moves["turn"]) * some["reach"]
         legs[some["leg"]] = moves
+        near = moves.copy()
+        near["x"] -= self.origin[0]
+        near["y"] -= self.origin[1]
+        self.near[2][some["leg"]] = near
         self._moment[0] = math.nan
+
+    def as_seen(self, rays: Records) -> Records:
+        """Rays (n,) in the frame near the obstacles."""
+        if not self.origin.any():
+            return rays
+        seen = rays.copy()
+        seen["x"] -= self.origin[0]
+        seen["y"] -= self.origin[1]
+        return seen
 
     def _place(self, time: float) -> None:
         if time != self._moment[0]:
             self._moment[0] = time
             place_all(self._placed, time)
+            if len(self) > UNGROUPED:
+                self._groups[:] = _grouped(self._placed[3])
 
     def stop_scans(
         self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int,
@@ -100,7 +138,8 @@ class Crowd:
         """
         self._place(time)
         own = np.full(len(poses), self.own) if own is None else own
-        asked = self._placed, laser_of(lrf), float(lrf.height)
+        asked = (self._placed, *self._groups), laser_of(lrf), float(lrf.height)
+        poses = poses - self.origin
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
@@ -119,7 +158,8 @@ class Crowd:
         Walls become −1, or the row of the obstacles' side, counted on from a number of walls.
         """
         limits = (float(lrf.range_min), float(lrf.range_max))
-        rays_among(self.plain, limits, (self.own, float(lrf.height), named), rays, ranges, walls)
+        seen = self.own, float(lrf.height), named
+        rays_among(self.near, limits, seen, self.as_seen(rays), ranges, walls)
 
 
 def move_of(time: float, pose: Sequence[float], twist: Twist) -> Records:
@@ -139,6 +179,28 @@ def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:
     for name, column in zip(kind.names or (), columns, strict=True):
         rows[name] = column
     return rows
+
+
+def _grouped(placed: Records) -> tuple[Records, Int]:
+    """Groups of obstacles (k,) that are close together, and the order (k,) in which they come."""
+    count = len(placed)
+    places = np.column_stack([placed["x"], placed["y"]])
+    size = np.ptp(places, axis=0).max() * math.sqrt(TOGETHER / count)
+    cells = np.floor(places / size).astype(np.int64) if size > 0.0 else np.zeros((count, 2), int)
+    order = np.lexsort(cells.T)
+    new = (np.diff(cells[order], axis=0) != 0).any(axis=1)
+    firsts = np.append(0, 1 + np.flatnonzero(new))
+    groups = np.empty(len(firsts), GROUP)
+    groups["first"] = firsts
+    groups["stop"] = np.append(firsts[1:], count)
+    low = np.minimum.reduceat(places[order], firsts)
+    high = np.maximum.reduceat(places[order], firsts)
+    middles = 0.5 * (low + high)
+    groups["x"], groups["y"] = middles.T
+    offsets = places[order] - np.repeat(middles, groups["stop"] - firsts, axis=0)
+    reach = np.hypot(*offsets.T) + placed["reach"][order]
+    groups["reach"] = np.maximum.reduceat(reach, firsts)
+    return groups, order
 
 
 def _lap(path: Trajectory | Patrol) -> Trajectory:

@@ -331,7 +331,8 @@ def _columns(
             fits = raise_rays(standing, rays, eye, slopes[:, [0, -1]], skies)
         if crowd is not None and len(crowd):
             limits = slopes[:, [0, -1]]
-            fits = raise_obstacles(crowd.plain, crowd.own, rays, eye, limits, skies) and fits
+            near = crowd.as_seen(rays)
+            fits = raise_obstacles(crowd.near, crowd.own, near, eye, limits, skies) and fits
         if fits:
             break
         walls.room *= 2

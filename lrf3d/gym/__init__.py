@@ -285,10 +285,20 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         places = self.poses[:, :2].copy()
         room = 2.0 * self._body.reach + GOAL_MARGIN
         places[robots] = np.inf
-        for robot, start, candidates in zip(robots, starts, others, strict=True):
-            choices = np.vstack([start, candidates])
-            away = np.hypot(*(choices[:, None] - places).transpose(2, 0, 1)).min(axis=1)
-            places[robot] = choices[np.minimum(away, room).argmax()]
+        for robot, choices in zip(
+            robots, np.concatenate([starts[:, None], others], 1), strict=True
+        ):
+            # The first with room; nearly always one of the first.
+            most = -1.0
+            best = choices[0]
+            for choice in choices:
+                away = float(np.hypot(*(choice - places).T).min())
+                if away > most:
+                    most = away
+                    best = choice
+                if away >= room:
+                    break
+            places[robot] = best
         return places[robots]
 
     def _scan(self) -> tuple[Float, Float, Int]:

@@ -149,6 +149,24 @@ class LaserRangeFinder(Value):
         """Angle of the middle of the fan, and half of its width [rad]."""
         return 0.5 * (self.angle_min + self.angle_max), 0.5 * (self.angle_max - self.angle_min)
 
+    @cached_property
+    def delays(self) -> Float:
+        """Times of the beams (beams,) after the first one [s]."""
+        return sealed(self.time_increment * np.arange(self.beams, dtype=np.float64))
+
+    @cached_property
+    def plain(self) -> tuple[Any, ...]:
+        """The fan, the middle and half of its width, and the limits, as kernels take them."""
+        return self.fan, *self.spread, float(self.range_min), float(self.range_max)
+
+    @cached_property
+    def of_scans(self) -> dict[str, Any]:
+        """What all its scans have in common, by the names of their attributes."""
+        return {
+            "angles": self.angles, "range_min": self.range_min, "range_max": self.range_max,
+            "time_increment": self.time_increment, "mount": self.mount, "laser": self.name,
+        }  # fmt: skip
+
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Unit vectors (beams, 2) of the beams in the world, for the laser at a pose."""
         return turned(self.fan, as_pose(pose).theta)

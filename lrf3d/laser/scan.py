@@ -140,7 +140,7 @@ class LaserScan(Value, Pictured):
             {name: _of_beams(value, len(turns), name) for name, value in light},
             pose=as_pose(pose),
             angles=turns,
-            ranges=_within(distances, reach),
+            ranges=returned(distances, reach),
             walls=met,
             range_min=near,
             range_max=far if far <= LARGEST_COORDINATE else np.inf,
@@ -170,17 +170,8 @@ class LaserScan(Value, Pictured):
         """
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
-        scan.__dict__.update(
-            pose=pose,
-            angles=lrf.angles,
-            ranges=sealed(ranges),
-            walls=sealed(walls),
-            range_min=lrf.range_min,
-            range_max=lrf.range_max,
-            time_increment=lrf.time_increment,
-            mount=lrf.mount,
-            laser=lrf.name,
-        )
+        common = lrf.of_scans
+        scan.__dict__.update(common, pose=pose, ranges=sealed(ranges), walls=sealed(walls))
         if light:
             for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:
@@ -258,7 +249,7 @@ class ScanBatch:
     echo_intensities: Float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ranges", _within(self.ranges, self.range_max))
+        object.__setattr__(self, "ranges", returned(self.ranges, self.range_max))
 
     @classmethod
     def of(cls, scans: Sequence[LaserScan]) -> ScanBatch:
@@ -280,7 +271,7 @@ def _check_angles(angles: Float) -> None:
         )
 
 
-def _within(ranges: Float, range_max: float) -> Float:
+def returned(ranges: Float, range_max: float) -> Float:
     """Ranges, in which NaN and what is not within range_max are no return, +inf.
 
     Negative ones, which noise makes of short ones, are too near, −inf.

@@ -46,6 +46,19 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
     """
     expect(run, Run, "run")
     least = number(least, "least length", "metres")
+    low, high = _outermost(run)
+    visible = np.flatnonzero(high - low > least)
+    start = run.world.segments[visible, :2]
+    unit = directions(run.world.segments)[visible]
+    first = start + low[visible, None] * unit
+    return np.hstack([first, start + high[visible, None] * unit]), visible
+
+
+def _outermost(run: Run) -> tuple[Float, Float]:
+    """How far along each wall [m] its outermost noise-free returns lie; it is kept in the run."""
+    kept = vars(run)
+    if "_outermost" in kept:
+        return kept["_outermost"]  # type: ignore[no-any-return]
     segments = run.world.segments
     along = directions(segments)
     size = lengths(segments)
@@ -66,11 +79,8 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
         station = station[direct]
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
-    visible = np.flatnonzero(high - low > least)
-    start = segments[visible, :2]
-    unit = along[visible]
-    first = start + low[visible, None] * unit
-    return np.hstack([first, start + high[visible, None] * unit]), visible
+    kept["_outermost"] = low, high
+    return low, high
 
 
 def seen_share(run: Run) -> float | None:
@@ -321,7 +331,7 @@ def summarise(run: Run) -> dict[str, Any]:
         summary["map"] = {"segments": len(run.map), "objects": run.map.object_count}
         summary["score"] = score_run(judged).as_dict()
         summary["buildings"] = buildings_seen(judged).as_dict()
-    return summary
+    return {**summary, "seen_share": seen_share(judged)}
 
 
 def judged_part(run: Run) -> Run:

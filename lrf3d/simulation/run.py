@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from lrf3d.base.errors import InputError, MissingLibraryError, expect, index_of, shown
 from lrf3d.base.lazy import ABOVE, Pictured
 from lrf3d.geometry.lines import Float, Int, Value, number, numbers, sealed, whole_number
+from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import DepthImage, LaserRangeFinder, LaserScan, LidarScan
 from lrf3d.laser.cloud_sensors import NO_SENSORS, CloudSensors
-from lrf3d.laser.scan import LIGHT
+from lrf3d.laser.scan import LIGHT, returned
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
@@ -242,25 +243,26 @@ class Run(Value, Pictured):
 
     def scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The measured scan with an index from 0, of one of the lasers by its number."""
+        return self._scan(index, laser, self.ranges, self.light)
+
+    def _scan(self, index: int, laser: int, ranges: Float, light: Mapping[str, Float]) -> LaserScan:
+        """The scan of a laser with its row of ranges, and of light if there is any."""
         index = index_of(index, len(self), "scan")
         lrf = self.lasers[index_of(laser, len(self.lasers), "laser")]
         begin = sum(each.beams for each in self.lasers[:laser])
         beams = slice(begin, begin + lrf.beams)
-        motions = self.motions
-        return LaserScan(
-            lrf.placed(self.trajectory.poses[index]),
-            lrf.angles,
-            self.ranges[index, beams],
+        motion = None
+        if self.motions is not None and lrf.scan_duration:
+            motion = self.motions[index, laser]
+        # The arrays of a run are checked.
+        scan = LaserScan.unchecked(
+            lrf,
+            as_pose(lrf.placed(self.trajectory.poses[index])),
+            returned(ranges[index, beams], lrf.range_max),
             self.walls[index, beams],
-            range_min=lrf.range_min,
-            range_max=lrf.range_max,
-            time=float(self.trajectory.times[index]),
-            time_increment=lrf.time_increment,
-            mount=lrf.mount,
-            laser=lrf.name,
-            motion=None if motions is None or not lrf.scan_duration else motions[index, laser],
-            **{name: values[index, beams] for name, values in self.light.items()},
-        )
+        ).at_time(float(self.trajectory.times[index]), motion)
+        rows: dict[str, Any] = {name: values[index, beams] for name, values in light.items()}
+        return replace(scan, **rows) if rows else scan
 
     def scans_at(self, index: int) -> tuple[LaserScan, ...]:
         """The measured scans with an index from 0, one of each laser."""
@@ -268,10 +270,7 @@ class Run(Value, Pictured):
 
     def true_scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The scan with an index from 0, without noise; intensities are kept of measured ones."""
-        unlit: dict[str, Any] = dict.fromkeys(self.light)
-        scan = self.scan(index, laser=laser)
-        begin = sum(each.beams for each in self.lasers[:laser])
-        return replace(scan, ranges=self.truth[index, begin : begin + len(scan.ranges)], **unlit)
+        return self._scan(index, laser, self.truth, {})
 
     @cached_property
     def _clouds(self) -> Clouds:

@@ -127,10 +127,11 @@ class Sensor:
             return self._among(lrf.placed(pose), time)
         place = as_pose(lrf.placed(pose))
         motion = None
-        poses = np.array([place])
-        times = np.array([time])
-        if self._path is not None:
-            times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+        if self._path is None:
+            poses = np.array([place])
+            times = np.array([time])
+        else:
+            times = time + lrf.delays
             if self._legs is None:
                 poses = self._path.at(times)
             else:

@@ -78,6 +78,21 @@ def test_single_rays_are_exact_at_corners_along_walls_and_from_walls():
     assert 0 < sum(t == 0 for _, t in wanted) < sum(t is not None for _, t in wanted) < len(ways)
 
 
+@pytest.mark.parametrize("beams", [1, 2, 20, 21])
+@pytest.mark.parametrize("kind", ["plaster", "mirror"])
+def test_ranges_alone_a_scan_and_a_batch_are_the_same_for_few_and_many_beams(beams, kind):
+    rng = np.random.default_rng(beams)
+    walls = rng.uniform(-6, 6, (40, 4))
+    world = World(walls, np.zeros(40, int), materials=[kind] * (kind == "mirror"))
+    lrf, poses = LaserRangeFinder(beams=beams, range_max=30.0), rng.uniform(-5, 5, (20, 3))
+    for caster in (PlanarCaster(world), EmbreeCaster(world)):
+        batch, hits = caster.scan_batch(lrf, poses)
+        for pose, wanted, walls in zip(poses, batch, hits, strict=True):
+            assert caster.ranges(lrf, pose).tolist() == wanted.tolist()
+            assert caster.cast(lrf, pose).ranges.tolist() == wanted.tolist()
+            assert caster.cast(lrf, pose).walls.tolist() == walls.tolist()
+
+
 def test_single_rays_follow_the_limits_and_the_height_of_a_laser():
     caster = PlanarCaster(World([[2, -1, 2, 1], [5, -1, 5, 1]], heights=[0.4, 2.0]))
     lrf, ahead = LaserRangeFinder(range_min=1.0, range_max=4.5, height=0.3), [(1.0, 0.0)]

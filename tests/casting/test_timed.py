@@ -1,3 +1,4 @@
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -8,7 +9,9 @@ import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world
 from lrf3d.base.errors import InputError
 from lrf3d.casting import EmbreeCaster
+from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.casting.kernels.beams import RAY
 from lrf3d.robot.following import Patrol
 from lrf3d.simulation.sensor import Sensor
 
@@ -63,6 +66,10 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
         DynamicObstacle(SQUARE, DRIVE),
         DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
     )
+    # So many that they are tested in groups.
+    rng = np.random.default_rng(0)
+    places = np.column_stack([rng.uniform(20, 80, (40, 2)), np.zeros(40)])
+    obstacles += tuple(DynamicObstacle(SQUARE, Trajectory([0.0], [place])) for place in places)
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
     scan = among(make(CITY), lrf, *obstacles)(pose, 0.75)
     sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])
@@ -111,6 +118,44 @@ def test_beams_of_a_sweep_among_moving_obstacles_are_exact(seed):
         assert scan.walls[beam] == (wall if near and wall < len(CITY.segments) else -1)
         met += near and wall >= len(CITY.segments)
     assert met > 5
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (500_000.3, 5_300_000.7)])
+def test_beams_past_corners_of_what_moves_are_right_wherever_the_world_lies(offset):
+    rng = np.random.default_rng(1)
+    start, end = np.add([[-2.0, 7.0, 0.3], [3.0, 8.0, 1.9]], (*offset, 0.0))
+    crowd = Crowd([DynamicObstacle(SQUARE, Trajectory([0.0, 1.0], [start, end]))])
+    times = np.sort(rng.random(200))
+    rays = np.zeros(200, RAY)
+    rays["time"] = times
+    rays["x"], rays["y"] = np.array(offset)[:, None] + rng.uniform(-3, 3, (2, 200))
+    aside, tangents = [], []
+    for ray in rays:
+        share = Fraction(float(ray["time"]))
+        x, y = [
+            Fraction(p) + share * (Fraction(q) - Fraction(p))
+            for p, q in zip(start, end, strict=True)
+        ][:2]
+        theta = start[2] + ray["time"] * (end[2] - start[2])
+        cos, sin = Fraction(math.cos(theta)), Fraction(math.sin(theta))
+        ox, oy = Fraction(float(ray["x"])), Fraction(float(ray["y"]))
+        corners = [
+            (x - ox + Fraction(a) * cos - Fraction(b) * sin,
+             y - oy + Fraction(a) * sin + Fraction(b) * cos)
+            for a, b in SQUARE
+        ]  # fmt: skip
+        tip = corners[rng.integers(4)]
+        away = math.atan2(*map(float, tip[::-1])) + rng.choice([-1, 1]) * 10 ** rng.uniform(-13, -9)
+        ray["dx"], ray["dy"] = math.cos(away), math.sin(away)
+        dx, dy = Fraction(float(ray["dx"])), Fraction(float(ray["dy"]))
+        across = [float(dx * b - dy * a) for a, b in corners]
+        tangents.append(min(map(abs, across)))
+        aside.append(min(across) > 0.0 or max(across) < 0.0)
+    ranges = np.full(200, np.inf)
+    crowd.stop_rays(LaserRangeFinder(), rays, ranges, np.zeros(200, np.int64))
+    assert 50 < np.sum(aside) < 150
+    wrong = np.isinf(ranges) != aside
+    assert np.max(np.array(tangents)[wrong], initial=0.0) < 1e-14
 
 
 def test_a_patrol_goes_there_and_back_at_its_speed():

@@ -302,7 +302,9 @@ def start(args: Namespace) -> int | None:
     with ExitStack() as stack:
         console = Console(args.command, args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
-        compiling = start_compiling(bool(slam)) if args.command in compiled else None
+        planar = args.command == "sweep" or getattr(args, "caster", None) == "planar"
+        parts = ["slam"] * bool(slam) + ["planar"] * planar
+        compiling = start_compiling(*parts) if args.command in compiled else None
         if compiling is not None:
             stack.callback(compiling.kill)
         refuse_twice(args)

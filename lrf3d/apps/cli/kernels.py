@@ -20,8 +20,11 @@ from lrf3d.base.interrupts import Progress, check
 FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
 
 
-def start_compiling(slam: bool = False) -> "Popen[bytes] | None":
-    """Start to compile, also for SLAM, if nothing has been compiled for this installation."""
+def start_compiling(*parts: str) -> "Popen[bytes] | None":
+    """Start to compile what each run needs, if nothing has been compiled for this installation.
+
+    The parts ``slam`` and ``planar``, a caster, are compiled where they are named.
+    """
     package = Path(__file__).parents[2]
     home = Path(os.path.expanduser("~"))
     writable = [package, home]
@@ -39,7 +42,7 @@ def start_compiling(slam: bool = False) -> "Popen[bytes] | None":
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return Popen(
-        [sys.executable, "-m", "lrf3d.apps.cli.kernels", *["slam"] * slam], env=environment,
+        [sys.executable, "-m", "lrf3d.apps.cli.kernels", *parts], env=environment,
         stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True,
     )  # fmt: skip
 
@@ -69,9 +72,7 @@ def main(*parts: str) -> None:
 
     Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
 
-    calls = sorted(
-        _calls("slam" in parts), key=lambda call: not call[0].startswith("lrf3d.mapping")
-    )
+    calls = sorted(_calls(*parts), key=lambda call: not call[0].startswith("lrf3d.mapping"))
     # This process runs kernels as plain Python; those that it starts compile.
     del os.environ["NUMBA_DISABLE_JIT"]
     with process_pool(core_count()) as pool:
@@ -88,7 +89,7 @@ def _end_with_parent(parent: int) -> None:
     os._exit(1)
 
 
-def _calls(slam: bool) -> list[tuple[str, str, Any]]:
+def _calls(*parts: str) -> list[tuple[str, str, Any]]:
     """The module, the name and the types of the arguments of each kernel that a drive calls."""
     import numba
 
@@ -111,8 +112,13 @@ def _calls(slam: bool) -> list[tuple[str, str, Any]]:
     world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
     lrf = lrf3d.LaserRangeFinder(beams=31)
     drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
-    for caster, mapper in (("planar", None), ("embree", SlamMapper() if slam else None)):
-        lrf3d.simulate(world, drive, lrf, caster=caster, mapper=mapper, rng=0)
+    drives: list[dict[str, Any]] = [{"caster": "embree"}]
+    if "slam" in parts:
+        drives.append({"caster": "embree", "mapper": SlamMapper()})
+    if "planar" in parts:
+        drives.append({"caster": "planar"})
+    for settings in drives:
+        lrf3d.simulate(world, drive, lrf, **settings, rng=0)
     return list(calls)
 
 

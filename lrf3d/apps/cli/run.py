@@ -25,15 +25,13 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.mapping import save_map
 from lrf3d.recordings import record, save_run
 from lrf3d.robot import Trajectory
-from lrf3d.scoring import seen_share
-from lrf3d.scoring.map_score import drawn_part, found_words, judged_part, summarise
+from lrf3d.scoring.map_score import drawn_part, found_words, summarise
 from lrf3d.simulation.fleet import before_touching, giving_way, parts_of, simulate_fleet
 from lrf3d.simulation.loop import Simulation
 from lrf3d.simulation.mappers import OptionalParts
 from lrf3d.simulation.recorder import collect
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
-from lrf3d.slam.simulated import SlamMapper
 from lrf3d.studio.figures.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.world import World
 
@@ -46,6 +44,8 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
     scenario, own = source
     named = {kind: vars(args)[kind] for kind in own if kind != "noise"}
     if args.slam:
+        from lrf3d.slam.simulated import SlamMapper
+
         own["mapper"] = partial(SlamMapper, rng=args.seed)
         named["mapper"] = "SLAM"
     if args.robots > 1:
@@ -142,8 +142,7 @@ def _pictures(
 def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     """The figures of a run, and what a user's mapper reports of it, in JSON's types."""
     mapper = OptionalParts(main.mapper)
-    seen = seen_share(judged_part(run))
-    figures = {"mode": mapper.mode, **summarise(run), "seen_share": seen}
+    figures = {"mode": mapper.mode, **summarise(run)}
     if mapper.report is None:
         return figures
     if not main.done:
@@ -240,7 +239,7 @@ def _run_fleet(
         folder = make_folder(output.path / name)
         save_run(run, folder / "run.npz")
         maps, drawings = _map_files(run, output.path, name)
-        figures = {"robot": name, **summarise(run), "seen_share": seen_share(judged_part(run))}
+        figures = {"robot": name, **summarise(run)}
         write_text(folder / "summary.json", json_text({**common, **figures}))
         files |= {name: f"{name}/run.npz", **maps, f"{name} summary": f"{name}/summary.json"}
         pictures |= drawings

@@ -12,6 +12,7 @@ import numpy as np
 from lrf3d.casting.kernels.beams import (
     OPEN,
     TAKEN,
+    UNDECIDED,
     Nearest,
     beam_of,
     judged,
@@ -19,11 +20,11 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.fan import beams_between, bearing
+from lrf3d.casting.kernels.fan import Fan, beams_between, bearing
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import ROOM, Plain
-from lrf3d.compiling import compiled, inner, record
+from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import TINY, Float, Int, Records
 
 # An obstacle.
@@ -55,6 +56,9 @@ HELD = -1.0
 
 # The origin of an obstacle at a moment [m], and its reach.
 PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
+
+# Obstacles close together: a circle around all of them [m], and their rows in an order.
+GROUP = record(x=float, y=float, reach=float, first=int, stop=int)
 
 # A side of an obstacle in the world [m].
 SIDE = record(**dict.fromkeys(("px", "py", "qx", "qy"), float))
@@ -181,6 +185,25 @@ def side_at(sides: Records, row: int) -> Wall:
     return Wall(side.px, side.py, side.qx, side.qy)
 
 
+@borrower
+def _meet_clearly(
+    sides: Records, first: int, stop: int, beam: Beam, nearest: Nearest
+) -> tuple[int, float, float]:
+    """The nearest of some sides and the nearest so far, as of `Nearest`; the row may be UNDECIDED.
+
+    It makes no arrays, and so counts no references.
+    """
+    for row in range(first, stop):
+        side = sides[row]
+        wall = Wall(side.px, side.py, side.qx, side.qy)
+        verdict, low, high = judged(wall, beam, nearest)
+        if verdict == TAKEN:
+            nearest = Nearest(row, low, high)
+        elif verdict == OPEN:
+            return UNDECIDED, 0.0, 0.0
+    return nearest.row, nearest.low, nearest.high
+
+
 @inner
 def meet(among: Movers, j: int, beam: Beam, nearest: Nearest) -> Nearest:
     """The nearest side, of those of an obstacle and the nearest so far."""
@@ -205,6 +228,34 @@ def range_to(among: Movers, row: int, beam: Beam, limits: tuple[float, float]) -
     return within(length_of(beam, side), limits[0], limits[1], beam, side)
 
 
+@borrower
+def facing(
+    circle: tuple[float, float, float], fan: Fan, high: Float, farthest: float
+) -> tuple[int, int, float]:
+    """The beams that may meet something in a circle before they end, and how near it may be [m]."""
+    x, y, radius = circle
+    east = x - fan.x
+    north = y - fan.y
+    # Widened by more than rounding may be.
+    reach = radius * ROOM + 1e-12 * (abs(x) + abs(y))
+    distance = math.sqrt(east * east + north * north) / ROOM
+    near = distance - reach
+    beams = len(high)
+    if near > farthest:
+        return 0, 0, near
+    if near <= 0.0:
+        return 0, beams, near
+    share = reach / distance
+    # At least the arc sine of the share.
+    half = share + (0.5 * np.pi - 1.0) * share * share * share
+    ahead = east * fan.ahead_x + north * fan.ahead_y
+    middle = bearing(ahead, north * fan.ahead_x - east * fan.ahead_y)
+    start, stop = beams_between(middle - half, 2.0 * half, fan, beams)
+    while start < stop and high[start] < near:
+        start += 1
+    return start, stop, near
+
+
 @compiled
 def cast_among(
     plain: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
@@ -212,10 +263,13 @@ def cast_among(
 ) -> None:  # fmt: skip
     """Let obstacles of a height stop the beams of scans from poses (k, 3) at one moment.
 
-    Own (k,) are the obstacles that the scans do not see, or −1.
+    They are given with their groups and the order of these. Own (k,) are the obstacles that the
+    scans do not see, or −1.
     """
-    among = Movers(*plain)
+    plain_movers, groups, order = plain
+    among = Movers(*plain_movers)
     laser = Laser(*plain_laser)
+    movers = among.movers
     placed = among.placed
     limits = (laser.range_min, laser.range_max)
     beams = laser.fan.shape[1]
@@ -224,52 +278,72 @@ def cast_among(
     row = np.empty(beams, np.int64)
     low = np.empty(beams)
     high = np.empty(beams)
+    nears = np.empty(len(groups))
+    nearest = np.empty(len(groups), np.int64)
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
-        x = fan.x
-        y = fan.y
         farthest = 0.0
         for i in range(beams):
             row[i] = -1
             low[i] = np.inf
             high[i] = min(ranges[k, i], laser.range_max * ROOM) * ROOM
             farthest = max(farthest, high[i])
-        for j in range(len(placed)):
-            at = placed[j]
-            east = at.x - x
-            north = at.y - y
-            # Widened by more than rounding may be.
-            reach = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))
-            distance = math.sqrt(east * east + north * north) / ROOM
-            near = distance - reach
-            if j == own[k] or near > farthest or among.movers[j].height < height:
+        waiting = 0
+        for g in range(len(groups)):
+            group = groups[g]
+            start, stop, near = facing((group.x, group.y, group.reach), fan, high, farthest)
+            if start >= stop:
                 continue
-            start = 0
-            stop = beams
-            wide = reach + 1e-12 * distance
-            if near > 0.0:
-                share = reach / distance
-                # At least the arc sine of the share.
-                half = share + (0.5 * np.pi - 1.0) * share * share * share
-                ahead = east * fan.ahead_x + north * fan.ahead_y
-                middle = bearing(ahead, north * fan.ahead_x - east * fan.ahead_y)
-                start, stop = beams_between(middle - half, 2.0 * half, fan, beams)
-            for i in range(start, stop):
-                if high[i] < near or abs(dx[i] * north - dy[i] * east) > wide:
+            # The nearest first: beams that end there meet no more.
+            place = waiting
+            while place > 0 and nears[place - 1] > near:
+                nears[place] = nears[place - 1]
+                nearest[place] = nearest[place - 1]
+                place -= 1
+            nears[place] = near
+            nearest[place] = g
+            waiting += 1
+        for w in range(waiting):
+            group = groups[nearest[w]]
+            for place in range(group.first, group.stop):
+                j = order[place]
+                if j == own[k] or movers[j].height < height:
                     continue
-                beam = Beam(x, y, dx[i], dy[i])
-                nearest = meet(among, j, beam, Nearest(row[i], low[i], high[i]))
-                row[i] = nearest.row
-                low[i] = nearest.low
-                high[i] = nearest.high
+                at = placed[j]
+                start, stop, _ = facing((at.x, at.y, at.reach), fan, high, farthest)
+                if start < stop:
+                    _stop_beams(among, j, fan, (row, low, high), (start, stop))
         for i in range(beams):
             if row[i] < 0:
                 continue
-            t = range_to(among, row[i], Beam(x, y, dx[i], dy[i]), limits)
+            t = range_to(among, row[i], Beam(fan.x, fan.y, dx[i], dy[i]), limits)
             # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
             if t < ranges[k, i]:
                 ranges[k, i] = t
                 hits[k, i] = -1
+
+
+@inner
+def _stop_beams(
+    among: Movers, j: int, fan: Fan, nearest: tuple[Int, Float, Float], beams: tuple[int, int]
+) -> None:
+    """Let an obstacle stop some beams of a fan, of which the nearest sides so far are known."""
+    row, low, high = nearest
+    sides = among.sides
+    mover = among.movers[j]
+    at = among.placed[j]
+    east = at.x - fan.x
+    north = at.y - fan.y
+    away = abs(at.x) + abs(at.y) + math.sqrt(east * east + north * north)
+    wide = at.reach * ROOM + 1e-12 * away
+    for i in range(beams[0], beams[1]):
+        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+        if abs(beam.dx * north - beam.dy * east) > wide:
+            continue
+        before = Nearest(row[i], low[i], high[i])
+        row[i], low[i], high[i] = _meet_clearly(sides, mover.first, mover.stop, beam, before)
+        if row[i] == UNDECIDED:
+            row[i], low[i], high[i] = meet(among, j, beam, before)
 
 
 @compiled

@@ -33,8 +33,8 @@ class Laser(NamedTuple):
 def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
     """A range finder, checked to be one, for kernels, perhaps with another range_min."""
     expect(lrf, LaserRangeFinder, "range finder")
-    near = lrf.range_min if range_min is None else range_min
-    return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
+    plain = lrf.plain
+    return plain if range_min is None else (*plain[:-2], float(range_min), plain[-1])
 
 
 @compiled

@@ -79,34 +79,46 @@ class ClippedLine(NamedTuple):
 
 @compiled
 def touched(
-    plain: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int, found: Plain
+    plain_tree: Plain, plain_body: Plain, moves: Records, seconds: Float, found: Plain
 ) -> None:
-    """Fill the times [s] after which bodies first touch something, and the wall or obstacle.
+    """Fill the times [s] after which bodies first touch a wall, and the wall.
 
     They hold moves (k,), which are legs, for some seconds (k,). What is found are times (k,), walls
-    (k,) and obstacles (k,), +inf and −1 for none. Own (k,) are the obstacles that are the bodies
-    themselves, or −1.
+    (k,) and obstacles (k,), +inf and −1 for none.
     """
-    plain_tree, plain_movers = plain
     times, walls, met = found
     tree = Tree(*plain_tree)
-    among = anywhere(plain_movers)
+    body = Footprint(*plain_body)
+    stack = np.empty(STACK, np.int64)
+    wall = np.empty(1, SIDE)
+    for k in range(len(moves)):
+        times[k], walls[k] = _first_touch(tree, body, moves[k], seconds[k], stack, wall)
+        met[k] = -1
+
+
+@compiled
+def touched_among(
+    plain: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int, found: Plain
+) -> None:
+    """Replace what `touched` has found where bodies touch an obstacle before.
+
+    Own (k,) are the obstacles that are the bodies themselves, or −1.
+    """
+    times, walls, met = found
+    among = anywhere(plain)
     body = Footprint(*plain_body)
     movers = among.movers
-    stack = np.empty(STACK, np.int64)
     wall = np.empty(1, SIDE)
     begin = np.nan
     places = np.empty(len(movers), PLACED)
     sides = np.empty(len(body.edges), SIDE)
     for k in range(len(moves)):
         move = moves[k]
-        times[k], walls[k] = _first_touch(tree, body, move, seconds[k], stack, wall)
         if begin != move.time:
             begin = move.time
             for j in range(len(movers)):
                 places[j].x, places[j].y, _ = mover_at(among, j, begin)
         fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
-        met[k] = -1
         for j in range(len(movers)):
             mover = movers[j]
             rate = fastest + movers[j].rim

@@ -172,7 +172,8 @@ def enter(tree: Tree, stack: Stack) -> int:
 
 def build_tree(segments: Float, index: NDArray[np.int32] | None = None) -> Tree:
     """Build the tree over segments (n, 4); index names them where they are a part of a world."""
-    segments = np.ascontiguousarray(segments, dtype=np.float64)
+    # A copy: numba compiles a kernel twice if some arrays are read-only and some are not.
+    segments = np.array(segments, dtype=np.float64, order="C")
     count = len(segments)
     order = np.arange(count, dtype=np.int32)
     capacity = 1 if count <= SMALL else 2 * count

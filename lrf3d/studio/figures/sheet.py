@@ -102,5 +102,9 @@ def save_figure(figure: Figure, path: str | Path | None) -> Figure:
         if as_path(path).suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
             raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
         with replacing(path) as unfinished:
-            figure.savefig(unfinished, dpi=DOTS_PER_INCH)
+            if as_path(path).suffix.lower() == ".png":
+                # The layout is computed while drawing; `savefig` would draw another time for it.
+                FigureCanvasAgg(figure).print_png(unfinished)  # type: ignore[no-untyped-call]
+            else:
+                figure.savefig(unfinished, dpi=DOTS_PER_INCH)
     return figure

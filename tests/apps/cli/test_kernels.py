@@ -8,9 +8,9 @@ from lrf3d.apps.cli import kernels
 
 FIND = """
 from lrf3d.apps.cli import kernels
-calls = kernels._calls(True)
+calls = kernels._calls("slam", "planar")
 print(*(name for _, name, _ in calls))
-kernels._calls = lambda slam: [call for call in calls if call[1] == "measure_beams"]
+kernels._calls = lambda: [call for call in calls if call[1] == "measure_beams"]
 kernels.main()
 """
 
