@@ -19,9 +19,10 @@ from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
+from lrf3d.plans.doubts import NO_ROOM, of_outside, of_thick
 from lrf3d.plans.parts import Parts
-from lrf3d.plans.plan import THICKEST, Plan
-from lrf3d.plans.rules.enclosure import closes_rooms
+from lrf3d.plans.plan import Plan
+from lrf3d.plans.rules.enclosure import THICKEST, closes_rooms
 from lrf3d.plans.rules.left_out import RIM, LeftOut
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
@@ -115,15 +116,17 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
-    doubt = ""
+    doubts = [of_thick(left_out.thick, grown(walls | furniture, RIM))]
+    whole = float(np.ptp(segments.reshape(-1, 2), axis=0).prod())
+    doubts.append(of_outside(left_out.outside * side**2, whole))
     if _is_in_pieces(lengths(segments), SHORT * side):
-        doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        doubts = [f"half of their length is in pieces of under {SHORT} pixels: is it a plan?"]
         if even is not None and threshold is None:
             held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
             remedy = "cut it to the plan, or choose --threshold and look at `lrf3d world show`"
             raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
-    elif not closes_rooms(walls, thin[0], pixels):
-        doubt = "hardly any of it closes a room: is it a plan? "
+    elif not closes_rooms(walls, pixels, thin[0]):
+        doubts = [NO_ROOM]
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     left = dark & ~grown(walls | furniture, RIM)
     seen = [
@@ -135,7 +138,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         seen[0].joined(*seen[1:]),
         left={"dark part": _rows(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
-        said=f"{doubt}walls are {darker}{how}{coarse}",
+        said=f"walls are {darker}{how}{coarse}",
+        doubt="; ".join(filter(None, doubts)),
         gap=0.5 * side,
         balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
         unit=resolution,
@@ -205,8 +209,10 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
     # In a plan of thin lines, thick parts are lettering, or some columns.
     share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
+        left_out.thick = _large(solid, LARGEST_DOOR * pixels)
         strokes = dark & ~grown(solid, RIM)
-        _, outside = parts_of((strokes | solid) & ~building)
+        apart, outside = parts_of((strokes | solid) & ~building)
+        left_out.outside = int(sides_of(apart).prod(axis=1).max(initial=0))
         left_out.without("outside part", dark, ~building, outside)
         thin = _thin_walls(strokes & building, solid, pixels, left_out)
         thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
@@ -215,6 +221,12 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
         solid = dark
     furniture = _loose(solid, drawn, pixels, left_out)
     return solid & ~furniture, furniture, thin
+
+
+def _large(cells: Bool, least: float) -> Bool:
+    """The cells in parts with a side of a least length [pixels]."""
+    parts, _ = parts_of(cells)
+    return np.asarray(np.append(False, sides_of(parts).max(axis=1) >= least)[parts])
 
 
 def _marked(colours: Any, dark: Bool) -> tuple[Bool, int]:

@@ -18,6 +18,10 @@ class LeftOut:
     def __init__(self, dark: Bool) -> None:
         self.dark = dark
         self.parts = Counter[str]()
+        # Which pixels are in large parts as thick as walls.
+        self.thick = np.zeros_like(dark)
+        # Area [pixels] of the box around the largest part that is not of the building.
+        self.outside = 0
         # The number of each pixel's reason, from 1; 0 for none.
         self._reason = np.zeros(dark.shape, dtype=np.uint8)
 
