@@ -93,13 +93,15 @@ def draw(
     share = painter.pictured / float(size.prod())
     few = lines <= MOST_ON_SCAN
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
+        # Pixels of two centimetres, or 6,000 along a side.
+        side = max(0.02, float(size.max()) / 6000)
         # Lines and texts on a scan are labels, not its plan.
         labels = [o for o in objects if raw.FPDFPageObj_GetType(o) in LABELS]
         for each in labels:
             raw.FPDFPage_RemoveObject(handle, each)
         picture = handle.render(scale=unit / side).to_pil().convert("RGB")
         plan = plan_of_picture(np.asarray(picture), side, threshold)
-        without = f", without {counted(len(labels), 'mark')}" if labels else ""
+        without = f", without {counted(len(labels), 'mark')} on it" if labels else ""
         said = f"page {page} of {len(document)}, scanned{without}: {plan.said}"
         return plan._replace(said=said, unit=unit)
     if share > PICTURED:
