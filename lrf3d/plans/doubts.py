@@ -51,6 +51,5 @@ def of_outside(out: float, whole: float) -> str:
 
 def of_thick(thick: Bool, walls: Bool) -> str:
     """A doubt about thick pixels, of which walls are too few."""
-    whole = np.count_nonzero(thick)
-    share = np.count_nonzero(thick & ~walls) / max(whole, 1)
+    share = float((thick & ~walls).sum()) / max(float(thick.sum()), 1.0)
     return f"{share:.0%} of what is as thick as walls is left out" if share > LEFT_OUT else ""

@@ -90,8 +90,8 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
         for factor in chosen[:3]
     ]
     advice = "; ".join(ways) or "--scale enlarges it"
-    size = f"{metres(wide)} by {metres(high)}, with walls of {metres(usual)}"
-    return f"a plan of {size}? {advice}"
+    found = f"{metres(wide)} by {metres(high)}, with walls of {metres(usual)}"
+    return f"a plan of {found}? {advice}"
 
 
 def metres(length: float) -> str:
