@@ -57,6 +57,12 @@ PARTED = 2.5
 # Largest size [m] of a letter.
 LETTER = 0.6
 
+# The same, as a share of the extent of a plan that is small: that of a model, or on paper.
+LETTER_OF_MODEL = 0.2
+
+# Contrast to the paper above which a pixel is pale, and no noise.
+PALE = 0.2
+
 # Share of dark pixels in its box from which a part is solid.
 SOLID = 0.7
 
@@ -103,6 +109,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     dark = contrast > found
     pixels = 1.0 / side
     left_out = LeftOut(dark)
+    if even is None:
+        left_out.leave_pale(*_pale(contrast, dark, pixels))
     stands = left_out.without("coloured part", dark, *_marked(colours, dark))
     # A thick area is a floor if it is pale.
     floors = _floors(stands & (lightness < 0.5), key, pixels)
@@ -144,6 +152,16 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
         unit=resolution,
     )
+
+
+def _pale(contrast: Any, dark: Bool, pixels: float) -> tuple[Bool, int]:
+    """The pixels between paper and walls that are as thin as walls, such as windows; their parts.
+
+    Thicker ones are floors.
+    """
+    pale = (contrast > PALE) & ~dark
+    pale &= ~grown(_opened(pale, 0.5 * THICKEST * pixels), THICKEST * pixels)
+    return _large(_opened(pale, _half_thin(pixels)), LETTER * pixels)
 
 
 def _drawn(lines: Float, shape: Any) -> Bool:
@@ -209,7 +227,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
     # In a plan of thin lines, thick parts are lettering, or some columns.
     share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
-        left_out.thick = _large(solid, LARGEST_DOOR * pixels)
+        left_out.thick, _ = _large(solid, LARGEST_DOOR * pixels)
         strokes = dark & ~grown(solid, RIM)
         apart, outside = parts_of((strokes | solid) & ~building)
         left_out.outside = int(sides_of(apart).prod(axis=1).max(initial=0))
@@ -223,10 +241,11 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
     return solid & ~furniture, furniture, thin
 
 
-def _large(cells: Bool, least: float) -> Bool:
-    """The cells in parts with a side of a least length [pixels]."""
+def _large(cells: Bool, least: float) -> tuple[Bool, int]:
+    """The cells in parts with a side of a least length [pixels], and the number of these parts."""
     parts, _ = parts_of(cells)
-    return np.asarray(np.append(False, sides_of(parts).max(axis=1) >= least)[parts])
+    large = sides_of(parts).max(axis=1) >= least
+    return np.asarray(np.append(False, large)[parts]), int(large.sum())
 
 
 def _marked(colours: Any, dark: Bool) -> tuple[Bool, int]:
@@ -390,7 +409,8 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: LeftOut) -> Bool:
         np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
         for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
     )
-    small |= (sides.min(axis=1) <= LETTER * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
+    letter = min(LETTER * pixels, LETTER_OF_MODEL * extent_of(solid))
+    small |= (sides.min(axis=1) <= letter) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other, and to the thin strokes of others.
     strokes, _ = parts_of(drawn & ~grown(solid, RIM))
     thin = np.append(False, sides_of(strokes).max(axis=1) <= LETTER * pixels)[strokes]

@@ -22,6 +22,8 @@ class LeftOut:
         self.thick = np.zeros_like(dark)
         # Area [pixels] of the box around the largest part that is not of the building.
         self.outside = 0
+        # The number of pixels that are neither paper nor dark.
+        self._pale = 0
         # The number of each pixel's reason, from 1; 0 for none.
         self._reason = np.zeros(dark.shape, dtype=np.uint8)
 
@@ -32,6 +34,11 @@ class LeftOut:
         self._reason[taken] = list(self.parts).index(reason) + 1
         return cells & ~out
 
+    def leave_pale(self, pale: Bool, parts: int) -> None:
+        """Leave out pixels that are neither paper nor dark, in a number of parts."""
+        self.parts["pale part"] += parts
+        self._pale = int(pale.sum())
+
     def balance(self, walls: Bool) -> Balance:
         """The balance of all pixels, of which some are walls."""
         used = self.dark & grown(walls, RIM)
@@ -40,7 +47,8 @@ class LeftOut:
         # Strokes are cut off a little before what they meet.
         cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
         balance = Balance("pixel", self.dark.size, int(used.sum()))
-        balance.leave("paper", int((~self.dark).sum()))
+        balance.leave("paper", int((~self.dark).sum()) - self._pale)
+        balance.leave("pale part", self._pale)
         balance.leave("thin stroke", int(cut.sum()))
         for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
             balance.leave(reason, count)

@@ -223,16 +223,11 @@ def _lines(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
             continue
         runs = [list(run) for known, run in groupby(nodes, extract.nodes.__contains__) if known]
         places = [[extract.nodes[n] for n in run] for run in runs]
-        lines = [_line(each) for each in places if len({*each}) > 1]
+        lines = [shapely.LineString(each) for each in places if len({*each}) > 1]
         reason = left_out(tags) or ("" if lines else "incomplete barrier")
         fates[id(tags)] = reason
         if not reason:
             yield Feature(tuple(lines), tag_height(tags), tags.get("name", ""))
-
-
-def _line(places: list[Place]) -> Any:
-    """A line through places, each of which may be given twice."""
-    return shapely.remove_repeated_points(shapely.LineString(places))
 
 
 def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
@@ -249,7 +244,7 @@ def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
             if whole:
                 places = [extract.nodes[n] for n in nodes]
                 area = closed and role != "opening"
-                shape = shapely.Polygon(places) if area else _line(places)
+                shape = shapely.Polygon(places) if area else shapely.LineString(places)
                 yield Feature((shape,), tag_height(tags), role=role, levels=storeys_of(tags))
     for number, tags in extract.points.items():
         if role_in_storey(tags) == "opening":
