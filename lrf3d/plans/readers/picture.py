@@ -60,6 +60,9 @@ LETTER = 0.6
 # The same, as a share of the extent of a plan that is small: that of a model, or on paper.
 LETTER_OF_MODEL = 0.2
 
+# Least grey of ink on a transparent sheet, from 0 to 255, that shows on dark paper alone.
+LIGHT = 200.0
+
 # Contrast to the paper above which a pixel is pale, and no noise.
 PALE = 0.2
 
@@ -88,9 +91,14 @@ def read_picture(
         raise WorldError(f"{what} {how}: {keys}")
     side = number(resolution, "resolution", positive=True, most=1e4)
     pixels = pixels_of(path)
+    # Light ink on a transparent sheet is meant for a dark one.
+    inked = pixels[::4, ::4][pixels[::4, ::4, -1] > 0.5 * WHITE]
+    few = len(inked) < 0.5 * pixels[::4, ::4, 0].size
+    light = few and len(inked) > 0 and inked[:, :-1].mean() > LIGHT
+    paper = 0 if light else WHITE
     # Large pictures would need gigabytes as a whole.
     rows = np.array_split(pixels, max(1, len(pixels) // 256))
-    colours = np.concatenate([on_paper(each) for each in rows])
+    colours = np.concatenate([on_paper(each, paper) for each in rows])
     return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
 
 
@@ -123,7 +131,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     segments = np.concatenate(parts) * side
     darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
     if not len(segments):
-        raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
+        raise WorldError(f"no wall: nothing, or all, is {darker}; `lrf3d edit` draws walls on it")
     doubts = [of_thick(left_out.thick, grown(walls | furniture, RIM))]
     whole = float(np.ptp(segments.reshape(-1, 2), axis=0).prod())
     doubts.append(of_outside(left_out.outside * side**2, whole))
