@@ -23,7 +23,7 @@ from lrf3d.plans.doubts import NO_ROOM, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.rules.enclosure import THICKEST, closes_rooms
-from lrf3d.plans.rules.left_out import RIM, LeftOut
+from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
 from lrf3d.world.grid_walls import (
@@ -152,12 +152,14 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     ]
     return Plan(
         seen[0].joined(*seen[1:]),
-        left={"dark part": _rows(left) * side},
+        left={"dark part": rows_of(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
         said=f"walls are {darker}{how}{coarse}",
         doubt="; ".join(filter(None, doubts)),
         gap=0.5 * side,
-        balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
+        balance=left_out.balance(
+            walls | furniture | drawn_on(dark.shape, np.concatenate(thin), LEAST)
+        ),
         unit=resolution,
     )
 
@@ -170,14 +172,6 @@ def _pale(contrast: Any, dark: Bool, pixels: float) -> tuple[Bool, int]:
     pale = (contrast > PALE) & ~dark
     pale &= ~grown(_opened(pale, 0.5 * THICKEST * pixels), THICKEST * pixels)
     return _large(_opened(pale, _half_thin(pixels)), LETTER * pixels)
-
-
-def _drawn(lines: Float, shape: Any) -> Bool:
-    """The cells under lines (n, 4) [cells]."""
-    image = Image.new("1", shape[::-1])
-    for line in lines:
-        ImageDraw.Draw(image).line([*line], fill=1, width=LEAST)
-    return np.asarray(image, dtype=np.bool_)
 
 
 def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
@@ -198,14 +192,6 @@ def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
 def _is_in_pieces(long: Float, short: float) -> bool:
     """Whether half of the length of many walls (n,) is in short ones."""
     return len(long) > 100 and bool(2.0 * long[long < short].sum() > long.sum())
-
-
-def _rows(cells: Bool) -> Float:
-    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
-    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
-    row, begin = np.nonzero(steps > 0)
-    _, end = np.nonzero(steps < 0)
-    return np.column_stack([begin, row + 0.5, end, row + 0.5])
 
 
 def _floors(pale: Bool, key: Int, pixels: float) -> tuple[Bool, int]:

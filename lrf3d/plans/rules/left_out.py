@@ -3,9 +3,10 @@
 from collections import Counter
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from lrf3d.base.balance import Balance
-from lrf3d.geometry.lines import Bool
+from lrf3d.geometry.lines import Bool, Float
 from lrf3d.world.grid_walls import grown
 
 # Distance [pixels] within which cells are next to each other, also across a corner.
@@ -53,3 +54,19 @@ class LeftOut:
         for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
             balance.leave(reason, count)
         return balance
+
+
+def drawn_on(shape: tuple[int, ...], lines: Float, width: int) -> Bool:
+    """The cells of a grid of a shape under lines (n, 4) [cells] of a width [cells]."""
+    image = Image.new("1", shape[::-1])
+    for line in lines:
+        ImageDraw.Draw(image).line([*line], fill=1, width=width)
+    return np.asarray(image, dtype=np.bool_)
+
+
+def rows_of(cells: Bool) -> Float:
+    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
+    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
+    row, begin = np.nonzero(steps > 0)
+    _, end = np.nonzero(steps < 0)
+    return np.column_stack([begin, row + 0.5, end, row + 0.5])
