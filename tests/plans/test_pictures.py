@@ -137,7 +137,7 @@ def test_the_threshold_is_found_or_given(tmp_path):
     with pytest.warns(Lrf3dNote, match="found from the picture; --threshold"):
         plain = sheet.read(tmp_path)
     assert len(sheet.read(tmp_path, threshold=200).segments) == len(plain.segments) + 4
-    with pytest.raises(WorldError, match="darker than grey 128 of 255; .lrf3d edit"):
+    with pytest.raises(WorldError, match=r"darker than grey 128 of 255; .lrf3d edit"):
         Sheet().read(tmp_path, "empty.png")
 
 

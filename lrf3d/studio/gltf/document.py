@@ -165,7 +165,7 @@ class Document:
             several = np.zeros((len(own), 4), np.uint8 if own.max() < _FEW_JOINTS else np.uint16)
             several[:, 0] = own
             columns["JOINTS_0"] = several
-            columns["WEIGHTS_0"] = np.tile(np.uint8([255, 0, 0, 0]), (len(several), 1))
+            columns["WEIGHTS_0"] = np.tile(np.array([255, 0, 0, 0], np.uint8), (len(several), 1))
         # Corners that are the same in all are kept once.
         rows = np.concatenate([column.view(np.uint8) for column in columns.values()], axis=1)
         _, first, numbers = np.unique(

@@ -94,7 +94,7 @@ class Feature:
         own = (walls(np.array(each.coords)) for each in lines)
         found = np.concatenate([np.empty((0, 4)), *own])
         # Ways name a point twice in a row, and rounding joins points.
-        return found[(found[:, :2] != found[:, 2:]).any(axis=1)]
+        return np.asarray(found[(found[:, :2] != found[:, 2:]).any(axis=1)])
 
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""
