@@ -58,7 +58,8 @@ class LeftOut:
 
 def drawn_on(shape: tuple[int, ...], lines: Float, width: int) -> Bool:
     """The cells of a grid of a shape under lines (n, 4) [cells] of a width [cells]."""
-    image = Image.new("1", shape[::-1])
+    rows, columns = shape
+    image = Image.new("1", (columns, rows))
     for line in lines:
         ImageDraw.Draw(image).line([*line], fill=1, width=width)
     return np.asarray(image, dtype=np.bool_)
