@@ -50,6 +50,7 @@ class Format:
         largest: Largest file that is read [bytes].
         options: Options of the function that reads it, or else of the one that writes it.
         extra: The extra of lrf3d that it needs.
+        scales: Whether the function that reads a world takes its scale.
         apart: Whether its files are read in a process of their own, which knows only the rows of
             this table.
     """
@@ -63,6 +64,7 @@ class Format:
     largest: int = 1 << 28
     options: tuple[str, ...] = ()
     extra: str = ""
+    scales: bool = False
     apart: bool = False
 
 
@@ -120,7 +122,7 @@ FORMATS: list[Format] = [
     Format(
         kind="world", endings=(".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), largest=1 << 27,
         read="lrf3d.world.mesh:read_mesh", write="lrf3d.world.mesh:write_glb",
-        looks={b"ply": _CLOUD}, options=("cut",), apart=True,
+        looks={b"ply": _CLOUD}, options=("cut",), scales=True, apart=True,
     ),
     # The last two endings of CARMEN logs are what the University of Freiburg calls them.
     Format(

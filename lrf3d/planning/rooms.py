@@ -145,7 +145,7 @@ def _notes(
         behind = _count(len(narrow), rooms)
         notes.append(f"{what} of {sizes} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
     why = "no door leads there from inside, or it is drawn shut, or blocked"
-    drawn = "`lrf3d world show` draws what was read"
+    drawn = "`lrf3d edit` shows it, and opens doors"
     long = "the route would be too long, or shows little more"
     for named, what, reason in (
         (shut, "reached", f"{why}; {drawn}"), (far, "entered", long)

@@ -90,8 +90,9 @@ class Canvas:
         self.ignored = Counter[str]()
         self._items: tuple[Any, ...] = ()
         self.marks = list[Mark]()
-        # What the reader assumed, in words.
+        # What the reader assumed, in words, and what it doubts.
         self.said = ""
+        self.doubt = ""
         # Unit of the drawing [m], after scaling.
         self.unit = 1.0
         # The scale of the drawing, and factors that may correct it, with their reasons.

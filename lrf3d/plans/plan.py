@@ -28,8 +28,10 @@ from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
+from lrf3d.plans.doubts import of_doors, of_outside, of_rooms
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared
+from lrf3d.plans.rules.enclosure import THICKEST
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
@@ -41,9 +43,6 @@ from lrf3d.world.toml_file import WorldFile
 # A doorway painted over a wall may leave strips of the wall along its sides, up to this thickness
 # [m].
 SLIVER = 0.02
-
-# Largest mean thickness [m] of a wall that is drawn as an area; only a thicker area may be a floor.
-THICKEST = 0.6
 
 # Contrast below which an area that divides a dark wall may be a doorway.
 PALE = 0.25
@@ -148,13 +147,18 @@ class Plan(NamedTuple):
             known = ", ".join(layer.name for layer in self.layers[:20] if layer.name)
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
-            raise WorldError(f"{path}: there is no wall in it{held}{remedy}")
+            raise WorldError(
+                f"{path}: there is no wall in it{held}{remedy}; `lrf3d edit {path}` draws walls"
+            )
         world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
         if words := "; ".join(filter(None, [self.doubt, self.said, doors, left])):
             walls = counted(len(world.segments), "wall")
-            note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
+            shown = (
+                f"`lrf3d edit {path}` settles it" if self.doubt else "`lrf3d world show` draws it"
+            )
+            note = f"{path}: {walls}; {words}; {shown}"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
         if self.lost:
             warnings.warn(
@@ -221,6 +225,12 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     counts = {rule.name: int(strokes.found[rule.name].sum()) for rule in RULES if rule.counted}
     counts["doorway line"] = len(cut)
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
+    outside = strokes.segments[strokes.found["outside line"]]
+    doubts = [canvas.doubt, size_doubt(canvas, strokes)]
+    if not doubts[1]:
+        # Doors and rooms of another size cannot be judged.
+        doubts += [of_doors(strokes.doors), of_rooms(walls)]
+        doubts.append(of_outside(_box_area(outside), _box_area(walls)))
     return Plan(
         parts,
         strokes.doors,
@@ -229,9 +239,14 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
         "; ".join(said),
         balance=balance,
-        doubt=size_doubt(canvas, strokes),
+        doubt="; ".join(filter(None, doubts)),
         unit=canvas.unit,
     )
+
+
+def _box_area(segments: Float) -> float:
+    """The area [m²] of the box around segments (n, 4)."""
+    return float(shapely.multipoints(segments.reshape(-1, 2)).envelope.area)
 
 
 def _balance(

@@ -85,12 +85,22 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
     wide, high = np.ptp(points, axis=0)
     ways = [
         f"--scale {canvas.scale * factor:g} {canvas.scales[factor]}"
-        f" ({factor * wide:.3g} m by {factor * high:.3g} m"
+        f" ({metres(factor * wide)} by {metres(factor * high)}"
         + (f", {most} doors as wide as doors)" if most else ")")
         for factor in chosen[:3]
     ]
     advice = "; ".join(ways) or "--scale enlarges it"
-    return f"a plan of {wide:,.3g} m by {high:,.3g} m, with walls of {usual:,.2g} m? {advice}"
+    found = f"{metres(wide)} by {metres(high)}, with walls of {metres(usual)}"
+    return f"a plan of {found}? {advice}"
+
+
+def metres(length: float) -> str:
+    """A length [m] in words.
+
+    >>> metres(10_000.0), metres(3.14159)
+    ('10,000 m', '3.14 m')
+    """
+    return f"{length:,.0f} m" if length >= 1000.0 else f"{length:.3g} m"
 
 
 def _quantile(values: Float, weights: Float, share: float) -> float:

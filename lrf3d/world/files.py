@@ -45,7 +45,8 @@ def load_world(
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .jpg, …).
         threshold: Least grey of paper, from 0 to 255, in a picture or a scanned page; found from
             the picture if not given.
-        scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
+        scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100. A mesh is
+            enlarged as a whole.
         edits: Decisions about a plan, as for `read_plan`; those of ``FILE.edit.toml`` next to it if
             not given.
         isolated: Read a file of another program in a process of its own, with limits on memory and
@@ -111,11 +112,12 @@ def read_world(reader: str, path: Path, scale: Any, isolated: bool, options: dic
 def world_of_file(path: Path, scale: float, **options: Any) -> World:
     """Read the world of a file with the reader of its format."""
     planned = is_plan(path)
-    found = value_of_file(path, **({"scale": scale} if planned else {}), **options)
+    scales = planned or _row(path).scales
+    found = value_of_file(path, **({"scale": scale} if scales else {}), **options)
     # A plan, which is already scaled, becomes a world, and warns of what it leaves out.
     world: World = found.world(path) if planned else found
     expect(world, World, f"the reader of {path.suffix} files: what it returns")
-    return world if planned else world.scaled(scale)
+    return world if scales else world.scaled(scale)
 
 
 def value_of_file(path: Path, **options: Any) -> Any:

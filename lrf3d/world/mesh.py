@@ -40,12 +40,13 @@ CUT = 0.5
 FLOOR = 0.3
 
 
-def read_mesh(path: Path, cut: float | None = None) -> World:
-    """Read the cut of a mesh at a height [m] above its floor as walls.
+def read_mesh(path: Path, cut: float | None = None, scale: float = 1.0) -> World:
+    """Read the cut of a mesh, enlarged by a scale, at a height [m] above its floor as walls.
 
     The floor is z = 0 if the mesh has walls at that height above it, and is found otherwise.
     """
-    world, balance, said = cut_of_mesh(path, cut)
+    world, balance, said = cut_of_mesh(path, cut, scale)
+    said = "; ".join(filter(None, [_size_doubt(world, scale), said]))
     # Most of a mesh lies above or below its cut, which needs no note.
     for reason in LEVELS:
         balance.all -= balance.left_out.pop(reason, 0)
@@ -57,14 +58,41 @@ def read_mesh(path: Path, cut: float | None = None) -> World:
 LEVELS = ("triangle above the cut", "triangle below the cut", "triangle within the cut")
 
 
-def cut_of_mesh(path: Path, cut: float | None = None) -> tuple[World, Balance, str]:
+# Least and largest height [m] of most walls of buildings, and of towns, and that of a storey.
+HEIGHTS = (0.3, 60.0)
+STOREY = 2.7
+
+# A mesh is doubted to lie on its side that is higher [m] than this, and than this multiple of its
+# width.
+HIGH = 5.0
+SLENDER = 2.0
+
+# Units in which meshes are made, by their size [m].
+UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet", 1e3: "km"}
+
+
+def _size_doubt(world: World, scale: float) -> str:
+    """A doubt about a unit in which walls have no height of buildings, with the one that fits."""
+    height = float(np.median(world.heights))
+    wide, high = np.ptp(world.bounds, axis=0)
+    if HEIGHTS[0] <= height <= HEIGHTS[1]:
+        return ""
+    unit = min(UNITS, key=lambda each: abs(np.log(each * height / STOREY)))
+    found = f"walls {height:,.4g} m high, {wide:,.6g} m by {high:,.6g} m?"
+    size = f"{unit * wide:.3g} m by {unit * high:.3g} m, {unit * height:.2g} m high"
+    return f"{found} --scale {unit * scale:g} if it is in {UNITS[unit]} ({size})"
+
+
+def cut_of_mesh(
+    path: Path, cut: float | None = None, scale: float = 1.0
+) -> tuple[World, Balance, str]:
     """The world of a cut of a mesh, the balance of its triangles, and what was assumed."""
     balance = Balance("triangle")
     parts = _parts(path, balance)
     if not parts:
         held = f"; it holds {balance.words()}" if balance.left_out else ""
         raise WorldError(f"holds no triangle, so there is no wall{held}")
-    triangles = np.concatenate([own for _, own in parts])
+    triangles = scale * np.concatenate([own for _, own in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
     above = CUT if cut is None else number(cut, "cut")
     floor = 0.0
@@ -100,7 +128,13 @@ def cut_of_mesh(path: Path, cut: float | None = None) -> tuple[World, Balance, s
     world = world_of_parts(found, own_name(path))
     if not (len(parts) > 1 or parts[0][0].name):
         world = World(world.segments, connected(world.segments), world.heights, world.name)
-    return world, balance, f"cut {at_floor}; --cut sets the height" if floor else ""
+    said = f"cut {at_floor}; --cut sets the height" if floor else ""
+    *sides, rise = np.ptp(triangles.reshape(-1, 3), axis=0)
+    if rise > max(HIGH, SLENDER * min(sides)):
+        said = (
+            f"{rise:.3g} m high and {min(sides):.2g} m wide? save it with z up, or as .glb; {said}"
+        )
+    return world, balance, said.removesuffix("; ")
 
 
 def floor_of(triangles: Float) -> float:

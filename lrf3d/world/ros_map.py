@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.base.balance import Balance
 from lrf3d.base.errors import Lrf3dWarning, OutputError, WorldError, shown
 from lrf3d.base.files import own_name, read_text, replacing
 from lrf3d.geometry.lines import Bool, Float, Int, Single, number
@@ -51,6 +52,15 @@ _ROUNDING = 1e-3
 # Largest distance [cells] of the middles of a thin wall's cells from its line: in a wall two cells
 # thick they are half a cell away.
 _HALF_WALL = 0.8
+
+# Side of a cell [m] above which it may be given in millimetres: robots' maps have centimetres.
+COARSE = 2.0
+
+# Number of grey cells, between the thresholds, from which they are noted: a share of the occupied.
+NOTED = 0.1
+
+# Difference in occupancy below which the cells of a map are alike.
+LEAST_SHARE = 0.05
 
 # The keys of a description that are read, and the converters of their values.
 KEYS: Mapping[str, Converter] = {
@@ -99,7 +109,12 @@ def _described(path: Path) -> dict[str, Any]:
     if node is None or not (
         isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)
     ):
-        raise WorldError("expected the description of a ROS map: image, resolution, origin")
+        held = data if isinstance(data, dict) else ()
+        missing = [key for key in ("image", "resolution", "origin") if key not in held]
+        raise WorldError(
+            "expected the description of a ROS map: image, resolution, origin;"
+            f" it has no {' and no '.join(missing)}"
+        )
     lines: dict[str, int] = {}
     for key, _ in node.value:
         name = str(key.value)
@@ -141,12 +156,50 @@ def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
     origin = Pose(*values["origin"].tolist())
     local = walls_of_grid(occupied).reshape(-1, 2) * resolution
     if not len(local):
-        raise WorldError("no wall: all cells are alike, or no occupied one is next to another")
+        raise WorldError(f"no wall: {_darkest(picture, values)}")
+    balance = cells_of_map(picture, values, occupied, free)
+    # Most of a map is free or unknown, which needs no note.
+    for reason in ("free cell", "unknown cell"):
+        balance.all -= balance.left_out.pop(reason, 0)
+    if balance.words() and sum(balance.left_out.values()) < NOTED * balance.used:
+        balance = Balance("cell")
+    coarse = f"cells of {resolution:g} m? write resolution: {resolution / 1000:g} if it is in mm"
+    balance.note(path, coarse if resolution > COARSE else "")
     segments = origin.apply(local).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * resolution)
     cells = FreeCells(free, resolution, origin, occupied)
     return World(segments, objects, name=own_name(path), free=cells)
+
+
+def cells_of_map(picture: Path, values: Mapping[str, Any], occupied: Bool, free: Bool) -> Balance:
+    """The balance of a map's cells: those that are occupied are used."""
+    light, opaque = _light(picture)
+    unknown = ~occupied & ~free
+    # Between the thresholds are cells whose occupancy is low or high, but not enough.
+    grey = unknown & ((np.round(255.0 * light) != UNKNOWN) & opaque)[::-1]
+    if values["mode"] == "raw":
+        grey[:] = False
+    balance = Balance("cell", occupied.size, int(occupied.sum()))
+    balance.leave("free cell", int(free.sum()))
+    balance.leave("grey cell", int(grey.sum()))
+    balance.leave("unknown cell", int((unknown & ~grey).sum()))
+    return balance
+
+
+def _darkest(picture: Path, values: Mapping[str, Any]) -> str:
+    """Why a map holds no wall, with a threshold that was tried."""
+    light, opaque = _light(picture)
+    share = (light if values["negate"] else 1.0 - light)[opaque]
+    if values["mode"] == "raw" or not share.size or share.max() - share.min() < LEAST_SHARE:
+        return "all cells are alike, or no occupied one is next to another"
+    darkest = float(np.floor(100.0 * share.max()) / 100.0)
+    least = values["occupied_thresh"]
+    if darkest >= least:
+        return "no occupied cell is next to another"
+    count = int((share >= darkest).sum())
+    found = f"occupied_thresh is {least:g}, and the darkest cells have {darkest:g}"
+    return f"{found}; occupied_thresh: {darkest:g} takes {count:,} of them"
 
 
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:

@@ -10,10 +10,14 @@ from ezdxf import xref
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from lrf3d.base.errors import Lrf3dNote
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.plans import doubts
 from lrf3d.plans.reading import read_plan
+from lrf3d.plans.rules.doors import Door
+from lrf3d.world import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 ROOM = '<rect width="6000" height="4000" fill="none" stroke="black"/>'
@@ -176,3 +180,24 @@ def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tm
     dxf(tmp_path, draw, 0)
     doubt = read_plan(tmp_path / "a.dxf").doubt
     assert (f"--scale {scale} " in doubt and "12 m by 8 m, 1 door" in doubt) if scale else not doubt
+
+
+@pytest.mark.parametrize(
+    ("phrase", "doubt"),
+    [
+        (doubts.of_doors([Door(np.eye(3, 2), width) for width in (0.3, 0.9, 2.4)]), "2 doors of"),
+        (doubts.of_doors([Door(np.eye(3, 2), 0.9)]), ""),
+        (doubts.of_outside(30.0, 60.0), "a part of 30 m²"), (doubts.of_outside(3.0, 60.0), ""),
+        (doubts.of_thick(np.array([True] * 8), np.array([True] * 4 + [False] * 4)), "50% of"),
+        (doubts.of_rooms(np.array([[n, 0, n, 1] for n in range(20)], float)), doubts.NO_ROOM),
+        (doubts.of_rooms(np.array([[0, 0, 9, 0]], float)), ""),
+    ],
+)  # fmt: skip
+def test_what_rules_cannot_settle_is_doubted(phrase, doubt):
+    assert phrase.startswith(doubt) and bool(phrase) == bool(doubt)
+
+
+def test_a_doubt_names_the_editor(tmp_path):
+    dxf(tmp_path, lambda space: space.add_lwpolyline([(0, 0), (1200, 0), (1200, 800)]), 0)
+    with pytest.warns(Lrf3dNote, match=r"--scale 0.01 .*`lrf3d edit .*a.dxf` settles it"):
+        load_world(tmp_path / "a.dxf")

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 
 @pytest.mark.parametrize(
     ("unit", "metres"),
-    [(0, 1.0), (1, 0.0254), (2, 0.3048), (4, 0.001), (5, 0.01), (6, 1.0), (7, 1000.0)],
+    [(0, 1.0), (1, 0.0254), (2, 0.3048), (4, 0.001), (6, 1.0), (7, 1000.0), (21, 1200 / 3937)],
 )
 def test_the_unit_of_a_dxf_drawing_is_honoured(unit, metres, tmp_path):
     world = dxf(tmp_path, lambda space: space.add_line((0, 0), (10, 20)), unit)
@@ -90,6 +90,11 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
         ('<mask id="m"><rect width="9" height="9" fill="#fff"/><rect x="4" width="5" height="9"/>'
          '</mask><path mask="url(#m)" d="M1 1h8" stroke="#000" stroke-width=".1"/>',
          (1, 1), (4, 1)),
+        # Of a switch the first choice that suits is drawn; some strokes keep their width.
+        ('<switch><path systemLanguage="xx" d="M0 0h9v9"/><path d="M0 0h3v2"/><path d="M0 0h9v9"/>'
+         '</switch>', (0, 0), (3, 2)),
+        ('<g transform="scale(2)"><path vector-effect="non-scaling-stroke" d="M0 0h3v2" fill="none"'
+         ' stroke="#000" stroke-width="9"/></g>', (0, 0), (6, 4)),
         # What clips, masks, fills and marks is no outline.
         ('<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
          '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
@@ -169,11 +174,13 @@ def test_hidden_parts_of_a_dxf_drawing_are_not_walls(tmp_path):
         space.add_text("hall")
         space.add_linear_dim((0, 7), (0, 0), (10, 0)).render()
         doc.layers.add("OFF").off()
+        doc.layers.add("GUIDE").dxf.plot = 0
+        space.add_line((0, 6), (10, 6), dxfattribs={"layer": "GUIDE"})
         hidden = doc.blocks.new("hidden")
         hidden.add_line((0, 30), (1, 30), dxfattribs={"layer": "OFF"})
         space.add_blockref("hidden", (0, 0))
 
-    with pytest.warns(Lrf3dNote, match="left out: 1 dimension, 1 hidden part, 1 text"):
+    with pytest.warns(Lrf3dNote, match=r"1 hidden part, 1 stroke that is not plotted \(GUIDE\)"):
         world = dxf(tmp_path, draw)
     assert sorted(np.round(lengths(world.segments), 2)) == [4.0, 5.0, 6.0]
 

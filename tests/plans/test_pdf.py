@@ -53,6 +53,8 @@ def test_a_scanned_page_is_read_as_a_picture(tmp_path):
     picture = "q 144 0 0 72 0 0 cm BI /W 2 /H 2 /BPC 8 /CS /G /F /AHx ID 00FFFFFF> EI Q"
     bordered = pdf(tmp_path, f"1 g 0 0 144 72 re f {picture} 1 w 2 2 140 68 re S")
     assert bordered.bounds / INCH == pytest.approx(black * [2, 1], abs=0.02)
+    labels = " ".join(f"{x} {y} 9 5 re S" for x in range(9, 135, 12) for y in (9, 40))
+    assert pdf(tmp_path, f"{picture} {labels}").bounds == pytest.approx(bordered.bounds, abs=0.02)
     with pytest.raises(WorldError, match="has no page 2; --page is 1 to 1"):
         load_world(tmp_path / "a.pdf", page=2)
     pdf(tmp_path, "0 0 m 72 36 l S")

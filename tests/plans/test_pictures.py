@@ -137,7 +137,7 @@ def test_the_threshold_is_found_or_given(tmp_path):
     with pytest.warns(Lrf3dNote, match="found from the picture; --threshold"):
         plain = sheet.read(tmp_path)
     assert len(sheet.read(tmp_path, threshold=200).segments) == len(plain.segments) + 4
-    with pytest.raises(WorldError, match="darker than grey 128 of 255; --threshold"):
+    with pytest.raises(WorldError, match=r"darker than grey 128 of 255; .lrf3d edit"):
         Sheet().read(tmp_path, "empty.png")
 
 
@@ -244,7 +244,7 @@ def test_a_photograph_without_a_plan_is_refused_and_lettering_is_doubted(tmp_pat
         load_world(tmp_path / "clouds.jpg", resolution=SIDE)
     dots = np.repeat(np.repeat(rng.random((40, 60)) < 0.5, 6, axis=0), 6, axis=1)
     Image.fromarray(dots).save(tmp_path / "dots.png")
-    with pytest.warns(Lrf3dNote, match=r"is it a plan\?.*--threshold.*lrf3d world show"):
+    with pytest.warns(Lrf3dNote, match=r"is it a plan\?.*--threshold.*lrf3d edit"):
         load_world(tmp_path / "dots.png", resolution=SIDE)
 
 

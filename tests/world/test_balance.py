@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from lrf3d.base.balance import Balance
 from lrf3d.base.errors import Lrf3dNote, WorldError
@@ -69,6 +70,64 @@ def test_elements_of_osm_are_used_or_left_out(tmp_path, balances, points, ways, 
     (tmp_path / "a.osm").write_text(f"<osm>{text}</osm>")
     load_world(tmp_path / "a.osm")
     added_up(balances[-1])
+
+
+@pytest.mark.parametrize(
+    ("tags", "reason"),
+    [
+        ({"building": "roof"}, "building open at the ground"), ({"building": "no"}, "building: no"),
+        ({"building:part": "yes", "min_height": "5"}, "building open at the ground"),
+        ({"barrier": "hedge"}, "barrier: hedge"), ({"razed:building": "yes"}, "razed:building"),
+        ({"indoor": "area"}, "indoor area without walls"),
+        ({"feature_type": "venue"}, "IMDF feature: venue"),
+    ],
+)  # fmt: skip
+def test_geojson_and_openstreetmap_leave_out_the_same(tags, reason, tmp_path, balances):
+    places = [[0, 0], [1e-3, 0], [1e-3, 1e-3], [0, 1e-3]]
+    house = {"type": "Feature", "properties": {"building": "yes"}, "geometry": area(places)}
+    other = {"type": "Feature", "properties": tags, "geometry": area(np.array(places) + 2e-3)}
+    text = json.dumps({"type": "FeatureCollection", "features": [house, other]})
+    (tmp_path / "a.geojson").write_text(text)
+    world = load_world(tmp_path / "a.geojson")
+    assert len(world.segments) == 4 and added_up(balances[0]) == {reason: 1}
+
+
+def area(places):
+    ring = np.vstack([places, places[:1]]).tolist()
+    return {"type": "Polygon", "coordinates": [ring]}
+
+
+def test_rooms_without_a_tag_are_named_where_they_lose_their_walls(tmp_path):
+    shapes = [area([[x, 0], [x + 9, 0], [x + 9, 9], [x, 9]]) for x in (0, 9)]
+    features = [{"type": "Feature", "properties": {}, "geometry": each} for each in shapes]
+    collection = {"type": "FeatureCollection", "units": "m", "features": features}
+    (tmp_path / "a.geojson").write_text(json.dumps(collection))
+    with pytest.warns(Lrf3dNote, match="2 areas that touch.*indoor=room"):
+        load_world(tmp_path / "a.geojson")
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(1000.0, "0.001"), (100.0, "0.01"), (1.0, "")])
+def test_a_mesh_in_another_unit_is_doubted_with_the_scale_that_fits(unit, scale, tmp_path):
+    hall = trimesh.creation.box((20, 12, 3)).apply_translation((0, 0, 1.5)).apply_scale(unit)
+    hall.export(tmp_path / "hall.stl")
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        load_world(tmp_path / "hall.stl")
+    assert [f"--scale {scale} " in str(note.message) for note in notes] == [True] * bool(scale)
+    world = load_world(tmp_path / "hall.stl", scale=1.0 / unit)
+    assert world.heights == pytest.approx(3.0) and np.ptp(world.bounds, axis=0)[0] == 20.0
+
+
+@settings(**GENERATED)
+@given(st.lists(st.sampled_from([0, 60, 100, 205, 230, 254]), min_size=12, max_size=12))
+def test_the_cells_of_a_ros_map_add_up(tmp_path, balances, greys):
+    cells = np.array(greys, dtype=np.uint8).reshape(3, 4)
+    cells[0, :2], cells[2, :2] = 0, 254
+    Image.fromarray(cells).save(tmp_path / "a.png")
+    text = "image: a.png\nresolution: 0.1\norigin: [0, 0, 0]\n"
+    (tmp_path / "a.yaml").write_text(text + "occupied_thresh: 0.65\nfree_thresh: 0.25\n")
+    load_world(tmp_path / "a.yaml")
+    assert added_up(balances[-1]).get("grey cell", 0) in (0, (cells == 100).sum())
 
 
 def ring(x1, y1, x2, y2):

@@ -56,6 +56,10 @@ LEFT_OUT = {
 # Entities that are left out if they have a pattern and no solid fill.
 PATTERNED = dict.fromkeys(("HATCH", "MPOLYGON"), "hatching pattern")
 
+# Feet of the survey of the United States [m], with its inches, yards and miles, by their codes.
+SURVEY_FOOT = 1200.0 / 3937.0
+SURVEY = {21: SURVEY_FOOT, 22: SURVEY_FOOT / 12, 23: 3 * SURVEY_FOOT, 24: 5280 * SURVEY_FOOT}
+
 # Bit of the flags of a block that is an external reference.
 EXTERNAL = 4
 
@@ -68,7 +72,9 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
     code = file.header.get("$INSUNITS", 0)
     if code not in range(25):
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
-    unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
+    unit = SURVEY.get(code, 1.0)
+    if 0 < code <= 20:
+        unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters)
     scale = scale_of(scale, unit)
     canvas = Canvas(CURVE_ERROR / (unit * scale))
     canvas.unit = unit * scale
@@ -87,7 +93,9 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
         items.update(_items(layout, {}) if layout is read else layout)
         if layout is read:
             with redirect_stdout(StringIO()):
-                _EntityFilter(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+                painter = _EntityFilter(RenderContext(file), canvas, unit * scale, config)
+                painter.unplotted = {e.dxf.name.casefold() for e in file.layers if not e.dxf.plot}
+                painter.draw_layout(layout)
         for entity in layout:
             if layout is not read or not _is_content(entity):
                 canvas.leave("viewport" if layout is read else "entity of another layout", entity)
@@ -128,6 +136,8 @@ class _EntityFilter(Frontend):
         self.painter = _EntityPainter(canvas, scale)
         super().__init__(context, self.painter, config)
         self.canvas = canvas
+        # Names of the layers that CAD shows on the screen but does not plot.
+        self.unplotted = set[str]()
         # Whether an entity is drawn as its parts, which are not items themselves.
         self.in_parts = False
 
@@ -144,6 +154,9 @@ class _EntityFilter(Frontend):
             return
         if kind in LEFT_OUT or (kind in PATTERNED and not entity.has_solid_fill):
             canvas.leave(_kind(entity), _source(entity))
+            return
+        if properties.layer.casefold() in self.unplotted:
+            canvas.leave(f"stroke that is not plotted: {properties.layer}", _source(entity))
             return
         items = _sources(entity)
         canvas.begin(*items)

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.errors import WorldError, missing_extra
+from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float
 from lrf3d.plans.canvas import (
     PALEST,
@@ -31,6 +32,7 @@ from lrf3d.plans.canvas import (
 )
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
+from lrf3d.plans.rules.enclosure import LEAST_CLOSED, closed_share, drawn_cells
 from lrf3d.plans.rules.layers import rename
 from lrf3d.plans.scale import sheet_scales
 
@@ -46,8 +48,23 @@ raw: Any = pypdfium2.raw
 # The nouns that count objects which are not read, by pdfium's number of their type.
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 
+# The types of objects on a scanned page that are left out.
+LABELS = (raw.FPDF_PAGEOBJ_PATH, raw.FPDF_PAGEOBJ_TEXT)
+
 # Largest depth of nested forms.
 DEEPEST = 50
+
+# Share of a page above which a picture may be its plan, if its lines enclose no rooms.
+PICTURED = 0.15
+
+# Share of a page that the picture of a scan fills at least: it may have a border.
+FILLED = 0.5
+
+# Number of lines up to which they may be labels on a scan: larger drawings lie on a background.
+MOST_LABELS = 300
+
+# Number of pages that are looked at for lines where the chosen one has none.
+MOST_TRIED = 200
 
 # Number of lines and areas up to which a page with large pictures is a scanned one.
 MOST_ON_SCAN = 10
@@ -73,13 +90,22 @@ def draw(
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size))
     rename(canvas, "latin-1")
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
-    if _is_scanned(lines, painter.pictured, float(size.prod())):
+    share = painter.pictured / float(size.prod())
+    few = lines <= MOST_ON_SCAN
+    if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
         # Pixels of two centimetres, or 6,000 along a side.
         side = max(0.02, float(size.max()) / 6000)
+        # Lines and texts on a scan are labels, not its plan.
+        labels = [o for o in objects if raw.FPDFPageObj_GetType(o) in LABELS]
+        for each in labels:
+            raw.FPDFPage_RemoveObject(handle, each)
         picture = handle.render(scale=unit / side).to_pil().convert("RGB")
         plan = plan_of_picture(np.asarray(picture), side, threshold)
-        said = f"page {page} of {len(document)}, scanned: {plan.said}"
+        without = f", without {counted(len(labels), 'mark')} on it" if labels else ""
+        said = f"page {page} of {len(document)}, scanned{without}: {plan.said}"
         return plan._replace(said=said, unit=unit)
+    if share > PICTURED:
+        canvas.doubt = f"a picture covers {share:.0%} of the page, and is not read"
     pages = len(document) - 1
     notes = raw.FPDFPage_GetAnnotCount(handle)
     for reason in ["other page"] * pages + ["annotation"] * notes:
@@ -89,7 +115,9 @@ def draw(
     canvas.scale = scale
     canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if not lines and len(document) > 1:
-        raise WorldError(f"page {page} of {len(document)} shows no line; --page chooses another")
+        others = [n + 1 for n in range(min(len(document), MOST_TRIED)) if _is_drawn(document[n])]
+        advice = f"--page {others[0]} shows some" if others else "no page does"
+        raise WorldError(f"page {page} of {len(document)} shows no line; {advice}")
     if threshold is not None:
         raise WorldError("is no scanned page: threshold is for pictures")
     return canvas
@@ -107,13 +135,25 @@ def _frame(page: Any, unit: float) -> tuple[Float, Float]:
     return matrix, np.ptp(corners[:, :2], axis=0) * unit
 
 
-def _is_scanned(lines: int, pictured: float, area: float) -> bool:
-    """Whether a page with lines and areas, and pictures [m²], was scanned.
+def _is_bare(canvas: Canvas, lines: int, share: float) -> bool:
+    """Whether the lines on a page, a share of which is pictured, are labels and enclose nothing."""
+    labelled = share > (PICTURED if lines <= MOST_ON_SCAN else FILLED) and lines <= MOST_LABELS
+    return labelled and _closed(canvas) < LEAST_CLOSED
 
-    A scan may have a border, and white paper below it.
-    """
-    few = lines <= MOST_ON_SCAN and pictured > 0.5 * area
-    return pictured > 0.0 and (few or not lines)
+
+def _closed(canvas: Canvas) -> float:
+    """The share of what is drawn that its lines close: little by boxes around labels."""
+    lines = [each.shape for each in canvas.marks if each.contrast >= PALEST]
+    points, line = shapely.get_coordinates(lines, return_index=True)
+    joined = line[1:] == line[:-1]
+    strokes = np.hstack([points[:-1][joined], points[1:][joined]])
+    return closed_share(drawn_cells(strokes)[0]) if len(strokes) else 0.0
+
+
+def _is_drawn(page: Any) -> bool:
+    """Whether a page shows lines or pictures."""
+    kinds = (raw.FPDF_PAGEOBJ_PATH, raw.FPDF_PAGEOBJ_IMAGE, raw.FPDF_PAGEOBJ_FORM)
+    return any(each.type in kinds for each in page.get_objects(max_depth=1))
 
 
 def _hidden(file: Any) -> set[str]:
@@ -238,7 +278,10 @@ class _PagePainter:
         for number in range(raw.FPDFPageObj_CountMarks(each)):
             mark = raw.FPDFPageObj_GetMark(each, number)
             if self._bytes(raw.FPDFPageObjMark_GetName, mark) == "OC\0".encode("utf-16-le"):
-                name = self._bytes(raw.FPDFPageObjMark_GetParamBlobValue, mark, b"Name") or name
+                own = self._bytes(raw.FPDFPageObjMark_GetParamBlobValue, mark, b"Name")
+                # Pdfium does not say which layers a membership names.
+                self.canvas.ignored["layer membership"] += not own
+                name = own or name
         return _decoded(name)
 
     @staticmethod

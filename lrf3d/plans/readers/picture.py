@@ -19,10 +19,11 @@ from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
+from lrf3d.plans.doubts import NO_ROOM, of_outside, of_thick
 from lrf3d.plans.parts import Parts
-from lrf3d.plans.plan import THICKEST, Plan
-from lrf3d.plans.rules.enclosure import closes_rooms
-from lrf3d.plans.rules.left_out import RIM, LeftOut
+from lrf3d.plans.plan import Plan
+from lrf3d.plans.rules.enclosure import THICKEST, closes_rooms
+from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
 from lrf3d.world.grid_walls import (
@@ -56,6 +57,15 @@ PARTED = 2.5
 # Largest size [m] of a letter.
 LETTER = 0.6
 
+# The same, as a share of the extent of a plan that is small: that of a model, or on paper.
+LETTER_OF_MODEL = 0.2
+
+# Least grey of ink on a transparent sheet, from 0 to 255, that shows on dark paper alone.
+LIGHT = 200.0
+
+# Contrast to the paper above which a pixel is pale, and no noise.
+PALE = 0.2
+
 # Share of dark pixels in its box from which a part is solid.
 SOLID = 0.7
 
@@ -81,9 +91,14 @@ def read_picture(
         raise WorldError(f"{what} {how}: {keys}")
     side = number(resolution, "resolution", positive=True, most=1e4)
     pixels = pixels_of(path)
+    # Light ink on a transparent sheet is meant for a dark one.
+    inked = pixels[::4, ::4][pixels[::4, ::4, -1] > 0.5 * WHITE]
+    few = len(inked) < 0.5 * pixels[::4, ::4, 0].size
+    light = few and len(inked) > 0 and inked[:, :-1].mean() > LIGHT
+    paper = 0 if light else WHITE
     # Large pictures would need gigabytes as a whole.
     rows = np.array_split(pixels, max(1, len(pixels) // 256))
-    colours = np.concatenate([on_paper(each) for each in rows])
+    colours = np.concatenate([on_paper(each, paper) for each in rows])
     return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
 
 
@@ -102,6 +117,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     dark = contrast > found
     pixels = 1.0 / side
     left_out = LeftOut(dark)
+    if even is None:
+        left_out.leave_pale(*_pale(contrast, dark, pixels))
     stands = left_out.without("coloured part", dark, *_marked(colours, dark))
     # A thick area is a floor if it is pale.
     floors = _floors(stands & (lightness < 0.5), key, pixels)
@@ -114,16 +131,18 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     segments = np.concatenate(parts) * side
     darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
     if not len(segments):
-        raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
-    doubt = ""
+        raise WorldError(f"no wall: nothing, or all, is {darker}; `lrf3d edit` draws walls on it")
+    doubts = [of_thick(left_out.thick, grown(walls | furniture, RIM))]
+    whole = float(np.ptp(segments.reshape(-1, 2), axis=0).prod())
+    doubts.append(of_outside(left_out.outside * side**2, whole))
     if _is_in_pieces(lengths(segments), SHORT * side):
-        doubt = f"half of their length is in pieces of under {SHORT} pixels: is it a plan? "
+        doubts = [f"half of their length is in pieces of under {SHORT} pixels: is it a plan?"]
         if even is not None and threshold is None:
             held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
             remedy = "cut it to the plan, or choose --threshold and look at `lrf3d world show`"
             raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
-    elif not closes_rooms(walls, thin[0], pixels):
-        doubt = "hardly any of it closes a room: is it a plan? "
+    elif not closes_rooms(walls, pixels, thin[0]):
+        doubts = [NO_ROOM]
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     left = dark & ~grown(walls | furniture, RIM)
     seen = [
@@ -133,21 +152,26 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     ]
     return Plan(
         seen[0].joined(*seen[1:]),
-        left={"dark part": _rows(left) * side},
+        left={"dark part": rows_of(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
-        said=f"{doubt}walls are {darker}{how}{coarse}",
+        said=f"walls are {darker}{how}{coarse}",
+        doubt="; ".join(filter(None, doubts)),
         gap=0.5 * side,
-        balance=left_out.balance(walls | furniture | _drawn(np.concatenate(thin), dark.shape)),
+        balance=left_out.balance(
+            walls | furniture | drawn_on(dark.shape, np.concatenate(thin), LEAST)
+        ),
         unit=resolution,
     )
 
 
-def _drawn(lines: Float, shape: Any) -> Bool:
-    """The cells under lines (n, 4) [cells]."""
-    image = Image.new("1", shape[::-1])
-    for line in lines:
-        ImageDraw.Draw(image).line([*line], fill=1, width=LEAST)
-    return np.asarray(image, dtype=np.bool_)
+def _pale(contrast: Any, dark: Bool, pixels: float) -> tuple[Bool, int]:
+    """The pixels between paper and walls that are as thin as walls, such as windows; their parts.
+
+    Thicker ones are floors.
+    """
+    pale = (contrast > PALE) & ~dark
+    pale &= ~grown(_opened(pale, 0.5 * THICKEST * pixels), THICKEST * pixels)
+    return _large(_opened(pale, _half_thin(pixels)), LETTER * pixels)
 
 
 def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
@@ -168,14 +192,6 @@ def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
 def _is_in_pieces(long: Float, short: float) -> bool:
     """Whether half of the length of many walls (n,) is in short ones."""
     return len(long) > 100 and bool(2.0 * long[long < short].sum() > long.sum())
-
-
-def _rows(cells: Bool) -> Float:
-    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
-    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
-    row, begin = np.nonzero(steps > 0)
-    _, end = np.nonzero(steps < 0)
-    return np.column_stack([begin, row + 0.5, end, row + 0.5])
 
 
 def _floors(pale: Bool, key: Int, pixels: float) -> tuple[Bool, int]:
@@ -205,8 +221,10 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
     # In a plan of thin lines, thick parts are lettering, or some columns.
     share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
+        left_out.thick, _ = _large(solid, LARGEST_DOOR * pixels)
         strokes = dark & ~grown(solid, RIM)
-        _, outside = parts_of((strokes | solid) & ~building)
+        apart, outside = parts_of((strokes | solid) & ~building)
+        left_out.outside = int(sides_of(apart).prod(axis=1).max(initial=0))
         left_out.without("outside part", dark, ~building, outside)
         thin = _thin_walls(strokes & building, solid, pixels, left_out)
         thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
@@ -215,6 +233,13 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
         solid = dark
     furniture = _loose(solid, drawn, pixels, left_out)
     return solid & ~furniture, furniture, thin
+
+
+def _large(cells: Bool, least: float) -> tuple[Bool, int]:
+    """The cells in parts with a side of a least length [pixels], and the number of these parts."""
+    parts, _ = parts_of(cells)
+    large = sides_of(parts).max(axis=1) >= least
+    return np.asarray(np.append(False, large)[parts]), int(large.sum())
 
 
 def _marked(colours: Any, dark: Bool) -> tuple[Bool, int]:
@@ -378,7 +403,8 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: LeftOut) -> Bool:
         np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
         for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
     )
-    small |= (sides.min(axis=1) <= LETTER * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
+    letter = min(LETTER * pixels, LETTER_OF_MODEL * extent_of(solid))
+    small |= (sides.min(axis=1) <= letter) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other, and to the thin strokes of others.
     strokes, _ = parts_of(drawn & ~grown(solid, RIM))
     thin = np.append(False, sides_of(strokes).max(axis=1) <= LETTER * pixels)[strokes]

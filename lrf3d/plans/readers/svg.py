@@ -165,10 +165,12 @@ class _ElementPainter(NamedTuple):
 
     def children(self, element: Element, state: State) -> None:
         """Paint what is in an element."""
-        count = 1 if _tag(element) == "switch" else len(element)
-        for child in element[:count]:
+        chosen = [*element]
+        if _tag(element) == "switch":
+            chosen = [each for each in element if _is_for_all(each)][:1]
+        for child in chosen:
             self.paint(child, state)
-        self.leave(element[count:], "other choice")
+        self.leave([each for each in element if each not in chosen], "other choice")
 
     def items(self, within: Iterable[Element], defined: bool = False) -> Iterator[tuple[Any, bool]]:
         """The elements that may be painted, and for each whether only a use paints it."""
@@ -275,7 +277,10 @@ class _ElementPainter(NamedTuple):
         fill = contrast, 0.0 if _tag(element) == "line" else alpha, rule != "evenodd"
         contrast, alpha = _colour(style, "stroke", "none", state.alpha)
         width = _length(style, "stroke-width", math.hypot(*state.size) / math.sqrt(2.0), "1")
-        width *= math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
+        if style.get("vector-effect") == "non-scaling-stroke":
+            width *= PIXEL * canvas.scale
+        else:
+            width *= math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
         square = style.get("stroke-linecap", "butt") != "butt"
         stroke = contrast, alpha if width > 0.0 else 0.0, width, square
         canvas.shape(rings, mark, state.clip, fill, stroke)
@@ -450,6 +455,12 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
         return 0.0, 0.0
     alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
     return alpha * contrast_to_white(colour.red, colour.green, colour.blue), alpha
+
+
+def _is_for_all(choice: Element) -> bool:
+    """Whether a choice of a switch needs no extension and no other language than English."""
+    languages = choice.get("systemLanguage", "en").replace(" ", "").split(",")
+    return not choice.get("requiredExtensions") and any(e[:2] == "en" for e in languages)
 
 
 def _is_plain(text: str | None) -> bool:

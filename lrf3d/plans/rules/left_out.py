@@ -3,9 +3,10 @@
 from collections import Counter
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from lrf3d.base.balance import Balance
-from lrf3d.geometry.lines import Bool
+from lrf3d.geometry.lines import Bool, Float
 from lrf3d.world.grid_walls import grown
 
 # Distance [pixels] within which cells are next to each other, also across a corner.
@@ -18,6 +19,12 @@ class LeftOut:
     def __init__(self, dark: Bool) -> None:
         self.dark = dark
         self.parts = Counter[str]()
+        # Which pixels are in large parts as thick as walls.
+        self.thick = np.zeros_like(dark)
+        # Area [pixels] of the box around the largest part that is not of the building.
+        self.outside = 0
+        # The number of pixels that are neither paper nor dark.
+        self._pale = 0
         # The number of each pixel's reason, from 1; 0 for none.
         self._reason = np.zeros(dark.shape, dtype=np.uint8)
 
@@ -28,6 +35,11 @@ class LeftOut:
         self._reason[taken] = list(self.parts).index(reason) + 1
         return cells & ~out
 
+    def leave_pale(self, pale: Bool, parts: int) -> None:
+        """Leave out pixels that are neither paper nor dark, in a number of parts."""
+        self.parts["pale part"] += parts
+        self._pale = int(pale.sum())
+
     def balance(self, walls: Bool) -> Balance:
         """The balance of all pixels, of which some are walls."""
         used = self.dark & grown(walls, RIM)
@@ -36,8 +48,26 @@ class LeftOut:
         # Strokes are cut off a little before what they meet.
         cut = out & (self._reason == 0) & grown(used | (self._reason > 0), 2.0 * RIM)
         balance = Balance("pixel", self.dark.size, int(used.sum()))
-        balance.leave("paper", int((~self.dark).sum()))
+        balance.leave("paper", int((~self.dark).sum()) - self._pale)
+        balance.leave("pale part", self._pale)
         balance.leave("thin stroke", int(cut.sum()))
         for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
             balance.leave(reason, count)
         return balance
+
+
+def drawn_on(shape: tuple[int, ...], lines: Float, width: int) -> Bool:
+    """The cells of a grid of a shape under lines (n, 4) [cells] of a width [cells]."""
+    rows, columns = shape
+    image = Image.new("1", (columns, rows))
+    for line in lines:
+        ImageDraw.Draw(image).line([*line], fill=1, width=width)
+    return np.asarray(image, dtype=np.bool_)
+
+
+def rows_of(cells: Bool) -> Float:
+    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
+    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
+    row, begin = np.nonzero(steps > 0)
+    _, end = np.nonzero(steps < 0)
+    return np.column_stack([begin, row + 0.5, end, row + 0.5])

@@ -14,10 +14,10 @@ from lrf3d.geometry.lines import Int, Single
 from lrf3d.plans.canvas import WHITE
 
 
-def on_paper(pixels: Any) -> Any:
-    """The colours of pixels (rows, columns, 2 or 4), composited on white paper."""
+def on_paper(pixels: Any, paper: float = WHITE) -> Any:
+    """The colours of pixels (rows, columns, 2 or 4), composited on paper of a grey."""
     alpha = pixels[..., -1:] / np.float32(WHITE)
-    return np.round(WHITE - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
+    return np.round(paper - alpha * (paper - pixels[..., :-1])).astype(np.uint8)
 
 
 def evened(colours: Any, wide: float) -> Any:

@@ -3,7 +3,7 @@
 import io
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ TRIANGLES = 4
 LINES = 1
 
 # Names of rows by their length.
-_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 # OpenGL's numbers for types.
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
@@ -47,6 +47,9 @@ _UNLIT = "KHR_materials_unlit"
 # The start of every array is a multiple of this [bytes].
 _ALIGNMENT = 4
 
+# Number of joints that one byte can number.
+_FEW_JOINTS = 256
+
 # Number of vertices that two bytes can number; their largest number is not used.
 _SMALL = 65535
 
@@ -60,6 +63,8 @@ class Document:
 
     def __init__(self, name: str, extras: Mapping[str, Any], length: float) -> None:
         self._parts: dict[str, list[dict[str, Any]]] = {}
+        # Nodes next to the root: a mesh that follows others does not follow those above it.
+        self._tops: list[int] = []
         self._blob = bytearray()
         self._name = name
         self._length = length
@@ -74,7 +79,14 @@ class Document:
         entries.append(properties)
         return len(entries) - 1
 
-    def array(self, values: NDArray[Any], use: int | None, *, bounded: bool = False) -> int:
+    def array(
+        self,
+        values: NDArray[Any],
+        use: int | None,
+        *,
+        bounded: bool = False,
+        normalized: bool = True,
+    ) -> int:
         """Add an array (n,) or (n, k) and give its accessor; whole numbers of vertices are 0…1.
 
         The format wants the bounds of positions and of times noted.
@@ -86,7 +98,7 @@ class Document:
             "count": len(values),
             "type": _KINDS[columns],
         }
-        if use == VERTICES and values.dtype.kind == "u":
+        if use == VERTICES and values.dtype.kind == "u" and normalized:
             accessor["normalized"] = True
         if bounded:
             rows = values.reshape(-1, columns)
@@ -131,11 +143,13 @@ class Document:
         *,
         kind: type = np.uint8,
         texture: NDArray[Any] | None = None,
+        joints: NDArray[Any] | None = None,
         mode: int = TRIANGLES,
     ) -> dict[str, Any]:
         """A part of a mesh: corners (…, 3), screen colours (…, 3 or 4), places (…, 2) in a texture.
 
-        Colours are kept as whole numbers of a kind.
+        Colours are kept as whole numbers of a kind. Joints (…,) number the nodes that corners
+        follow.
         """
         columns = {"POSITION": corners.reshape(-1, 3).astype(np.float32)}
         if colours is not None:
@@ -145,13 +159,22 @@ class Document:
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
             columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
+        if joints is not None:
+            # A corner may follow four nodes; it follows one.
+            own = joints.reshape(-1)
+            several = np.zeros((len(own), 4), np.uint8 if own.max() < _FEW_JOINTS else np.uint16)
+            several[:, 0] = own
+            columns["JOINTS_0"] = several
+            columns["WEIGHTS_0"] = np.tile(np.array([255, 0, 0, 0], np.uint8), (len(several), 1))
         # Corners that are the same in all are kept once.
         rows = np.concatenate([column.view(np.uint8) for column in columns.values()], axis=1)
         _, first, numbers = np.unique(
             rows.view(f"V{rows.shape[1]}")[:, 0], return_index=True, return_inverse=True
         )
         attributes = {
-            name: self.array(column[first], VERTICES, bounded=name == "POSITION")
+            name: self.array(
+                column[first], VERTICES, bounded=name == "POSITION", normalized=name != "JOINTS_0"
+            )
             for name, column in columns.items()
         }
         indices = self.array(
@@ -169,6 +192,28 @@ class Document:
         if parent is not None:
             self._parts["nodes"][parent].setdefault("children", []).append(number)
         return number
+
+    def follow(
+        self, name: str, material: int, moved: Sequence[tuple[int, NDArray[Any], NDArray[Any]]]
+    ) -> None:
+        """Add one mesh of triangles, whose parts each follow a node: its number, corners, colours.
+
+        Players draw it at once: a mesh for each of many nodes would be slow.
+        """
+        moved = [each for each in moved if len(each[1])]
+        if not moved:
+            return
+        nodes, corners, colours = zip(*moved, strict=True)
+        corners = [each.reshape(-1, 3) for each in corners]
+        colours = [each.reshape(len(own), -1) for own, each in zip(corners, colours, strict=True)]
+        joints = np.repeat(np.arange(len(nodes)), [len(each) for each in corners])
+        part = self.part(material, np.concatenate(corners), np.concatenate(colours), joints=joints)
+        # The joints stand in the frame of the root, in which the corners are given, too.
+        upright = np.eye(4, dtype=np.float32).reshape(1, 16)
+        bind = self.array(np.repeat(upright, len(nodes), axis=0), KEYS)
+        skin = self.add("skins", name=name, joints=list(nodes), inverseBindMatrices=bind)
+        self.node(name, None, part, skin=skin)
+        self._tops.append(len(self._parts["nodes"]) - 1)
 
     def animate(
         self, node: int, path: str, times: Float, values: Float, *, step: bool = False
@@ -213,7 +258,7 @@ class Document:
             "asset": {"version": "2.0", "generator": "lrf3d"},
             "extensionsUsed": [_UNLIT],
             "scene": 0,
-            "scenes": [{"nodes": [self.root], "name": self._name}],
+            "scenes": [{"nodes": [self.root, *self._tops], "name": self._name}],
             "buffers": [{"byteLength": len(self._blob)}],
             **self._parts,
         }

@@ -44,6 +44,12 @@ _NEAR = 0.1
 # Depth of its far plane [m].
 _FAR = 2000.0
 
+# Largest number of scans: with 181 beams they take about 2 MB.
+_MOST_SCANS = 80
+
+# Width of a beam at its end [m].
+_BEAM_WIDTH = 0.03
+
 # Width of trails [m].
 _TRAIL_WIDTH = 0.045
 
@@ -65,13 +71,14 @@ _CORNERS = np.radians(90.0 + 120.0 * np.arange(3))
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
-    """A run as a GLB file with one animation; of ``every`` scans one is kept.
+    """A run as a GLB file with one animation; of ``every`` scans one is kept, and 80 at most.
 
     Raises:
         InputError: ``every`` is less than 1.
     """
     if every < 1:
         raise InputError(f"every {every}: expected a whole number from 1")
+    every = max(every, -(-len(run) // _MOST_SCANS))
     # A scene plays as fast as the robot drove.
     scene = Scene(Timeline(run, playback=1.0))
     timeline = scene.timeline
@@ -126,22 +133,35 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
 def _add_scans(document: Document, scene: Scene, every: int) -> None:
     times = scene.run.trajectory.times[::every]
     shown = np.column_stack(scan_times(scene.timeline, every)) - scene.timeline.start
-    material = document.material("beams", translucent=True)
     group = document.node("beams", document.root)
+    fans = []
+    points = []
     for number, (time, (begin, end)) in enumerate(zip(times, shown.tolist(), strict=True)):
         marks = dict(_seen(scene, time, "beams", "points").marks)
         hits = marks["points"]
         beams = marks["beams"]
         assert isinstance(hits, Points) and isinstance(beams, Lines)
-        parts = [_lines(document, beams, material)]
         cloud = marks.get("clouds")
         if isinstance(cloud, Points):
             hits = with_cloud(hits, thinned(cloud, _CLOUD_POINTS))
-        if len(hits.places):
-            robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
-            colours = np.repeat(hits.colours[:, None], 3, axis=1)
-            parts.append(document.part(material, _triangles(hits, robot), colours))
-        document.show(document.node(f"scan {number * every}", group, *parts), begin, end)
+        node = document.node(f"scan {number * every}", group)
+        document.show(node, begin, end)
+        fans.append((node, *_slender(beams)))
+        robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
+        points.append((node, _triangles(hits, robot), np.repeat(hits.colours[:, None], 3, axis=1)))
+    material = document.material("beams", translucent=True)
+    document.follow("all beams", material, fans)
+    document.follow("all hits", material, points)
+
+
+def _slender(lines: Lines) -> tuple[Float, Float]:
+    """Lines as level triangles (n, 3, 3), which end as wide as a beam, and their colours."""
+    along = (lines.ends - lines.starts)[:, :2].astype(np.float64)
+    across = along @ LEFT / np.maximum(np.hypot(*along.T), look.TINY)[:, None]
+    half = np.insert(0.5 * _BEAM_WIDTH * across, 2, 0.0, axis=1)
+    corners = np.stack([lines.starts, lines.ends - half, lines.ends + half], axis=1)
+    tints = np.repeat(lines.colours[:, None], 3, axis=1)
+    return corners, np.concatenate([tints, lines.opacities[:, [0, 1, 1], None]], axis=2)
 
 
 def _lines(document: Document, lines: Lines, material: int) -> dict[str, Any]:
@@ -165,6 +185,7 @@ def _add_maps(document: Document, scene: Scene, run: Run) -> None:
     timeline = scene.timeline
     material = document.material("map")
     group = document.node("map", document.root)
+    drawn = []
     begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
     for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
         if not len(stage):
@@ -174,17 +195,17 @@ def _add_maps(document: Document, scene: Scene, run: Run) -> None:
         half = np.array([0.0, 0.0, 0.5 * bands.thick])
         ends = bands.starts - half, bands.ends - half, bands.ends + half, bands.starts + half
         corners = np.stack(ends, axis=1)[:, [0, 1, 2, 0, 2, 3]]
-        part = document.part(material, corners, np.repeat(bands.colours[:, None], 6, axis=1))
-        node = document.node(f"map of {len(stage)} segments", group, part)
+        node = document.node(f"map of {len(stage)} segments", group)
         document.show(node, begin - timeline.start, end - timeline.start)
+        drawn.append((node, corners, np.repeat(bands.colours[:, None], 6, axis=1)))
+    document.follow("all maps", material, drawn)
 
 
 def _add_trail(
     document: Document, keys: DriveKeys, name: str, colour: tuple[float, ...], height: float
 ) -> None:
     strip = np.array([[0, -0.5, 0], [1, -0.5, 0], [1, 0.5, 0], [0, 0.5, 0]])[[0, 1, 2, 0, 2, 3]]
-    part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
-    mesh = document.add("meshes", name=name, primitives=[part])
+    drawn = []
     group = document.node(name, document.root)
     pieces = keys.thinned(_PIECE_ERROR)
     for number in np.flatnonzero(pieces.driven):
@@ -195,10 +216,12 @@ def _add_trail(
             continue
         place = {"translation": [*start[:2].tolist(), height]}
         place["rotation"] = turned(np.arctan2(along[1:], along[:1]))[0].tolist()
-        node = document.node(f"{name} from {begin:.1f} s", group, mesh=mesh, **place)
+        node = document.node(f"{name} from {begin:.1f} s", group, **place)
+        drawn.append((node, strip, np.tile(colour, (6, 1))))
         # Its width is there at once: a strip that widens as it grows would be a wedge.
         grown = np.array([[0.0, _TRAIL_WIDTH, 1.0], [length, _TRAIL_WIDTH, 1.0]])
         document.animate(node, "scale", np.array([begin, end]), grown)
+    document.follow(f"all of the {name}", document.material(name), drawn)
 
 
 def _add_estimate(document: Document, timeline: Timeline) -> None:

@@ -5,13 +5,11 @@ wall that two buildings share, and a straight façade of several is one segment 
 footprints that touch are dissolved into blocks, with only their outer walls.
 """
 
-import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
-from operator import mul
 from typing import Any
 
 import numpy as np
@@ -35,9 +33,14 @@ from lrf3d.world.pieces import (
     world_of_parts,
 )
 from lrf3d.world.schema import MOST_OBJECTS, parse_colour
-
-# Height of a storey [m], for buildings with only a number of levels.
-LEVEL_HEIGHT = 3.0
+from lrf3d.world.towns.tags import (
+    LEVEL_HEIGHT,
+    left_out,
+    metres_of,
+    role_in_storey,
+    storeys_of,
+    tags_of,
+)
 
 # Default height of a building [m]: two storeys and a roof.
 DEFAULT_BUILDING_HEIGHT = 8.0
@@ -55,33 +58,6 @@ POLE = 90.0
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
 
-# Metres in a foot, and in an inch.
-FOOT = 0.3048
-INCH = 0.0254
-
-# Metres in the units of heights.
-UNITS = {
-    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
-    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), FOOT),
-    **dict.fromkeys(("in", "inch", "inches", '"', "″"), INCH),
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "km": 1e3,
-    "yd": 0.9144,
-}
-
-# Matches a number and its unit in a length.
-_LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
-
-# Properties of roads, water and land, on which nothing stands.
-FLAT = frozenset(
-    "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
-    " power place parking public_transport".split()
-)
-
-# Values of ``building`` for buildings that do not exist yet, or no longer.
-ABSENT = ("proposed", "planned", "demolished", "razed")
-
 # Width [m] of a door in the wall of a room, if not given.
 DOOR = 0.9
 
@@ -90,9 +66,6 @@ SIDE = 0.05
 
 # Distance [m] within which walls of two rooms are the same wall.
 SHARED = 1e-3
-
-# Properties of what is built.
-STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +80,12 @@ class Feature:
     material: Material | None = None
     # Why it is left out.
     left_out: str = ""
-    # Whether it is a room, whose outline becomes walls, or an opening in walls.
+    # What it is in a storey: a room, whose outline becomes walls, an opening, or a wall.
     role: str = ""
     # Its storeys; empty if it names none.
     levels: tuple[str, ...] = ()
+    # Whether it says that it is a building.
+    built: bool = False
 
     @property
     def lines(self) -> Float:
@@ -119,7 +94,7 @@ class Feature:
         own = (walls(np.array(each.coords)) for each in lines)
         found = np.concatenate([np.empty((0, 4)), *own])
         # Ways name a point twice in a row, and rounding joins points.
-        return found[(found[:, :2] != found[:, 2:]).any(axis=1)]
+        return np.asarray(found[(found[:, :2] != found[:, 2:]).any(axis=1)])
 
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""
@@ -151,16 +126,14 @@ def feature_of(item: object) -> Feature:
         raise WorldError(f"expected an object of properties, found {shown(properties)}")
     if isinstance(properties.get("tags"), dict):
         properties = {**properties["tags"], **properties}
-    held = {key for key, value in properties.items() if value not in (None, "", "no", False)}
-    if held & FLAT and not held & STANDS:
-        return Feature((), left_out="feature of roads, water and land")
-    if properties.get("building") in ABSENT:
-        return Feature((), left_out=f"building: {properties['building']}")
+    tags = tags_of({"feature_type": item.get("feature_type")} | properties)
+    if reason := left_out(tags):
+        return Feature((), left_out=reason)
     number = properties.get("object")
     name = properties.get("name")
     colours = (properties.get(key) for key in ("colour", "building:colour", "color"))
     geometry = item if bare else item.get("geometry")
-    role = room_role(properties)
+    role = role_in_storey(tags)
     shapes = tuple(_shapes(geometry, points=role == "opening"))
     kind = geometry["type"] if geometry else "nothing"
     return Feature(
@@ -172,39 +145,9 @@ def feature_of(item: object) -> Feature:
         material_of(properties.get("material", properties.get("building:material"))),
         "" if shapes else f"feature without a wall: {str(kind)[:40]}",
         role,
-        levels_of(properties.get("level_id", properties.get("level"))),
+        storeys_of(tags),
+        bool({"building", "building:part"} & set(tags)),
     )
-
-
-def room_role(properties: Mapping[str, Any]) -> str:
-    """Whether properties describe a room or an opening in its walls.
-
-    They follow OpenStreetMap's Simple Indoor Tagging, or IMDF.
-    """
-    kind = properties.get("feature_type")
-    leads = properties.get("door") not in (None, "", "no")
-    if kind == "opening" or (
-        leads and not {"building", "building:part", "barrier"} & set(properties)
-    ):
-        return "opening"
-    unit = kind == "unit" or {"category", "level_id"} <= set(properties)
-    return "room" if unit or properties.get("indoor") in ("room", "corridor", "area") else ""
-
-
-def levels_of(value: object) -> tuple[str, ...]:
-    """The storeys in a value such as 1, "0;1" or "-1-2".
-
-    >>> levels_of(1), levels_of("0;2"), levels_of("-1-1"), levels_of(None)
-    (('1',), ('0', '2'), ('-1', '0', '1'), ())
-    """
-    found = list[str]()
-    for text in re.split(r"[;,]", "" if value is None else str(value)[:100]):
-        span = re.fullmatch(r"\s*(-?\d{1,3})\s*-\s*(-?\d{1,3})\s*", text)
-        if span:
-            found += map(str, range(int(span[1]), int(span[2]) + 1))
-        elif text.strip():
-            found.append(re.sub(r"\.0+$", "", text.strip()))
-    return tuple(found)
 
 
 def with_rooms(
@@ -232,7 +175,7 @@ def with_rooms(
     if not rooms:
         balance.used -= len(openings)
         balance.leave("opening without a room", len(openings))
-    found = [f for f in here if not f.role] + _walls_of_rooms(rooms, openings)
+    found = [f for f in here if f.role in ("", "wall")] + _walls_of_rooms(rooms, openings)
     others = ", ".join(sorted(known)[:20])
     said = f"level {chosen} of {others} is read; --level chooses" if len(known) > 1 else ""
     return found, f"{counted(len(rooms), 'indoor room')}; {said}".strip("; ") if rooms else ""
@@ -332,15 +275,17 @@ def _number(value: object, key: str) -> float:
     raise WorldError(f'{key} is {shown(value)}, expected metres such as 12.5 or "12.5 m"')
 
 
-def metres_of(text: str) -> float | None:
-    """A length [m] from a text such as 12, 12,5 m or 40'; None if it is invalid."""
-    parts = _LENGTH.findall(text)
-    # After feet come inches.
-    units = [UNITS.get(unit.lower()) for _, unit in parts]
-    if None in units or units not in ([FOOT, INCH], units[:1]) or _LENGTH.sub("", text).strip():
-        return None
-    numbers = [float(number.replace(",", ".")) for number, _ in parts]
-    return sum(map(mul, numbers, units)) if parts else None
+def joined_areas(features: Sequence[Feature]) -> str:
+    """A note on areas that do not say that they are buildings, and lose the walls between them."""
+    plain = [f for f in features if not (f.built or f.role)]
+    polygons = [each for each in shapes_of(plain) if each.geom_type == "Polygon"]
+    areas = np.array(polygons, dtype=object)
+    areas = areas[shapely.is_valid(areas)]
+    one, other = shapely.STRtree(areas).query(areas, predicate="touches")
+    long = shapely.length(shapely.intersection(areas[one], areas[other])) > 0.0
+    count = len(np.unique(one[long]))
+    joined = f"{counted(count, 'area')} that touch become one block without walls between"
+    return f"{joined}: rooms need the property indoor=room" if count else ""
 
 
 def looks_geographic(features: Sequence[Feature]) -> bool:

@@ -37,6 +37,7 @@ from lrf3d.world.towns.features import (
     TURN,
     Feature,
     feature_of,
+    joined_areas,
     laid_flat,
     looks_geographic,
     moved,
@@ -68,8 +69,9 @@ def read_geojson(path: Path, level: str | None = None) -> World:
         held = f"; it holds {balance.words()}" if balance.left_out else ""
         raise WorldError(f"holds no Polygon and no LineString, so there is no wall{held}")
     features, place = _placed(features, data, path)
+    joined = joined_areas(features)
     features, said = with_rooms(features, level, balance)
-    balance.note(path, said)
+    balance.note(path, said, joined)
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     world = world_of_features(features, name, place=place)
     free = FreeCells.from_dict(data["free"]) if "free" in data else None
@@ -93,7 +95,9 @@ def _placed(
     features, found = in_metres(features, reference)
     if found is None and reference is None:
         assumed = "coordinates without a crs, too large for degrees, are taken as metres"
-        warnings.warn(f"{path}: {assumed}", Lrf3dNote, stacklevel=3)
+        wide, high = np.ptp(shapely.get_coordinates(shapes_of(features)), axis=0)
+        size = f"{wide:,.6g} m by {high:,.6g} m"
+        warnings.warn(f"{path}: {assumed}: {size}", Lrf3dNote, stacklevel=3)
     return features, found or place
 
 

@@ -30,20 +30,24 @@ from lrf3d.world.model import World
 from lrf3d.world.pieces import pairs_within
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.towns.features import (
-    ABSENT,
-    LEVEL_HEIGHT,
     POLE,
     TURN,
     Feature,
     encloses,
     laid_flat,
     lay_flat,
-    levels_of,
-    metres_of,
-    room_role,
     shapes_of,
     with_rooms,
     world_of_features,
+)
+from lrf3d.world.towns.tags import (
+    LEVEL_HEIGHT,
+    is_building,
+    kind_of,
+    left_out,
+    metres_of,
+    role_in_storey,
+    storeys_of,
 )
 
 # Height [m] of a tree of which nothing is given: one along a street, some decades old.
@@ -57,10 +61,6 @@ Place = tuple[float, float]
 
 # A node by its number, or by its place where it has none, as within a relation.
 Node = int | Place
-
-
-# Values of ``barrier`` that become walls.
-BARRIERS = ("wall", "fence", "city_wall", "retaining_wall")
 
 
 def read_osm(path: Path, *, trees: bool = False, level: str | None = None) -> World:
@@ -219,38 +219,38 @@ MAIN = (
 def _lines(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
     """The walls and fences whose coordinates are known, in degrees."""
     for nodes, tags in extract.ways.values():
-        if (kind := tags.get("barrier", "no")) == "no" or id(tags) in fates:
+        if tags.get("barrier", "no") == "no" or id(tags) in fates:
             continue
         runs = [list(run) for known, run in groupby(nodes, extract.nodes.__contains__) if known]
         places = [[extract.nodes[n] for n in run] for run in runs]
         lines = [shapely.LineString(each) for each in places if len({*each}) > 1]
-        stands = kind in BARRIERS and lines
-        fates[id(tags)] = "" if stands else f"barrier: {kind}"
-        if stands:
+        reason = left_out(tags) or ("" if lines else "incomplete barrier")
+        fates[id(tags)] = reason
+        if not reason:
             yield Feature(tuple(lines), tag_height(tags), tags.get("name", ""))
 
 
 def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
-    """The rooms and the doors of Simple Indoor Tagging, in degrees."""
+    """The rooms, walls and doors of Simple Indoor Tagging, in degrees."""
     for number, (nodes, tags) in extract.ways.items():
-        role = "" if id(tags) in fates else room_role(tags)
-        if role == "room":
-            closed = extract.is_ring(number)
-            fates[id(tags)] = "" if closed else "incomplete indoor room"
-            if closed:
-                area = shapely.Polygon([extract.nodes[n] for n in nodes])
-                yield Feature(
-                    (area,), tag_height(tags), role=role, levels=levels_of(tags.get("level"))
-                )
-        elif role == "opening" and extract.is_whole(number):
-            fates[id(tags)] = ""
-            line = shapely.LineString([extract.nodes[n] for n in nodes])
-            yield Feature((line,), role=role, levels=levels_of(tags.get("level")))
+        role = "" if id(tags) in fates else role_in_storey(tags)
+        closed = extract.is_ring(number)
+        if tags and id(tags) not in fates and (reason := left_out(tags)) and "indoor" in tags:
+            fates[id(tags)] = reason
+        elif role:
+            long = extract.is_whole(number) and len({extract.nodes[n] for n in nodes}) > 1
+            whole = closed if role == "room" else long
+            fates[id(tags)] = "" if whole else f"incomplete indoor {role}"
+            if whole:
+                places = [extract.nodes[n] for n in nodes]
+                area = closed and role != "opening"
+                shape = shapely.Polygon(places) if area else shapely.LineString(places)
+                yield Feature((shape,), tag_height(tags), role=role, levels=storeys_of(tags))
     for number, tags in extract.points.items():
-        if room_role(tags) == "opening":
+        if role_in_storey(tags) == "opening":
             fates[id(tags)] = ""
             place = shapely.Point(extract.nodes[number])
-            yield Feature((place,), role="opening", levels=levels_of(tags.get("level")))
+            yield Feature((place,), role="opening", levels=storeys_of(tags))
 
 
 def _buildings(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
@@ -258,17 +258,14 @@ def _buildings(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
     found, outlines = _of_relations(extract, fates)
     fates |= {id(extract.ways[n][1]): "" for n in outlines}
     for number, (refs, tags) in extract.ways.items():
-        if number not in outlines and _kind(tags):
+        if number not in outlines and kind_of(tags):
             closed = extract.is_ring(number)
             fates[id(tags)] = "" if closed else "incomplete building"
             if closed:
                 found.append((tags, shapely.Polygon([extract.nodes[n] for n in refs])))
     for tags, area in _with_parts(found):
-        stands = is_building(tags)
-        absent = tags.get("building") in ABSENT
-        reason = f"building: {tags.get('building')}" if absent else "building open at the ground"
-        fates[id(tags)] = "" if stands else reason
-        if stands:
+        fates[id(tags)] = left_out(tags)
+        if not fates[id(tags)]:
             yield _feature(tags, area)
 
 
@@ -285,9 +282,9 @@ def _of_relations(
         inner = [n for n, role in members if role == "inner"]
         outer = [n for n, role in members if role not in ("inner", "part")]
         # Old relations have the tags of the building on an outer way.
-        own = [tags] if _kind(tags) else [ways[n][1] for n in outer]
+        own = [tags] if kind_of(tags) else [ways[n][1] for n in outer]
         building = next(filter(is_building, own), None)
-        if any(map(_kind, own)):
+        if any(map(kind_of, own)):
             # A way within that has tags of its own is a building in the courtyard.
             outlines |= {n for n, _ in members if n in outer or ways[n][1] == building}
         if building is not None:
@@ -328,21 +325,6 @@ def _feature(tags: Tags, area: Any) -> Feature:
         parse_colour(tags.get("building:colour")),
         material=material_of(tags.get("building:material")),
     )
-
-
-def _kind(tags: Tags) -> str:
-    """The kind of a building, or of a part of one; empty if it is neither."""
-    kind = tags.get("building", tags.get("building:part", ""))
-    return "" if kind == "no" else kind
-
-
-def is_building(tags: Tags) -> bool:
-    """Whether tags describe a building whose walls reach the ground."""
-    if _kind(tags) in ("", "roof", "carport", *ABSENT) or tags.get("location") == "underground":
-        return False
-    above = metres_of(tags.get("min_height", ""))
-    # The robot passes under what is higher.
-    return (LEVEL_HEIGHT * _metres(tags, "building:min_level") if above is None else above) < 2.0
 
 
 def _metres(tags: Tags, key: str) -> float:

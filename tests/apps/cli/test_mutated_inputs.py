@@ -176,7 +176,7 @@ def fault_of(case, folder):
     lines = done.stderr.splitlines()
     lines = [line for line in lines if not line.startswith("lrf3d: warning: ")]
     # What was read of a plan is said before what its route lacks.
-    lines = [line for line in lines if not line.endswith("`lrf3d world show` draws it")]
+    lines = [line for line in lines if not line.endswith(("` draws it", "` settles it"))]
     # Usage errors are the command line's own; what was chosen for the user is said, too.
     said = done.returncode == 2 or all(line.startswith("lrf3d: ") for line in lines)
     one = done.returncode != 1 or (len(lines) == 1 and len(done.stderr) < 5000)

@@ -186,11 +186,28 @@ function unpacked(data) {
   return [header, arrays];
 }
 
+// Steps outlive a reload: they are kept for this tab, with the decisions at which they lead.
+const MOST_STEPS = 300;
+
+function remember({ name, edits }, first) {
+  const key = `lrf3d edit ${name}`;
+  const now = JSON.stringify({ ...edits, digest: "" });
+  try {
+    const kept = first && JSON.parse(sessionStorage.getItem(key));
+    if (kept?.now === now) Object.assign(editor, { past: kept.past, future: kept.future });
+    const { past, future } = editor;
+    sessionStorage.setItem(key, JSON.stringify({ now, past: past.slice(-MOST_STEPS), future: future.slice(-MOST_STEPS) }));
+  } catch {
+    // Without storage they live as long as the page.
+  }
+}
+
 const TAKE = {
   plan(header, { layers, rules, colours, ...arrays }) {
     const first = !sheet.plan;
     sheet.take(header, { ...arrays, layersOf: layers, rulesOf: rules, coloursOf: colours });
     if (first || editor.refit) sheet.fit();
+    remember(header, first);
     editor.refit = false;
     part("title").textContent = `lrf3d edit ${header.name}`;
     document.title = `${header.name} — lrf3d edit`;

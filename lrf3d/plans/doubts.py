@@ -1,0 +1,55 @@
+"""Doubts about a plan: what its rules cannot settle, and a person sees at one glance.
+
+The walls and doors of a plan enter; phrases leave, which one line joins and which name
+`lrf3d edit`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import Bool, Float
+from lrf3d.plans.rules.doors import Door
+from lrf3d.plans.rules.enclosure import closes_rooms, drawn_cells
+
+# Least and largest width [m] of a door that is not doubted: a cupboard's, and a double door's.
+DOOR = (0.5, 2.0)
+
+# Largest share of the area or of the thick walls of a plan that is left out and not doubted.
+LEFT_OUT = 0.1
+
+# Number of walls up to which a plan need not close a room: a few walls are a test's or a corridor.
+FEW = 12
+
+
+def of_doors(doors: Sequence[Door]) -> str:
+    """A doubt about doors that are too narrow or too wide."""
+    wide = np.array([door.width for door in doors])
+    odd = np.sort(wide[(wide < DOOR[0]) | (wide > DOOR[1])])
+    if not len(odd):
+        return ""
+    found = " to ".join(dict.fromkeys(f"{each:.2g}" for each in (odd[0], odd[-1])))
+    return f"{counted(len(odd), 'door')} of {found} m?"
+
+
+def of_rooms(walls: Float) -> str:
+    """A doubt about walls (n, 4) [m] of which hardly any closes a room."""
+    if len(walls) <= FEW or closes_rooms(*drawn_cells(walls)):
+        return ""
+    return NO_ROOM
+
+
+# The doubt about walls that close no room.
+NO_ROOM = "hardly any of it closes a room: is it a plan?"
+
+
+def of_outside(out: float, whole: float) -> str:
+    """A doubt about a part next to a plan, of areas [m²], that is large for a legend."""
+    return f"a part of {out:.3g} m² next to it is left out" if out > LEFT_OUT * whole else ""
+
+
+def of_thick(thick: Bool, walls: Bool) -> str:
+    """A doubt about thick pixels, of which walls are too few."""
+    share = float((thick & ~walls).sum()) / max(float(thick.sum()), 1.0)
+    return f"{share:.0%} of what is as thick as walls is left out" if share > LEFT_OUT else ""
