@@ -285,7 +285,7 @@ def run_of(
             or "expected walls within the laser's range"
         )
         raise InputError(
-            f"{name}: {len(moments)} scans show no wall, so that there is no map; {reason}"
+            f"{name}: no wall in {counted(len(moments), 'scan')}, so that there is no map; {reason}"
         )
     (lrf, ranges), *others = (_laser_of(own, mounted=len(fans) > 1) for own in fans)
     ranges = np.hstack([ranges, *(each for _, each in others)])
