@@ -125,7 +125,8 @@ def by_names(form: Form) -> Layout:
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
-        elif role and role not in layout.columns:
+        elif role and (role not in layout.columns or form.header[layout.columns[role]] == "scan"):
+            # A column "scan" before one of distances numbers the scans.
             layout.name(role, place, unit)
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
@@ -138,7 +139,8 @@ def by_names(form: Form) -> Layout:
 
 def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
     """Enter a series of columns of ranges, whose names may end with their bearings."""
-    layout.name("ranges", begin, meaning(base)[1])
+    role, unit = meaning(base)
+    layout.name("ranges", begin, unit if role == "ranges" else "")
     layout.beams = len(names)
     bearings = np.array([float(found[2]) for found in map(SERIES, names) if found])
     wide = np.ptp(bearings)
@@ -297,8 +299,22 @@ def _by_length(form: Form) -> Layout | None:
         if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
             if names == stamp or _are_headings(form, place - 1):
                 columns = {name: k for k, name in enumerate([*names, "ranges"])}
-                return Layout(columns, None, form.length)
+                if names == stamp or not _poses_are_last(form, len(stamp)):
+                    return Layout(columns, None, form.length)
+                order = [*stamp, "ranges"]
+                columns = {name: k for k, name in enumerate(order)}
+                columns |= {name: form.length - 3 + k for k, name in enumerate(("x", "y", "theta"))}
+                return Layout(columns, form.length - place, form.length)
     return None
+
+
+def _poses_are_last(form: Form, begin: int) -> bool:
+    """Whether the last three columns have many negative numbers, which the first three have not."""
+    rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
+    # A single negative number is that of beams without return.
+    first, last = (len({*each[each < 0.0].tolist()}) > 1
+                   for each in (rows[:, begin : begin + 3], rows[:, -3:]))  # fmt: skip
+    return last and not first
 
 
 def _counts_up(form: Form, place: int) -> bool:
