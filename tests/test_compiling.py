@@ -141,6 +141,7 @@ def test_a_damaged_file_of_the_cache_is_compiled_again(load, damaged):
     assert run(load()) == (25.0, False)
 
 
+@pytest.mark.slow
 def test_each_kernel_has_the_same_stamp_in_each_process():
     # What cannot be described gets another description in each.
     stamps = "from test_kernel_results import kernels; from lrf3d.compiling.cache import stamp_of"

@@ -119,6 +119,7 @@ def test_every_picture_shows_in_a_clone():
     assert len(linked) > 30 and [link for link in linked if not link.is_file()] == []
 
 
+@pytest.mark.slow
 def test_the_sample_output_of_the_tour_is_what_the_command_prints(workshop):
     page = (ROOT / "docs/tour.md").read_text(encoding="utf-8")
     sample = re.search(r"```text\n(.*?)```", page, re.S)[1].splitlines()

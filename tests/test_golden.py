@@ -59,6 +59,7 @@ def test_a_robot_that_is_not_given_its_poses_finds_them_and_the_map(drive):
     assert (off.max(), lost.max(), len(drive.map)) == pytest.approx((0.0077, 0.6777, 34), abs=5e-4)
 
 
+@pytest.mark.slow
 def test_a_drive_goes_out_as_a_bag_and_is_solved_and_mapped(drive, tmp_path):
     lrf3d.export_run(drive, "mcap", tmp_path / "drive.mcap")
     solved = lrf3d.slam_log(tmp_path / "drive.mcap")

@@ -72,6 +72,7 @@ def test_pictures_of_patterns_and_plans_of_stars_are_refused_by_what_they_would_
         lrf3d.load_world(tmp_path / "checks.png", resolution=0.05)
 
 
+@pytest.mark.slow
 def test_trees_at_one_place_are_one_and_others_all_stand(tmp_path):
     """Whatever their sizes are, the work grows as their number."""
     rng = np.random.default_rng(0)

@@ -71,9 +71,9 @@ class Lidar(Value):
             a number is invalid.
 
     Examples:
-        >>> import math
         >>> import lrf3d
-        >>> lidar = lrf3d.Lidar([math.radians(e) for e in (-10, 0, 10)], columns=4)
+        >>> import numpy as np
+        >>> lidar = lrf3d.Lidar(np.radians([-10, 0, 10]), columns=4)
         >>> world = lrf3d.World([[3, -9, 3, 9]])
         >>> scan = lrf3d.PlanarCaster(world).cast_lidar(lidar, (0, 0, 0))
         >>> scan.ranges.round(3)[:, 2].tolist()
@@ -202,8 +202,9 @@ class LidarScan(Value):
 
     Examples:
         >>> import lrf3d
+        >>> import numpy as np
         >>> world = lrf3d.World([[3, -9, 3, 9]])
-        >>> lidar = lrf3d.Lidar([-0.1, 0.0], columns=4)
+        >>> lidar = lrf3d.Lidar(np.array([-0.1, 0.0]), columns=4)
         >>> scan = lrf3d.EmbreeCaster(world).cast_lidar(lidar, (1, 0, 0))
         >>> scan.points().round(2).tolist()[-1]
         [3.0, 0.0, 0.5]

@@ -194,6 +194,7 @@ def sent(value):
     return stream.getvalue()
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(VALUES)
 def test_a_value_is_the_same_in_another_process(value):

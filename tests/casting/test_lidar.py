@@ -83,6 +83,7 @@ def assert_equal(found: Any, expected: Any) -> None:
                 assert t == pytest.approx(float(true), rel=1e-14, abs=0.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(scenes(), st.integers(-8, 10), st.sampled_from([0.5, 0.75, 1.0, 1.5]), st.data())
 def test_columns_are_those_of_rational_numbers(scene: Any, y: int, z: float, data: Any) -> None:
@@ -101,6 +102,7 @@ def test_columns_are_those_of_rational_numbers(scene: Any, y: int, z: float, dat
     assert_equal(found, exact_ranges(scene, place, rays, slopes))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(scenes(), st.integers(-8, 10), st.sampled_from([0.5, 0.75, 1.0, 1.5]))
 def test_layers_are_those_of_rational_numbers(scene: Any, y: int, z: float) -> None:

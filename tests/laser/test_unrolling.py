@@ -36,6 +36,7 @@ def mean_scores(lrf):
     return np.mean(scores, axis=0)
 
 
+@pytest.mark.slow
 def test_a_map_made_while_turning_is_as_sharp_as_of_scans_that_take_no_time():
     (length, segment, rms), still = mean_scores(LIDAR), mean_scores(STILL)
     assert length > still[0] - 0.01 and segment > still[1] - 0.03 and rms < still[2] + 0.001

@@ -53,6 +53,7 @@ def found_in_the_streets():
     return find_route(STREETS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "radius", "east"), [(148, 0.25, 0.0), (3, 0.45, 85_000.0)])
 def test_a_route_is_followed_without_coming_near_a_wall(seed, radius, east):
     rng = np.random.default_rng(seed)
@@ -70,6 +71,7 @@ def test_a_route_is_followed_without_coming_near_a_wall(seed, radius, east):
         assert not shapely.contains_xy(inside, route[:, 0], route[:, 1]).any()
 
 
+@pytest.mark.slow
 def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length():
     route = found_in_the_streets().waypoints
     drive = follow_route(route, speed=3.0, lookahead=1.0, dt=0.5)
@@ -80,6 +82,7 @@ def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length():
     assert (counts > 10).mean() > 0.8
 
 
+@pytest.mark.slow
 def test_the_same_world_gives_the_same_route_wherever_it_lies():
     route = plan_route(PAIR)
     assert (plan_route(PAIR) == route).all()
@@ -102,6 +105,7 @@ def test_a_plan_with_a_line_on_each_side_of_its_outer_wall_is_driven_inside():
     assert shapely.contains_xy(shapely.box(0.2, 0.2, 11.8, 8.8), route[:, 0], route[:, 1]).all()
 
 
+@pytest.mark.slow
 def test_a_very_large_world_is_planned_in_its_densest_part():
     crowd = [box(3000.0 + 15.0 * i, 14.0 * j, 9.0, 8.0) for i in range(4) for j in range(3)]
     world = town([*crowd, box(0.0, 0.0, 10.0, 10.0), box(0.0, 5000.0, 10.0, 10.0)])
@@ -144,6 +148,7 @@ def test_a_robot_drives_through_the_doors_that_it_fits_through_and_stays_inside(
     assert len(rooms_of(drive.poses)) >= 3
 
 
+@pytest.mark.slow
 def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
     found = find_route(house(0.84, 0.0), radius=0.4, lookahead=0.4)
     assert distance_to_walls(house(0.0, 0.0), found.waypoints) >= 0.4
@@ -208,6 +213,7 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
     assert np.ptp(drive.poses[:, :2] @ [np.cos(turn), np.sin(turn)]) > 19.0
 
 
+@pytest.mark.slow
 def test_rooms_without_a_door_are_named(tmp_path):
     for door in (0.0, 0.2):
         (note,) = find_route(house(door, 0.0), radius=0.35, lookahead=0.4).notes
@@ -288,6 +294,7 @@ def inside_the_house(route):
     return ((route > [0.0, 0.0]) & (route < [12.0, 9.0])).all(axis=1)
 
 
+@pytest.mark.slow
 def test_the_side_of_the_walls_is_chosen_or_asked_for_and_indoors_the_robot_is_slow():
     assert find_route(HOUSE, lookahead=0.4).speed == 1.0
     assert find_route(HOUSE, lookahead=0.4, speed=2.0).speed == 2.0
@@ -302,6 +309,7 @@ def test_the_side_of_the_walls_is_chosen_or_asked_for_and_indoors_the_robot_is_s
         plan_route(HOUSE, where="within")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_route_begins_at_the_start_and_stays_on_its_side():
     route = plan_route(HOUSE, lookahead=0.4, start=(9.0, 7.0, 1.0))
     assert tuple(route[0]) == (9.0, 7.0)
@@ -365,6 +373,7 @@ def test_a_plan_in_other_units_is_refused_with_the_scale_that_fits(unit, scale):
     assert len(plan_route(World(town))) > 2
 
 
+@pytest.mark.slow
 def test_a_tip_close_to_a_wall_is_turned_in_without_touching_it():
     picture = Path(__file__).parents[2] / "examples/flat.png"
     scenario = Scenario(load_world(picture, resolution=0.02)).with_route()

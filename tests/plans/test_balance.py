@@ -100,6 +100,7 @@ def filled(space, kinds):
 KINDS = "line text hatch wall arcs circle frozen solid attribute gone external table mesh".split()
 
 
+@pytest.mark.slow
 @settings(
     deadline=None,
     max_examples=40,

@@ -243,6 +243,7 @@ def test_plans_that_stand_apart_are_reported(tmp_path):
     dxf(tmp_path, draw, units.MM)
 
 
+@pytest.mark.slow
 def test_a_pattern_is_found_among_more_lines_than_can_be_compared():
     turns = np.linspace(0.0, np.pi, 2400, endpoint=False)
     ways = 0.2 * np.column_stack([np.cos(turns), np.sin(turns)])

@@ -136,6 +136,7 @@ def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():
         assert without_jumps(jumped, times)[1].tolist() == [12]
 
 
+@pytest.mark.slow
 def test_a_laser_that_turns_clockwise_unsaid_is_found_out(recorded):
     log, true = recorded
     scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in log.scans]
@@ -164,6 +165,7 @@ def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
     assert errors(solution, true).max() < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [1.0, 2.0])
 def test_odometry_that_measures_twice_the_distance_is_found_out(recorded, turn):
     log, true = recorded
@@ -200,6 +202,7 @@ def test_between_lines_far_apart_scans_lie_by_their_stamps(recorded):
     assert recording.moments.tolist() == places.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "last"), [(0.4, 0.4), (-0.2, -0.2), (0.1, 0.5)])
 def test_scans_that_are_stamped_late_get_the_poses_of_when_they_were_taken(recorded, first, last):
     log, true = recorded

@@ -71,6 +71,7 @@ def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_pat
     assert sorted(file.name for file in tmp_path.iterdir()) == ["run.npz", "whole.npz"]
 
 
+@pytest.mark.slow
 def test_a_controller_and_a_mapper_get_the_recorded_scans_again(tmp_path):
     class Plain:
         """A mapper with nothing but an update that returns a LineMap."""
@@ -210,6 +211,7 @@ lrf3d.record(test_recording.simulation(), sys.argv[1], resume=True, progress=pro
 """
 
 
+@pytest.mark.slow
 def test_a_killed_process_loses_next_to_nothing(tmp_path):
     lrf3d.record(simulation(scans=SCANS), tmp_path / "whole.npz")
     path = tmp_path / "run.npz"

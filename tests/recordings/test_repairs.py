@@ -81,6 +81,7 @@ def test_a_map_is_made_without_a_repair(mirrored):
     assert np.array_equal(run.scan(0).ranges, log.scans[0].ranges)
 
 
+@pytest.mark.slow
 def test_a_robot_whose_laser_is_mirrored_is_localised(mirrored):
     log, true = mirrored
     found = lrf3d.localise_log(FLAT, log)

@@ -130,6 +130,7 @@ LEGO = "stamp:ms@2, ranges:mm@4, first=-120.0156deg, step=0.3515625deg"
 MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
 
 
+@pytest.mark.slow
 def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
     _, poses, ranges = drive
     path = tmp_path / "drive.dat.gz"

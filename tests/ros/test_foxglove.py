@@ -107,6 +107,7 @@ def test_pages_of_other_sites_may_not_connect(server, origin, allowed):
         assert any(origin in line for _, line in said)
 
 
+@pytest.mark.slow
 def test_a_flooding_client_is_cut_off_and_others_are_served(server):
     address, said = server
     with connect(address, **WANTED) as calm, connect(address, **WANTED) as flood:

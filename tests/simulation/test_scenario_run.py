@@ -57,6 +57,7 @@ def test_the_lines_of_the_readme_give_the_map_of_the_command_line(tmp_path, monk
     assert Path("map.geojson").read_bytes() == (tmp_path / "out/map.geojson").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_recording_of_the_command_line_goes_on_in_python(tmp_path):
     scenario = lrf3d.load_scenario("paper_room")
 

@@ -66,6 +66,7 @@ def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
     assert errors(true, solved(scans, wheels).poses).max() < 0.2
 
 
+@pytest.mark.slow
 def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
     monkeypatch.setattr("lrf3d.slam.offline.CALIBRATED", 100)
@@ -91,6 +92,7 @@ def slipping(wheels, count, rng):
     return path_of(wheels[0], steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_slam_survives_wheels_that_slip_between_scans_far_apart(seed):
     """The slip turns what is left of the step; along the corridor only its turn shows that."""
@@ -100,6 +102,7 @@ def test_slam_survives_wheels_that_slip_between_scans_far_apart(seed):
     assert errors(true, solution.poses).max() < 0.15
 
 
+@pytest.mark.slow
 def test_loops_close_in_a_wood():
     """Among trunks hardly half of a scan is explained at the right place."""
     rng, route = np.random.default_rng(1), [(10, 10), (30, 10), (30, 30), (10, 30)]
@@ -129,6 +132,7 @@ def alone(scans):
     return LaserLog("alone", scans, placed=False)
 
 
+@pytest.mark.slow
 def test_the_laser_alone_is_enough_and_reports_where_it_is_least_certain(monkeypatch):
     scans, _, true = drive(rooms(3), through(3), lrf=ROUND)
     solution = solve_log(alone(scans))
@@ -139,6 +143,7 @@ def test_the_laser_alone_is_enough_and_reports_where_it_is_least_certain(monkeyp
     assert "by the laser alone the position at scan" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("reach", "known"), [(3.0, False), (9.0, True)])
 def test_a_drive_beyond_all_walls_by_rough_wheels_is_uncertain(reach, known):
     """No loop is closed, so that nothing contradicts a map that is bent at its start."""
@@ -154,6 +159,7 @@ def test_a_drive_beyond_all_walls_by_rough_wheels_is_uncertain(reach, known):
     assert ["the map may be bent" in said for said in solution.warnings] == [True] * (not known)
 
 
+@pytest.mark.slow
 def test_distances_that_the_laser_alone_does_not_see_are_reported():
     """It sees nothing but two walls for eight metres."""
     bare = lrf3d.World([[0, 0, 20, 0], [20, 0, 20, 2], [20, 2, 0, 2], [0, 2, 0, 0]])
@@ -177,12 +183,14 @@ def test_a_scan_after_a_quick_turn_is_placed_by_the_laser_alone():
     assert np.hypot(*(moved - between(found[14], found[15:]))[:, :2].T).max() < 0.05
 
 
+@pytest.mark.slow
 def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
     scans, _, _ = drive(rooms(3), through(3), lrf=ROUND)
     with pytest.raises(InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):
         solve_log(alone(scans[::12]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_slam_survives_odometry_that_scans_contradict(seed):
     """It is out and back within a line, and jumps, by less than a robot drives in a second."""
@@ -199,6 +207,7 @@ def test_slam_survives_odometry_that_scans_contradict(seed):
     assert 6 <= figures_of(solution.recording)["odometry_jumps"] <= 10
 
 
+@pytest.mark.slow
 def test_along_bare_walls_odometry_that_scans_contradict_is_not_used():
     """The recorded pose of one scan is off; beside bare walls a scan shows a part of that."""
     world = lrf3d.World([[0, 0, 40, 0], [0, 2, 40, 2], [40, 0, 40, 2], [0, 0, 0, 2]])
@@ -209,6 +218,7 @@ def test_along_bare_walls_odometry_that_scans_contradict_is_not_used():
     assert errors(true, solution.poses)[60:80].max() < 0.3
 
 
+@pytest.mark.slow
 def test_broken_scans_are_not_searched_and_become_no_key_scans():
     """A few beams that are left of a scan fit in many places."""
     scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)

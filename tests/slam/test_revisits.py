@@ -30,6 +30,7 @@ def rounds():
     return slam, counts, true
 
 
+@pytest.mark.slow
 def test_in_a_known_place_the_number_of_key_scans_does_not_grow(rounds):
     _, counts, _ = rounds
     assert len(counts) == 8
@@ -102,6 +103,7 @@ def test_a_map_that_contradicts_itself_is_reported(rounds):
     assert "contradicts itself" in check.sentences()[0]
 
 
+@pytest.mark.slow
 def test_a_log_whose_map_contradicts_itself_warns():
     """In the second round the laser hangs upside down, unnoticed: left is right."""
     scans, wheels, _ = drive(WORLD, [*ROUND * 2, ROUND[0]])

@@ -87,6 +87,7 @@ def test_a_robot_that_is_not_on_the_map_is_found_nowhere():
     assert found.stretches == () and not found.known.any() and found.probability < 0.9
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_carried_away_is_found_again():
     parts = drive(ROOMS, BACK, seed=3), drive(ROOMS, ROUTE[2:], seed=4)
     found = lrf3d.localise_log(ROOMS, log_of(*parts))
@@ -97,6 +98,7 @@ def test_a_robot_that_is_carried_away_is_found_again():
     assert errors(found, *parts)[0].max() < 0.2
 
 
+@pytest.mark.slow
 def test_localise_writes_poses_and_a_picture(tmp_path):
     path, world = tmp_path / "drive.log", tmp_path / "rooms.toml"
     run = lrf3d.simulate(ROOMS, lrf3d.follow_route(np.array(BACK), dt=0.25), rng=0)
@@ -112,6 +114,7 @@ def test_localise_writes_poses_and_a_picture(tmp_path):
     assert (tmp_path / "out/map.png").exists()
 
 
+@pytest.mark.slow
 def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
     first = drive(ROOMS, [*ROUTE, *BACK[1:4]], seed=5, bias=0.0)
     second = drive(ROOMS, [*ROUTE[2:], *BACK], seed=6, bias=0.0)
@@ -133,6 +136,7 @@ def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
     assert len(third) > len(run) and np.allclose(third.trajectory.poses[0], true[0], atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_path):
     lasers = [
         lrf3d.LaserRangeFinder(-2.2, 2.2, 131, range_max=20.0, mount=mount, name=name)
@@ -166,6 +170,7 @@ def test_a_drive_with_two_lasers_is_continued_and_nothing_contradicts_it(tmp_pat
 TWICE = [(1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4), (1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4)]
 
 
+@pytest.mark.slow
 def test_known_pairs_of_scans_close_loops_or_rule_them_out():
     scans, wheels, true = drive(ROOMS, TWICE, seed=8)
     log = recorded(scans, wheels)
@@ -188,6 +193,7 @@ def test_known_pairs_of_scans_close_loops_or_rule_them_out():
         solve_log(log, close=[(5, 2000)])
 
 
+@pytest.mark.slow
 def test_the_place_where_a_map_contradicts_itself_is_named_and_drawn(tmp_path):
     # The robot is carried to another house, and its wheels do not notice.
     path, around = tmp_path / "drive.log", [(1, 1), (4, 3), (5.5, 7), (4, 3), (1, 2), (4, 2)]

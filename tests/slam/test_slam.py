@@ -24,6 +24,7 @@ def identical_rooms():
     return solved(scans, wheels), wheels, true
 
 
+@pytest.mark.slow
 def test_a_drive_through_identical_rooms_is_followed_to_centimetres(identical_rooms):
     solution, wheels, true = identical_rooms
     assert errors(true, wheels).max() > 1.0
@@ -45,6 +46,7 @@ def test_the_turn_per_metre_of_unequal_wheels_is_estimated(identical_rooms):
     assert solution.slam.wheels.biases[1] == pytest.approx(-0.03, abs=0.006)
 
 
+@pytest.mark.slow
 def test_in_a_corridor_the_distance_along_it_is_left_to_the_odometry_and_reported():
     world = lrf3d.World([[-100, 0, 200, 0], [-100, 2, 200, 2]])
     scans, wheels, true = drive(world, [(0, 1), (30, 1)], bias=0.0)
@@ -88,6 +90,7 @@ def test_the_map_does_not_depend_on_when_it_is_read_and_is_not_drawn_too_often(m
     assert np.array_equal(seldom.map.segments, slam.map.segments)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_the_errors():
     squares = []
     for seed in range(6):
@@ -188,6 +191,7 @@ def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():
     assert len(slam.map) == 0
 
 
+@pytest.mark.slow
 def test_the_lag_of_the_laser_is_found():
     scans, wheels, _ = drive(rooms(2), through(2) * 2, bias=0.0, heading=0.001)
     # Lines lie twice as dense as scans, and a scan was taken 0.6 lines before its place.

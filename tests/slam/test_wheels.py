@@ -46,6 +46,7 @@ def test_the_noise_of_odometry_is_no_lag():
     assert found == pytest.approx(np.full(100, 0.5), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_drive_is_right_from_its_beginning_whatever_its_wheels_measure():
     """Where the corridor is bare only wheels know the distance, and they say a fifth too much."""
     world = rooms(6)

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 
 from lrf3d.base.balance import Balance
@@ -17,7 +17,7 @@ from lrf3d.world import load_world
 from lrf3d.world.mesh import cut_of_mesh
 
 GENERATED = {
-    "deadline": None, "max_examples": 40, "phases": [Phase.generate],
+    "deadline": None, "max_examples": 40, "phases": [Phase.explicit, Phase.generate],
     "suppress_health_check": [HealthCheck.function_scoped_fixture],
 }  # fmt: skip
 
@@ -52,6 +52,7 @@ NODES = st.lists(st.sampled_from([0, 1, 2, 3, 9]), max_size=6)
     st.lists(st.tuples(NODES, TAGS), max_size=5),
     st.lists(TAGS, max_size=2),
 )
+@example([], [([0, 3, 2, 0, 0, 1], {"barrier": "wall"})], [])
 def test_elements_of_osm_are_used_or_left_out(tmp_path, balances, points, ways, relations):
     def tagged(tags):
         return "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())

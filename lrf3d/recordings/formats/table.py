@@ -8,6 +8,7 @@ assumed.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -100,6 +101,8 @@ LEAST_TURNS = 0.05
 COUNTER = 1 << 16
 
 
+# Records repeat their names, and a header may have thousands of columns of one.
+@lru_cache(1 << 12)
 def meaning(name: str) -> tuple[str, str]:
     """What a column of this name holds, and its unit, as far as the name says so."""
     name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
@@ -118,7 +121,7 @@ def meaning(name: str) -> tuple[str, str]:
 def _role_of(words: Sequence[str]) -> str:
     """The role of the last word that has one, in the singular or the plural; "" if none has."""
     for word in reversed(words):
-        word = re.sub(".*timestamp$", "stamp", word)
+        word = "stamp" if word.endswith("timestamp") else word
         if role := ROLE_OF.get(word) or ROLE_OF.get(word.removesuffix("s")):
             return role
     return ""

@@ -116,7 +116,10 @@ class Feature:
     def lines(self) -> Float:
         """The walls (n, 4) along its lines."""
         lines = [each for each in self.shapes if each.geom_type == "LineString"]
-        return np.concatenate([np.empty((0, 4)), *(walls(np.array(each.coords)) for each in lines)])
+        own = (walls(np.array(each.coords)) for each in lines)
+        found = np.concatenate([np.empty((0, 4)), *own])
+        # Ways name a point twice in a row, and rounding joins points.
+        return found[(found[:, :2] != found[:, 2:]).any(axis=1)]
 
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""

@@ -53,6 +53,7 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
     assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="closes streams as a shell does")
 @pytest.mark.parametrize("closed", ["2>&-", "<&-", ">&- 2>&-"])
 def test_streams_that_the_shell_has_closed_lose_nothing(room, tmp_path, closed):
@@ -62,6 +63,7 @@ def test_streams_that_the_shell_has_closed_lose_nothing(room, tmp_path, closed):
     assert written == {"run.npz", "map.geojson", "map.png", "world.png", "summary.json"}
 
 
+@pytest.mark.slow
 def test_a_picture_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_path):
     out = tmp_path / "an out"
     # A folder stands where the picture should go.
@@ -198,6 +200,7 @@ def test_what_no_file_and_no_number_can_be_is_one_line(room, tmp_path, arguments
     assert words in refused(*arguments, cwd=tmp_path)
 
 
+@pytest.mark.slow
 def test_output_that_cannot_be_written_or_shown_is_no_traceback(room, tmp_path):
     command = [sys.executable, "-m", "lrf3d", "world", "show"]
     with open("/dev/full", "w") as full:

@@ -94,6 +94,7 @@ def test_what_several_robots_cannot_do_is_refused(tmp_path):
     assert "90 robots: a route of" in refused(*words[:3], "90", *words[4:])
 
 
+@pytest.mark.slow
 def test_robots_of_a_run_before_leave_no_folder(tmp_path):
     words = "run", "corridor", "--scans", "2", "--no-video", "--out", tmp_path
     assert lrf3d(*words, "--robots", "2").returncode == 0

@@ -39,6 +39,7 @@ def test_a_folder_holds_one_run_and_what_the_next_does_not_write_is_removed(tmp_
     assert {path.name for path in out.iterdir()} == {*files, "mine.txt"}
 
 
+@pytest.mark.slow
 def test_commands_write_to_folders_of_their_own_and_to_no_others(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = ("run", "a/box.toml", "--no-video", "--scans", 3, "-q")
@@ -116,7 +117,13 @@ def contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("command", WRITING)
+# Commands of each kind that are fast: of a world, of a run, and of a log.
+FAST = ("map", "export", "world generate")
+
+
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=[pytest.mark.slow] * (c not in FAST)) for c in WRITING]
+)
 def test_what_is_of_another_source_is_replaced_by_force_alone(command, sources, tmp_path):
     def words(source):
         return WRITING[command].format(Source(source)).replace("OUT", str(tmp_path)).split()
@@ -137,6 +144,7 @@ def test_what_is_of_another_source_is_replaced_by_force_alone(command, sources, 
         assert contents(tmp_path).keys() == files | rows | {tmp_path / "mine.txt"}
 
 
+@pytest.mark.slow
 def test_by_force_the_films_and_exports_of_the_old_run_go_too(sources, tmp_path):
     run = ("run", "a.toml", "--no-video", "--scans", 2, "--out", tmp_path)
     lrf3d(*run, cwd=sources)
@@ -151,6 +159,7 @@ def test_by_force_the_films_and_exports_of_the_old_run_go_too(sources, tmp_path)
     assert kept == {"run.npz", "map.geojson", "map.png", "world.png", "summary.json", "mine.txt"}
 
 
+@pytest.mark.slow
 def test_files_that_no_summary_names_are_not_replaced(sources, tmp_path):
     (tmp_path / "map.png").write_bytes(b"of my own")
     run = ("run", "a.toml", "--no-video", "--scans", 2, "--out", tmp_path)
@@ -159,6 +168,7 @@ def test_files_that_no_summary_names_are_not_replaced(sources, tmp_path):
     assert lrf3d(*run, "--force", cwd=sources).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_command_that_failed_at_its_beginning_keeps_no_folder(sources, tmp_path):
     run = ("run", "a.toml", "--no-video", "--scans", 2, "--out", tmp_path)
     (tmp_path / "summary.json").write_text(

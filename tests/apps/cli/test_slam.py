@@ -79,6 +79,7 @@ def scanned(mount, dt):
     return path, lasers, lrf3d.simulate(ROOM, lrf3d.Trajectory(path.times, lasers), lrf, rng=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", ["forward", "to the left"])
 def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
     mount = lrf3d.Pose(0.3, -0.1, 0.5 * np.pi if turn == "to the left" else 0.0)
@@ -107,6 +108,7 @@ def solved(log, tmp_path):
     return np.loadtxt(tmp_path / "out" / "trajectory.tum")
 
 
+@pytest.mark.slow
 def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
     path, _, run = scanned((0.3, 0.0, 0.0), 0.125)
     lines = ["PARAM robot_frontlaser_offset 0.3 0 host 0"]
@@ -127,6 +129,7 @@ def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
     assert solved(log, tmp_path)[:, 1:3] == pytest.approx(path.poses[::2, :2], abs=0.04)
 
 
+@pytest.mark.slow
 def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     text, true = log_text
     lines = text.splitlines()
@@ -156,6 +159,7 @@ def test_a_missing_log_and_wrong_relations_are_one_line(log, tmp_path):
     assert "another log" in refused("slam", log, "--relations", bad, "--out", tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_readings_that_are_no_numbers_are_no_return_and_counted(log, tmp_path):
     rng, lines = np.random.default_rng(0), log.read_text().splitlines()
     lost = 0

@@ -84,6 +84,7 @@ DRAWING = """\
 <path d="M 10 10 H 60 M 70 10 H 110 V 80 H 10 V 10" fill="none" stroke="black"/></svg>"""
 
 
+@pytest.mark.slow
 def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
     plan = tmp_path / "plan.svg"
     plan.write_text(DRAWING)

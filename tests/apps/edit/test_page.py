@@ -41,6 +41,7 @@ def kept(page, journal):
     return read_edits(journal).as_dict()
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium):
     path = tmp_path / "new.toml"

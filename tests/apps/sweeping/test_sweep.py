@@ -279,6 +279,7 @@ def test_means_have_the_interval_of_student():
     assert mean_of([None])["mean"] is None
 
 
+@pytest.mark.slow
 def test_summary_figures_and_table_have_every_combination(room, tmp_path):
     result = run_plan(tiny(room), tmp_path, None)
     summary = json.loads(json.dumps(result.summary(), allow_nan=False))

@@ -84,6 +84,7 @@ def test_without_axes_there_is_a_new_figure_which_pyplot_knows(run):
         pyplot.close("all")
 
 
+@pytest.mark.slow
 def test_a_value_has_a_small_picture_of_its_own(run):
     before = pyplot.get_fignums()
     for value in (run.world, run.map, run.scan(0), run):

@@ -144,6 +144,7 @@ def seen(glb, group, time):
     return [node for node in glb.nodes(group) if glb.value(node, "scale", time).max() > 0.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
 def test_robot_and_obstacles_move_as_in_the_run_wherever_the_world_lies(offset):
     off = np.array([*offset, 0.0])
@@ -178,6 +179,7 @@ def test_one_scan_is_seen_at_a_time_and_it_is_the_nearest(every):
         assert glb.gltf.nodes[node].name == f"scan {nearest}"
 
 
+@pytest.mark.slow
 def test_hits_lie_on_the_points_that_the_scan_met():
     run = city_run(FAR)
     glb = Glb(run_glb(run))
@@ -189,6 +191,7 @@ def test_hits_lie_on_the_points_that_the_scan_met():
         assert off.min(axis=1).max() < 0.1
 
 
+@pytest.mark.slow
 def test_everything_has_the_light_of_the_film_and_needs_no_lamp():
     gltf = Glb(run_glb(city_run())).gltf
     assert gltf.extensionsUsed == ["KHR_materials_unlit"]
@@ -208,6 +211,7 @@ def test_the_map_grows_and_ends_as_the_map_of_the_run():
         assert len(colours) == len(np.unique(stage.objects))
 
 
+@pytest.mark.slow
 def test_the_trail_follows_the_robot():
     run = city_run()
     glb = Glb(run_glb(run))
@@ -222,6 +226,7 @@ def test_the_trail_follows_the_robot():
         assert np.hypot(*(np.array(ends) - pose).T).min() < 0.05
 
 
+@pytest.mark.slow
 def test_the_estimate_stands_where_the_robot_believed_itself_to_be():
     run = estimated(city_run())
     timeline = Timeline(run, playback=1.0)
@@ -245,6 +250,7 @@ def test_the_estimate_stands_where_the_robot_believed_itself_to_be():
     assert "trail" not in {each.name for each in alone.gltf.nodes}
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_file_and_refuses_a_file_that_is_not_a_run(tmp_path):
     run = city_run()
     save_run(run, tmp_path / "run.npz")

@@ -145,6 +145,7 @@ def test_a_page_is_only_read(address):
             assert (response.status, response.headers["Allow"]) == (405, "GET, HEAD")
 
 
+@pytest.mark.slow
 def test_pages_that_have_stopped_reading_do_not_keep_the_server_from_ending():
     """Nor do those that never ask, as of a laptop that sleeps; `served` waits for the end."""
     opening = (

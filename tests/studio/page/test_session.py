@@ -156,6 +156,7 @@ def test_a_drive_sends_nothing_while_nothing_changes(tmp_path):
     assert {"robot", "points"} <= set(turning["marks"])
 
 
+@pytest.mark.slow
 def test_of_a_long_trail_only_its_end_is_sent(tmp_path):
     page, wanted, trail = (
         PageSession.driven(hand(YARD, tmp_path)),

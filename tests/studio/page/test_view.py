@@ -124,6 +124,7 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_run_as_one_file_shows_what_its_page_shows_without_a_server(
     recorded, played, chromium, tmp_path
@@ -156,6 +157,7 @@ def test_a_run_as_one_file_shows_what_its_page_shows_without_a_server(
         assert pixels.std() > 20.0
 
 
+@pytest.mark.slow
 def test_a_page_has_the_same_bytes_whenever_it_is_written(recorded, monkeypatch):
     written = set()
     for now in (1e9, 1.7e9):

@@ -25,6 +25,7 @@ def read(path):
         return stream.codec_context.name, float(stream.average_rate), frames
 
 
+@pytest.mark.slow
 @needs_gl
 def test_a_film_has_its_frames_in_order_from_all_workers(tmp_path):
     run = city_run(seconds=2.0)
@@ -155,6 +156,7 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
     assert os.listdir(tmp_path) == [path.name]
 
 
+@pytest.mark.slow
 @needs_gl
 @pytest.mark.parametrize("ending", [".mp4", ".webp", ".gif"])
 def test_films_may_be_as_short_as_a_frame(tmp_path, ending):

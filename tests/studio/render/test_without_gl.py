@@ -89,6 +89,7 @@ def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_pa
         assert np.array_equal(np.array(read), alone[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "broken",
     [{"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent.json"}, {"PYOPENGL_PLATFORM": "osmesa"}],
@@ -107,6 +108,7 @@ def test_opengl_that_does_not_start_draws_nothing_and_embree_does(tmp_path, brok
     )
 
 
+@pytest.mark.slow
 def test_without_opengl_asking_for_it_is_refused_in_one_line(tmp_path, without_gl):
     run = tmp_path / "run.npz"
     save_run(room_run(), run)

@@ -161,6 +161,7 @@ def test_the_eye_does_not_leap_where_the_robot_turns_away_in_a_shot():
             assert np.linalg.norm(before.eye - 2.0 * now.eye + after.eye) < 0.02 * now.away
 
 
+@pytest.mark.slow
 def test_in_a_fast_film_the_robot_stands_where_it_is_and_in_every_picture_from_near():
     run, turns = room_run(), np.linspace(0.0, 20.0 * np.pi, 1000)
     # It goes round in the room ten times, once in a third of a second of the film.

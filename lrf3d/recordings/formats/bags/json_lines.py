@@ -16,7 +16,7 @@ from lrf3d.base.formats import head_of
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
 
 # Finds the topic of a message in the first bytes of a file.
-TOPIC = re.compile(rb'\s*\[?\s*\{[^\0]*?"topic"\s*:\s*"').match
+TOPIC = re.compile(rb'\s*+\[?\s*+\{[^\0]*?"topic"\s*:\s*"').match
 
 # Number of first bytes of a file in which a topic must occur; a long scan may come before it.
 BEGINNING = 1 << 16

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
@@ -33,7 +34,7 @@ LEAST_SHARE = 0.2
 STEADY = 0.9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Form:
     """How the lines of a file are written, by the first of them.
 
@@ -65,7 +66,7 @@ class Form:
         """Whether nearly all lines have the usual number of words."""
         return self._usual[1] > STEADY * len(self.sample)
 
-    @property
+    @cached_property
     def _usual(self) -> tuple[int, int]:
         return Counter(map(len, self.sample)).most_common(1)[0]
 

@@ -37,7 +37,10 @@ const ACTIONS = {
   skip: () => move(time + STEP),
   begin: () => move(limits()[0]),
   end: () => move(limits()[1]),
-  again: () => (drive += 1),
+  again: () => {
+    drive += 1;
+    goal = { goal: 0 };
+  },
   next: () => choose(views[(views.indexOf(view) + 1) % views.length]),
   full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
   list: () => (part("keys").hidden = !part("keys").hidden),
