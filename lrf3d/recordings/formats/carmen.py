@@ -85,8 +85,8 @@ TELEGRAM_ANGLE = 1e-4
 # The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
 
-# Number of words in a line of Carnegie Mellon's robot data besides the ranges: a pose has 5 in all.
-CMU_WORDS = 8
+# Numbers of words in a line of Carnegie Mellon's robot data: a pose, or two poses with ranges.
+CMU_WORDS = (5, *range(30, 1100))
 
 # A centimetre [m], the unit of these lines.
 CENTI = 1e-2
@@ -161,7 +161,7 @@ def _translated(words: list[bytes]) -> list[bytes]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
     if words[:1] == [b"ODOM"] and len(words) == 5:
         return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
-    if words[:1] in ([b"L"], [b"O"]) and (len(words) == 5 or len(words) > CMU_WORDS):
+    if words[:1] in ([b"L"], [b"O"]) and len(words) in CMU_WORDS:
         return _of_cmu(words)
     if len(words) >= PLAYER_WORDS and words[3] in (b"laser", b"position2d"):
         return _of_player(words)

@@ -59,9 +59,7 @@ def find(recording: Recording) -> Sweep | None:
         return None
     places = recording.moments
     poses = recording.path.at(places)
-    pairs = _uneven_pairs(poses)
-    if len(pairs) < LEAST_PAIRS and np.ptp(scans[0].angles) > WHOLE_FAN:
-        pairs = _closing_pairs(poses)
+    pairs = _pairs(poses, scans[0])
     if len(pairs) < LEAST_PAIRS:
         return None
     rolled = partial(_rolled, recording, places, interval)
@@ -96,6 +94,13 @@ def _rolled(
     motion = between(*recording.path.at(places[number] + np.array([0.0, lines])))
     increment = share * interval / max(len(scan.ranges) - 1, 1)
     return replace(scan, motion=motion, time_increment=increment)
+
+
+def _pairs(poses: Float, scan: LaserScan) -> list[list[int]]:
+    """Pairs of scans at poses (k, 3) that show whether scans like one take some time."""
+    pairs = _uneven_pairs(poses)
+    is_round = np.ptp(scan.angles) > WHOLE_FAN
+    return _closing_pairs(poses) if is_round and len(pairs) < LEAST_PAIRS else pairs
 
 
 def _uneven_pairs(poses: Float) -> list[list[int]]:

@@ -125,8 +125,7 @@ def by_names(form: Form) -> Layout:
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
-        elif role and (role not in layout.columns or form.header[layout.columns[role]] == "scan"):
-            # A column "scan" before one of distances numbers the scans.
+        elif role and not _is_known(layout, form, role):
             layout.name(role, place, unit)
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
@@ -135,6 +134,11 @@ def by_names(form: Form) -> Layout:
     elif "ranges" in layout.columns:
         _take_one_name(layout, form)
     return layout
+
+
+def _is_known(layout: Layout, form: Form, role: str) -> bool:
+    """Whether a role has a column; "scan" next to a column of distances numbers the scans."""
+    return role in layout.columns and form.header[layout.columns[role]] != "scan"
 
 
 def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
@@ -298,14 +302,21 @@ def _by_length(form: Form) -> Layout | None:
         place = len(names)
         if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
             if names == stamp or _are_headings(form, place - 1):
-                columns = {name: k for k, name in enumerate([*names, "ranges"])}
-                if names == stamp or not _poses_are_last(form, len(stamp)):
-                    return Layout(columns, None, form.length)
-                order = [*stamp, "ranges"]
-                columns = {name: k for k, name in enumerate(order)}
-                columns |= {name: form.length - 3 + k for k, name in enumerate(("x", "y", "theta"))}
-                return Layout(columns, form.length - place, form.length)
+                return _in_order(form, stamp, names != stamp)
     return None
+
+
+def _in_order(form: Form, stamp: Words, placed: bool) -> Layout:
+    """The layout of a stamp and ranges, with a pose before or after these if they are placed."""
+    pose = ["x", "y", "theta"] * placed
+    begin = len(stamp)
+    if not (placed and _poses_are_last(form, begin)):
+        columns = {name: k for k, name in enumerate([*stamp, *pose, "ranges"])}
+        return Layout(columns, None, form.length)
+    end = form.length - len(pose)
+    columns = {name: k for k, name in enumerate([*stamp, "ranges"])}
+    columns |= {name: end + k for k, name in enumerate(pose)}
+    return Layout(columns, end - begin, form.length)
 
 
 def _poses_are_last(form: Form, begin: int) -> bool:
