@@ -119,11 +119,11 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
     lasers: dict[str, list[int]] = {}
     for number, scan in enumerate(scans):
         lasers.setdefault(scan.laser, []).append(number)
-    rate = np.zeros(3)
     # [share] Largest share of the time to the next scan that the beams of a scan may take: a larger
     # one is an error of the driver.
     too_long = 1.1
     for own in lasers.values():
+        rate = np.zeros(3)
         for number, following in zip(own, [*own[1:], None], strict=True):
             scan = scans[number]
             gap = LONGEST_GAP

@@ -72,7 +72,8 @@ class Tracked:
 
     The information (3, 3) of matching is along the axes of the pose (3,); the covariance (3, 3) is
     that of the odometry since the scan before. If the odometry ``jumped``, the scan contradicts it.
-    The deviation is the RMS distance [m] of the points from the walls.
+    The deviation is the RMS distance [m] of the points from the walls; ``explained`` is the share
+    of the points that lie at walls of the local map.
     """
 
     pose: Float
@@ -81,6 +82,7 @@ class Tracked:
     deviation: float
     covariance: Float
     jumped: bool
+    explained: float
 
     @property
     def weak(self) -> bool:
@@ -177,7 +179,10 @@ class FrontEnd:
         self._key_step.add(increment if accepted else None, step, ahead_known)
         self.pose = pose
         self._recent.append((pose, self.surface))
-        return Tracked(pose, information, accepted, match.deviation, covariance, jump is not None)
+        jumped = jump is not None
+        return Tracked(
+            pose, information, accepted, match.deviation, covariance, jumped, match.explained
+        )
 
     def _count_hits(self, scan: Key) -> None:
         """Compare the number of hits in a scan with the usual one.

@@ -33,6 +33,7 @@ from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import SelfCheck, doubtful_mount
 from lrf3d.slam.closures import Refusal
+from lrf3d.slam.lifts import lifts
 from lrf3d.slam.places.joining import Joined
 from lrf3d.world import World
 
@@ -100,8 +101,20 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = [MIRROR.sentence(True)] * (MIRROR.name in self.recording.found)
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
+        doubts = [*([mount] if mount else []), *self._lifted(), *self._unseen()]
+        doubts += self.check.sentences()
         return [*mirrored, *doubts, *self.tried]
+
+    def _lifted(self) -> list[str]:
+        """Where the robot was lifted and put down, a sentence each."""
+        shares = np.array([scan.explained for scan in self.slam.tracked])
+        found = lifts(self.slam.converter, self.scans, self.poses, shares)
+        return [
+            f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
+            " down, or the log was cut; what follows is misplaced: solve both parts on their own"
+            " and join them by --on"
+            for number in found
+        ]
 
     def _unseen(self) -> list[str]:
         """What the scans do not show of the drive, in a sentence."""
@@ -289,7 +302,7 @@ def run_of(
             or "expected walls within the laser's range"
         )
         raise InputError(
-            f"{name}: {len(moments)} scans show no wall, so that there is no map; {reason}"
+            f"{name}: no wall in {counted(len(moments), 'scan')}, so that there is no map; {reason}"
         )
     (lrf, ranges), *others = (_laser_of(own, mounted=len(fans) > 1) for own in fans)
     ranges = np.hstack([ranges, *(each for _, each in others)])

@@ -50,7 +50,8 @@ FIGURES = {"ranges": exact_ranges, "drive": exact_arcs, "light": data_sheets_by_
     [
         pytest.param("frames", marks=[pytest.mark.slow, pytest.mark.gl]),
         pytest.param("maps", marks=pytest.mark.slow),
-        *(part for part in PARTS if part not in ("frames", "maps")),
+        pytest.param("warnings", marks=pytest.mark.slow),
+        *(part for part in PARTS if part not in ("frames", "maps", "warnings")),
     ],
 )
 def test_each_part_has_figures_within_seconds(part, capsys, tmp_path, monkeypatch):

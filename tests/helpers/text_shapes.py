@@ -233,7 +233,23 @@ def plot_juggler(drive):
     return "\n".join([header, *rows])
 
 
+def named_in_units(drive):
+    """A header, and below it a row of units."""
+    header, rest = a_header(drive).split("\n", 1)
+    units = ["ms", *["m"] * (drive.beams + 2), "rad"]
+    return f"{header}\n{','.join(units)}\n{rest}"
+
+
+def poses_last(drive):
+    """Rows of a stamp, ranges and a pose."""
+    times, poses, ranges = parts(drive)
+    return lines([times, ranges, poses])
+
+
 PLACED = {
+    "vertical bars": lambda drive: lines(parts(drive), "|"),
+    "a row of units": named_in_units,
+    "poses after the ranges": poses_last,
     "bearings and ranges by turns": by_turns,
     "a merged table with blanks": plot_juggler,
     "bare numbers": bare,

@@ -1,5 +1,7 @@
 """Scans that took some time, as if all beams had been sent at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,13 @@ def test_a_scan_that_would_outlast_its_interval_or_knows_no_poses_stays_as_it_is
     ) for one in long]  # fmt: skip
     found = with_motions(bare)
     assert found[0].motion is None and unrolled(found[0]) is found[0]
+
+
+def test_a_laser_with_a_single_scan_does_not_take_the_motion_of_another_laser():
+    one = lrf3d.LaserScan((0, 0, 0), [0.0, 0.5], [1.0, 1.0], time_increment=0.01, laser="one")
+    ahead = replace(one, pose=(1.0, 0.0, 0.0), time=0.5)
+    *_, alone = with_motions([one, ahead, replace(one, laser="other")])
+    assert not np.any(alone.motion)
 
 
 def test_beams_without_return_only_turn():

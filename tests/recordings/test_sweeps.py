@@ -69,6 +69,20 @@ def test_scans_of_a_moment_stay_as_they_are():
     assert unrolling([replace(scan, time=10.0 * scan.time) for scan in scans], poses) is None
 
 
+@pytest.mark.parametrize("sweep", [0.2, 0.0])
+def test_a_constant_rate_of_turn_does_not_hide_the_sweep(sweep):
+    hall = lrf3d.World([[0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0], [3, 2, 3.5, 2]])
+    path = lrf3d.drive((3.0, 3.5, 0.0), 0.05, 0.47, duration=20.0, dt=0.2)
+    lrf = lrf3d.LaserRangeFinder(-np.pi, np.pi - 0.035, 180, range_max=12.0, scan_duration=sweep)
+    noise = lrf3d.ProportionalNoise(0.02)
+    run = lrf3d.simulate(hall, path, lrf, noise=noise, scan_interval=0.2, rng=0)
+    scans = [replace(scan, time_increment=0.0, motion=None) for scan in run.scans]
+    found = unrolling(scans, run.trajectory.poses)
+    assert (found is not None) == bool(sweep)
+    if found:
+        assert found[5].motion[2] == pytest.approx(0.47 * 0.2, rel=0.02)
+
+
 @pytest.mark.parametrize("sense, said", [(1, ""), (-1, "last first"), (0, "of one moment")])
 def test_a_declared_order_of_beams_is_kept_unless_scans_contradict_it(sense, said):
     scans, poses = recording(SWEEP * abs(sense), clockwise=sense < 0)

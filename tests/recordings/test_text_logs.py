@@ -115,7 +115,7 @@ def test_dialects_and_guesses_have_names_and_sentences_of_their_own():
     "shape, name",
     [("bare numbers", "spaces"), ("a header", "commas"), ("tabs", "tabs"),
      ("semicolons, decimal commas", "semicolons"), ("spaces, decimal commas", "spaces"),
-     ("a numpy print", "tuples")],
+     ("a numpy print", "tuples"), ("vertical bars", "bars")],
 )  # fmt: skip
 def test_each_shape_is_of_one_dialect(shape, name, tmp_path):
     lines = PLACED[shape](LDS).splitlines()

@@ -63,7 +63,7 @@ LOG = """\
 --part N: Bags whose stamps go back: the part that is read; the longest one if not given."""
 REPAIRS = """\
 --without-repair REPAIR,…: Leave out repairs of the log: no_return, angles, body, copies, stamps,
- jumps, standing, fan, mirror, lag, sweep."""
+ jumps, standing, fan, mirror, lag, mount, sweep."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
 World and drive:

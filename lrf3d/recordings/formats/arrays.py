@@ -90,6 +90,9 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
         if array.dtype.kind in "fiu"
     }
     table = Table.named(intake, numbers)
+    if table.values.get("ranges", np.empty(0)).ndim == 1 and table.settings:
+        # The message of a single scan.
+        table.values["ranges"] = table.values["ranges"][None]
     if table.values.get("ranges", np.empty(0)).ndim != 2:
         names = one_line(", ".join(f"{name} {array.shape}" for name, array in arrays.items()), 200)
         raise InputError(

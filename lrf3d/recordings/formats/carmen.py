@@ -85,8 +85,8 @@ TELEGRAM_ANGLE = 1e-4
 # The bearing of a SICK telegram that points ahead [°].
 TELEGRAM_AHEAD = 90
 
-# Number of words in a line of Carnegie Mellon's robot data: a pose, or two poses with 180 ranges.
-CMU_WORDS = (5, 188)
+# Numbers of words in a line of Carnegie Mellon's robot data: a pose, or two poses with ranges.
+CMU_WORDS = (5, *range(30, 1100))
 
 # A centimetre [m], the unit of these lines.
 CENTI = 1e-2

@@ -18,6 +18,7 @@ from lrf3d.recordings.repair.fan import FAN
 from lrf3d.recordings.repair.jumps import JUMPS
 from lrf3d.recordings.repair.lag import LAG
 from lrf3d.recordings.repair.mirror import MIRROR
+from lrf3d.recordings.repair.mount import MOUNT
 from lrf3d.recordings.repair.no_return import NO_RETURN
 from lrf3d.recordings.repair.recording import LATE, Purpose, Recording, recordings_of
 from lrf3d.recordings.repair.refusal import refuse_useless
@@ -27,7 +28,7 @@ from lrf3d.recordings.repair.sweep import SWEEP
 from lrf3d.recordings.repair.turns import CLEARLY
 
 # Repairs that are made on a recording, in their order.
-RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, SWEEP)
+RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, MOUNT, SWEEP)
 
 # Repairs that are made on a log, before the scans of several lasers are joined.
 LOGS = (ANGLES, BODY)

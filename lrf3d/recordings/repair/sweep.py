@@ -2,7 +2,8 @@
 
 A laser whose mirror turns once for each scan shows bent walls while its robot turns. Two scans at
 different turn rates agree better once both are unrolled, and worse if they are unrolled in the
-opposite sense.
+opposite sense. At a constant rate all scans are bent alike; only those all around show it, as their
+first and last beams do not meet.
 """
 
 from dataclasses import replace
@@ -26,8 +27,16 @@ LONGEST = 0.25
 # Number of scans from the first to the second of a pair, in which the turn rate can change.
 APART = 4
 
-# Least difference between the turn rates of the two scans of a pair [rad per scan].
+# Least difference between the turn rates of the two scans of a pair [rad per scan]; at a constant
+# rate, the least rate.
 LEAST_CHANGE = 0.03
+
+# Turn between the two scans of a pair at a constant rate [rad]: far enough from 0 and from a whole
+# turn for the gap between their first and last beams to lie in different directions.
+CLOSING = 2.0
+
+# Least width of a fan that closes on itself [rad].
+WHOLE_FAN = 6.0
 
 
 class Sweep(NamedTuple):
@@ -50,7 +59,7 @@ def find(recording: Recording) -> Sweep | None:
         return None
     places = recording.moments
     poses = recording.path.at(places)
-    pairs = _uneven_pairs(poses)
+    pairs = _pairs(poses, scans[0])
     if len(pairs) < LEAST_PAIRS:
         return None
     rolled = partial(_rolled, recording, places, interval)
@@ -87,6 +96,13 @@ def _rolled(
     return replace(scan, motion=motion, time_increment=increment)
 
 
+def _pairs(poses: Float, scan: LaserScan) -> list[list[int]]:
+    """Pairs of scans at poses (k, 3) that show whether scans like one take some time."""
+    pairs = _uneven_pairs(poses)
+    is_round = np.ptp(scan.angles) > WHOLE_FAN
+    return _closing_pairs(poses) if is_round and len(pairs) < LEAST_PAIRS else pairs
+
+
 def _uneven_pairs(poses: Float) -> list[list[int]]:
     """Pairs of scans at nearby poses (k, 3) whose turn rates differ, the most different first."""
     rates = np.gradient(poses[:, 2])
@@ -97,6 +113,18 @@ def _uneven_pairs(poses: Float) -> list[list[int]]:
     first = first[np.argsort(-change[first], kind="stable")[:MOST_PAIRS]]
     pairs: list[list[int]] = np.column_stack([first, first + APART]).tolist()
     return pairs
+
+
+def _closing_pairs(poses: Float) -> list[list[int]]:
+    """Pairs of scans at nearby poses (k, 3) between which the robot kept turning at one rate."""
+    rates = np.abs(np.gradient(poses[:, 2]))
+    first = np.flatnonzero(rates > LEAST_CHANGE)
+    second = first + np.rint(CLOSING / rates[first]).astype(np.int64)
+    first, second = np.array([first, second])[:, second < len(poses)]
+    x, y, turn = (poses[second] - poses[first]).T
+    near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(np.abs(turn) - CLOSING) < 0.5 * WIDEST)
+    pairs: list[list[int]] = np.column_stack([first, second])[near].tolist()
+    return pairs[:: len(pairs) // MOST_PAIRS + 1]
 
 
 def longest(sweep: Sweep | None) -> float:

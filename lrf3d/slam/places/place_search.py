@@ -17,7 +17,7 @@ from lrf3d.matching.key_scans import Key
 from lrf3d.matching.likelihood import some
 from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
-from lrf3d.slam.places.known_places import KnownPlaces, is_same
+from lrf3d.slam.places.known_places import LEAST, KnownPlaces, is_same
 
 # Distance [m] or turn [rad] after which the next scan is used; nearer ones see the same.
 SPACING = np.array([0.4, 0.5])
@@ -179,7 +179,9 @@ class PlaceSearch:
             return None
         first, *others = here
         wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
-        lead = (first.score - wrong[0]) / _spread(wrong[:COMPARED])
+        # Scores differ by no less than one hit does, also where wrong places fit equally well.
+        unit = max(_spread(wrong[:COMPARED]), -float(np.log(LEAST)) / len(hits))
+        lead = (first.score - wrong[0]) / unit
         # If the map lacks most of what the laser saw, the lead of a place means little.
         doubtful = self._places.explained(first.pose, hits) < LEAST_EXPLAINED
         return Hypothesis(first.pose, at, min(lead, 0.0) if doubtful else lead)

@@ -162,6 +162,11 @@ DIALECTS = [
         partial(_are_separated, ";"), partial(_separated, ";"),
     ),
     Dialect(
+        "bars",
+        "Vertical bars separate the numbers.",
+        partial(_are_separated, "|"), partial(_separated, "|"),
+    ),
+    Dialect(
         "commas",
         "Commas separate the numbers.",
         _have_commas, partial(_separated, ","),

@@ -105,7 +105,8 @@ def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
     before = rows[: rows.index(first)]
     alike = [row for row in before if len(row) == len(first)]
     heads = alike or [row for row in before[-1:] if len(row) >= min(len(first), 2)]
-    return named(heads[-1]) if heads else []
+    # A row of units has fewer different words than the row of names before it.
+    return named(max(reversed(heads), key=lambda row: len({*row}))) if heads else []
 
 
 def _first_word(numeric: Sequence[Words]) -> str:

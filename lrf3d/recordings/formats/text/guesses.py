@@ -125,7 +125,7 @@ def by_names(form: Form) -> Layout:
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
-        elif role and role not in layout.columns:
+        elif role and not _is_known(layout, form, role):
             layout.name(role, place, unit)
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
@@ -136,9 +136,15 @@ def by_names(form: Form) -> Layout:
     return layout
 
 
+def _is_known(layout: Layout, form: Form, role: str) -> bool:
+    """Whether a role has a column; "scan" next to a column of distances numbers the scans."""
+    return role in layout.columns and form.header[layout.columns[role]] != "scan"
+
+
 def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
     """Enter a series of columns of ranges, whose names may end with their bearings."""
-    layout.name("ranges", begin, meaning(base)[1])
+    role, unit = meaning(base)
+    layout.name("ranges", begin, unit if role == "ranges" else "")
     layout.beams = len(names)
     bearings = np.array([float(found[2]) for found in map(SERIES, names) if found])
     wide = np.ptp(bearings)
@@ -296,9 +302,30 @@ def _by_length(form: Form) -> Layout | None:
         place = len(names)
         if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
             if names == stamp or _are_headings(form, place - 1):
-                columns = {name: k for k, name in enumerate([*names, "ranges"])}
-                return Layout(columns, None, form.length)
+                return _in_order(form, stamp, names != stamp)
     return None
+
+
+def _in_order(form: Form, stamp: Words, placed: bool) -> Layout:
+    """The layout of a stamp and ranges, with a pose before or after these if they are placed."""
+    pose = ["x", "y", "theta"] * placed
+    begin = len(stamp)
+    if not (placed and _poses_are_last(form, begin)):
+        columns = {name: k for k, name in enumerate([*stamp, *pose, "ranges"])}
+        return Layout(columns, None, form.length)
+    end = form.length - len(pose)
+    columns = {name: k for k, name in enumerate([*stamp, "ranges"])}
+    columns |= {name: end + k for k, name in enumerate(pose)}
+    return Layout(columns, end - begin, form.length)
+
+
+def _poses_are_last(form: Form, begin: int) -> bool:
+    """Whether the last three columns have many negative numbers, which the first three have not."""
+    rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
+    # A single negative number is that of beams without return.
+    first, last = (len({*each[each < 0.0].tolist()}) > 1
+                   for each in (rows[:, begin : begin + 3], rows[:, -3:]))  # fmt: skip
+    return last and not first
 
 
 def _counts_up(form: Form, place: int) -> bool:

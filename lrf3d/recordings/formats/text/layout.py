@@ -19,6 +19,9 @@ from lrf3d.recordings.log import Intake
 # Matches a column of a format: its name, its unit, how many columns it takes, and where it is.
 COLUMN = re.compile(r"([a-z]+|-)(?::([a-z]+))?(?:\*(\d+))?(?:@(.+))?").fullmatch
 
+# Matches a word of a column that a line leaves blank.
+BLANK = re.compile(r"\s*(nan)?\s*", re.IGNORECASE).fullmatch
+
 # Matches a number and its unit.
 QUANTITY = re.compile(r"([-+.\deE]+?)([a-z]*)").fullmatch
 
@@ -103,9 +106,14 @@ class Layout:
         return ranges
 
     def lacks(self, words: Words, roles: Iterable[str]) -> bool:
-        """Whether a line leaves the column of a role blank."""
-        places = [self.columns[role] for role in roles]
-        return any(place >= len(words) or not words[place].strip() for place in places)
+        """Whether a line leaves the column of a role blank, or all of its ranges."""
+        return any(all(map(BLANK, self._words(words, role))) for role in roles)
+
+    def _words(self, words: Words, role: str) -> Words:
+        """The words of a role in a line."""
+        place = self.columns[role]
+        beams = 1 if role != "ranges" else len(words) if self.beams is None else self.beams
+        return words[place : place + beams]
 
     def only(self, roles: Container[str], keep: bool) -> "Layout":
         """The layout of lines that hold a stamp and only these roles, or all others."""
@@ -119,12 +127,8 @@ class Layout:
         for role, place in self.columns.items():
             if place >= len(words):
                 raise ValueError(f"{len(words)} columns, expected {role} in column {place + 1}")
-            if role == "ranges":
-                end = len(words) if self.beams is None else place + self.beams
-                found[role] = parsed(words[place:end])
-                continue
-            found[role] = parsed(words[place : place + 1])
-            if not np.isfinite(found[role][0]):
+            found[role] = parsed(self._words(words, role))
+            if role != "ranges" and not np.isfinite(found[role][0]):
                 raise ValueError(f"{role} is {words[place]!r}, expected a finite number")
         return found
 
