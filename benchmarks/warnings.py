@@ -75,7 +75,7 @@ def turned(poses: Float) -> Float:
 def leaping(poses: Float) -> Float:
     """Poses that leap by 4 m in their middle."""
     ahead = np.arange(len(poses)) >= len(poses) // 2
-    return poses + ahead[:, None] * np.array([4.0, 0.0, 0.0])
+    return np.asarray(poses + ahead[:, None] * np.array([4.0, 0.0, 0.0]))
 
 
 def of_another(poses: Float) -> Float:
@@ -135,7 +135,7 @@ FAULTS = [
           ("a robot that was lifted", "a map that contradicts itself", "an uncertain position")),
 ]  # fmt: skip
 
-RIGHT = {
+RIGHT: dict[str, Callable[[LaserLog], LaserLog]] = {
     "as it is": lambda log: log,
     "every second scan": lambda log: degrade_log(log, every=2),
     "every second beam": lambda log: degrade_log(log, beams_every=2),

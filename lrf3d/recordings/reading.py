@@ -101,20 +101,26 @@ def load_log(
         expect(text, str | None, name)
     if part is not None:
         part = whole_number(part, "part")
-    if height is not None:
-        height = as_rows([height], "height", 2, least=1)[0].tolist()
-        if not height[0] < height[1]:
-            raise InputError(f"height {shown(height)}: expected the lower one first, in metres")
     row = by_ending(path, "log")
     options = {
         "poses": poses, "scan_topic": scan_topic, "part": part, "format": format,
-        "height": height, "largest_range": largest_range, "without_repairs": without_repairs,
+        "height": _band(height), "largest_range": largest_range, "without_repairs": without_repairs,
         "smallest_range": smallest_range, "mask": masked,
     }  # fmt: skip
     known = row is None or row.apart
     reader = "lrf3d.recordings.reading:log_of_file"
     log: LaserLog = read_file(reader, path, options, isolated=isolated and known)
     return log
+
+
+def _band(height: Any) -> Any:
+    """The lowest and highest height [m] of points that make scans, checked; None if not given."""
+    if height is None:
+        return None
+    band = as_rows([height], "height", 2, least=1)[0].tolist()
+    if not band[0] < band[1]:
+        raise InputError(f"height {shown(band)}: expected the lower one first, in metres")
+    return band
 
 
 def log_of_file(

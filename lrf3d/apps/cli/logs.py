@@ -115,7 +115,7 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
         {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
         drawings,
         rows=_slam_rows(solved, summary),
-        following=["view" if args.video else "render", output.path],
+        following=["view", output.path],
         kept=kept,
     )
 

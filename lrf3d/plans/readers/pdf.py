@@ -93,17 +93,8 @@ def draw(
     share = painter.pictured / float(size.prod())
     few = lines <= MOST_ON_SCAN
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
-        # Pixels of two centimetres, or 6,000 along a side.
-        side = max(0.02, float(size.max()) / 6000)
-        # Lines and texts on a scan are labels, not its plan.
-        labels = [o for o in objects if raw.FPDFPageObj_GetType(o) in LABELS]
-        for each in labels:
-            raw.FPDFPage_RemoveObject(handle, each)
-        picture = handle.render(scale=unit / side).to_pil().convert("RGB")
-        plan = plan_of_picture(np.asarray(picture), side, threshold)
-        without = f", without {counted(len(labels), 'mark')} on it" if labels else ""
-        said = f"page {page} of {len(document)}, scanned{without}: {plan.said}"
-        return plan._replace(said=said, unit=unit)
+        plan = _scanned(handle, unit, size, threshold)
+        return plan._replace(said=f"page {page} of {len(document)}, {plan.said}")
     if share > PICTURED:
         canvas.doubt = f"a picture covers {share:.0%} of the page, and is not read"
     pages = len(document) - 1
@@ -121,6 +112,21 @@ def draw(
     if threshold is not None:
         raise WorldError("is no scanned page: threshold is for pictures")
     return canvas
+
+
+def _scanned(page: Any, unit: float, size: Float, threshold: float | None) -> Plan:
+    """The plan of a scanned page of some size (2,) [m]."""
+    # Pixels of two centimetres, or 6,000 along a side.
+    side = max(0.02, float(size.max()) / 6000)
+    objects = [raw.FPDFPage_GetObject(page, n) for n in range(raw.FPDFPage_CountObjects(page))]
+    # Lines and texts on a scan are labels, not its plan.
+    labels = [o for o in objects if raw.FPDFPageObj_GetType(o) in LABELS]
+    for each in labels:
+        raw.FPDFPage_RemoveObject(page, each)
+    picture = page.render(scale=unit / side).to_pil().convert("RGB")
+    plan = plan_of_picture(np.asarray(picture), side, threshold)
+    without = f", without {counted(len(labels), 'mark')} on it" if labels else ""
+    return plan._replace(said=f"scanned{without}: {plan.said}", unit=unit)
 
 
 def _frame(page: Any, unit: float) -> tuple[Float, Float]:

@@ -276,14 +276,18 @@ class _ElementPainter(NamedTuple):
         rule = style.get("clip-rule" if "clip-path" in style else "fill-rule", "nonzero")
         fill = contrast, 0.0 if _tag(element) == "line" else alpha, rule != "evenodd"
         contrast, alpha = _colour(style, "stroke", "none", state.alpha)
-        width = _length(style, "stroke-width", math.hypot(*state.size) / math.sqrt(2.0), "1")
-        if style.get("vector-effect") == "non-scaling-stroke":
-            width *= PIXEL * canvas.scale
-        else:
-            width *= math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
+        width = self._width(state)
         square = style.get("stroke-linecap", "butt") != "butt"
         stroke = contrast, alpha if width > 0.0 else 0.0, width, square
         canvas.shape(rings, mark, state.clip, fill, stroke)
+
+    def _width(self, state: State) -> float:
+        """The width of a stroke [m]."""
+        whole = math.hypot(*state.size) / math.sqrt(2.0)
+        width = _length(state.style, "stroke-width", whole, "1")
+        if state.style.get("vector-effect") == "non-scaling-stroke":
+            return width * PIXEL * self.canvas.scale
+        return width * math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
 
 
 def _outline(kind: str, state: State, tolerance: float) -> list[Float]:

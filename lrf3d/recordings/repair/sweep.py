@@ -63,12 +63,9 @@ def find(recording: Recording) -> Sweep | None:
     if len(pairs) < LEAST_PAIRS:
         return None
     rolled = partial(_rolled, recording, places, interval)
-    senses = (0, 1, -1)
-    shares = {
-        sense: explained(recording.converter, partial(rolled, sense), poses, pairs)
-        for sense in senses
-    }
-    sense = max(senses, key=lambda sense: float(shares[sense].mean()))
+    measured = partial(explained, recording.converter, poses=poses, pairs=pairs)
+    shares = {sense: measured(partial(rolled, sense)) for sense in (0, 1, -1)}
+    sense = max(shares, key=lambda sense: float(shares[sense].mean()))
     # What a log declares is the case to beat, as scans of a moment are where it declares nothing;
     # then the opposite of what is found must be as clearly worse.
     gains = [shares[sense] - shares[declared]]

@@ -221,36 +221,51 @@ def _lines(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
     for nodes, tags in extract.ways.values():
         if tags.get("barrier", "no") == "no" or id(tags) in fates:
             continue
-        runs = [list(run) for known, run in groupby(nodes, extract.nodes.__contains__) if known]
-        places = [[extract.nodes[n] for n in run] for run in runs]
-        lines = [shapely.LineString(each) for each in places if len({*each}) > 1]
+        lines = tuple(_known_lines(extract, nodes))
         reason = left_out(tags) or ("" if lines else "incomplete barrier")
         fates[id(tags)] = reason
         if not reason:
-            yield Feature(tuple(lines), tag_height(tags), tags.get("name", ""))
+            yield Feature(lines, tag_height(tags), tags.get("name", ""))
+
+
+def _known_lines(extract: _Extract, nodes: Iterable[Any]) -> Iterator[Any]:
+    """The lines along the nodes of a way, as far as these are known."""
+    for known, run in groupby(nodes, extract.nodes.__contains__):
+        places = [extract.nodes[n] for n in run] if known else []
+        if len(set(places)) > 1:
+            yield shapely.LineString(places)
 
 
 def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
     """The rooms, walls and doors of Simple Indoor Tagging, in degrees."""
-    for number, (nodes, tags) in extract.ways.items():
-        role = "" if id(tags) in fates else role_in_storey(tags)
-        closed = extract.is_ring(number)
-        if tags and id(tags) not in fates and (reason := left_out(tags)) and "indoor" in tags:
-            fates[id(tags)] = reason
-        elif role:
-            long = extract.is_whole(number) and len({extract.nodes[n] for n in nodes}) > 1
-            whole = closed if role == "room" else long
-            fates[id(tags)] = "" if whole else f"incomplete indoor {role}"
-            if whole:
-                places = [extract.nodes[n] for n in nodes]
-                area = closed and role != "opening"
-                shape = shapely.Polygon(places) if area else shapely.LineString(places)
+    for number, (_, tags) in extract.ways.items():
+        if id(tags) in fates or not tags:
+            continue
+        reason = left_out(tags) if "indoor" in tags else ""
+        role = role_in_storey(tags)
+        if role and not reason:
+            shape = _indoor(extract, number, role)
+            reason = f"incomplete indoor {role}" if shape is None else ""
+            if shape is not None:
                 yield Feature((shape,), tag_height(tags), role=role, levels=storeys_of(tags))
+        if role or reason:
+            fates[id(tags)] = reason
     for number, tags in extract.points.items():
         if role_in_storey(tags) == "opening":
             fates[id(tags)] = ""
             place = shapely.Point(extract.nodes[number])
             yield Feature((place,), role="opening", levels=storeys_of(tags))
+
+
+def _indoor(extract: _Extract, number: int, role: str) -> Any:
+    """The area or the line of a way with a role in a storey; None if it is incomplete."""
+    closed = extract.is_ring(number)
+    if not closed and (role == "room" or not extract.is_whole(number)):
+        return None
+    places = [extract.nodes[n] for n in extract.ways[number][0]]
+    if closed and role != "opening":
+        return shapely.Polygon(places)
+    return shapely.LineString(places) if len(set(places)) > 1 else None
 
 
 def _buildings(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:

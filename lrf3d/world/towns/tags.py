@@ -42,13 +42,15 @@ ABSENT = ("proposed", "planned", "demolished", "razed")
 # Values of ``barrier`` that become walls.
 BARRIERS = ("wall", "fence", "city_wall", "retaining_wall")
 
-
 # Properties of what is built.
 STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
 
 
 # Prefixes of keys of what is planned, or was there.
 GONE = ("proposed:", "planned:", "demolished:", "razed:", "removed:", "was:")
+
+# Kinds of IMDF's features that stand in a room.
+IMDF_WALLS = ("fixture", "kiosk", "detail")
 
 # Kinds of IMDF's features that show nothing which stands.
 IMDF_FLAT = frozenset(
@@ -70,22 +72,44 @@ def left_out(tags: Mapping[str, str]) -> str:
     >>> left_out({"building": "roof"}), left_out({"barrier": "hedge"}), left_out({"indoor": "room"})
     ('building open at the ground', 'barrier: hedge', '')
     """
-    built = {"building", "building:part"} & set(tags)
-    gone = [key for key in tags if key.startswith(GONE)]
+    return next(filter(None, (reason(tags) for reason in REASONS)), "")
+
+
+def _flat(tags: Mapping[str, str]) -> str:
     kind = tags.get("feature_type", "")
     if kind in IMDF_FLAT:
         return f"IMDF feature: {kind}"
-    if set(tags) & FLAT and not set(tags) & STANDS:
-        return "feature of roads, water and land"
-    if gone and not set(tags) & STANDS:
-        return gone[0]
-    if built and tags.get("building") in ABSENT:
-        return f"building: {tags['building']}"
-    if built and not is_building(tags):
-        return "building open at the ground" if kind_of(tags) else "building: no"
-    if not built and tags.get("barrier", "wall") not in BARRIERS:
-        return f"barrier: {tags['barrier']}"
-    return "indoor area without walls" if tags.get("indoor") == "area" and not built else ""
+    return "feature of roads, water and land" if set(tags) & FLAT and not set(tags) & STANDS else ""
+
+
+def _gone(tags: Mapping[str, str]) -> str:
+    gone = "" if set(tags) & STANDS else next((key for key in tags if key.startswith(GONE)), "")
+    absent = _is_built(tags) and tags.get("building") in ABSENT
+    return f"building: {tags['building']}" if absent else gone
+
+
+def _open(tags: Mapping[str, str]) -> str:
+    if not _is_built(tags) or is_building(tags):
+        return ""
+    return "building open at the ground" if kind_of(tags) else "building: no"
+
+
+def _low(tags: Mapping[str, str]) -> str:
+    barrier = tags.get("barrier", "wall")
+    return "" if _is_built(tags) or barrier in BARRIERS else f"barrier: {barrier}"
+
+
+def _unwalled(tags: Mapping[str, str]) -> str:
+    area = tags.get("indoor") == "area" and not _is_built(tags)
+    return "indoor area without walls" if area else ""
+
+
+# What gives reasons to leave features out; the first reason counts.
+REASONS = (_flat, _gone, _open, _low, _unwalled)
+
+
+def _is_built(tags: Mapping[str, str]) -> bool:
+    return "building" in tags or "building:part" in tags
 
 
 def kind_of(tags: Mapping[str, str]) -> str:
@@ -110,17 +134,28 @@ def role_in_storey(tags: Mapping[str, str]) -> str:
 
     By OpenStreetMap's Simple Indoor Tagging, or by IMDF.
     """
-    kind = tags.get("feature_type", "")
-    indoor = tags.get("indoor", "")
-    if {"building", "building:part", "barrier"} & set(tags):
+    if _is_built(tags) or "barrier" in tags:
         return ""
-    if kind == "opening" or tags.get("door", "no") != "no":
-        return "opening"
-    if indoor == "wall" or kind in ("fixture", "kiosk", "detail"):
-        return "wall"
+    return next((role for role, has in ROLES.items() if has(tags)), "")
+
+
+def _is_opening(tags: Mapping[str, str]) -> bool:
+    return tags.get("feature_type") == "opening" or tags.get("door", "no") != "no"
+
+
+def _is_wall(tags: Mapping[str, str]) -> bool:
+    return tags.get("indoor") == "wall" or tags.get("feature_type") in IMDF_WALLS
+
+
+def _is_room(tags: Mapping[str, str]) -> bool:
+    kind = tags.get("feature_type", "")
     unit = kind == "unit" or (not kind and {"category", "level_id"} <= set(tags))
-    named = indoor == "yes" and tags.get("room", "no") != "no"
-    return "room" if unit or named or indoor in ("room", "corridor") else ""
+    named = tags.get("indoor") == "yes" and tags.get("room", "no") != "no"
+    return unit or named or tags.get("indoor") in ("room", "corridor")
+
+
+# Roles in a storey, and what has them; the first match counts.
+ROLES = {"opening": _is_opening, "wall": _is_wall, "room": _is_room}
 
 
 def storeys_of(tags: Mapping[str, str]) -> tuple[str, ...]:
