@@ -5,13 +5,14 @@ snapshot of the map is a node of its own, which has its size while it is to be s
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from lrf3d.base.errors import InputError
+from lrf3d.base.errors import InputError, Lrf3dNote
 from lrf3d.geometry.lines import LEFT, Float
 from lrf3d.simulation.run import Run
 from lrf3d.studio.gltf.document import LINES, Document, turned
@@ -78,7 +79,12 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     """
     if every < 1:
         raise InputError(f"every {every}: expected a whole number from 1")
-    every = max(every, -(-len(run) // _MOST_SCANS))
+    least = -(-len(run) // _MOST_SCANS)
+    if every < least:
+        every = least
+        warnings.warn(
+            f"GLB: of {every} scans one is shown, as {_MOST_SCANS} are the most", Lrf3dNote, 2
+        )
     # A scene plays as fast as the robot drove.
     scene = Scene(Timeline(run, playback=1.0))
     timeline = scene.timeline
