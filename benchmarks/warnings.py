@@ -191,8 +191,9 @@ def said(log: LaserLog, *, solve: bool = True) -> str:
             solved = solve_log(log)
         except InputError as error:
             return str(error)
+        found = solved.warnings
     notes = (*solved.recording.log.notes, *solved.recording.sentences)
-    return " ".join([*(str(e.message) for e in caught), *solved.warnings, *notes])
+    return " ".join([*(str(e.message) for e in caught), *found, *notes])
 
 
 def kinds_of(text: str) -> set[str]:

@@ -31,7 +31,7 @@ COMMANDS = {
     "slam": ["slam", "LOG", "--out", "OUT"],
     "sweep": ["sweep", "WORLD", "--sigma", "0.04,0.4", "--seeds", "3", "--workers", "2",
               "--out", "OUT"],
-    "export": ["export", "READY", "--to", "glb", "--out", "OUT/run.glb"],
+    "export": ["export", "READY", "--to", "glb", "--every", "2", "--out", "OUT/run.glb"],
     "view": ["view", "READY", "--no-browser"],
     "world": ["world", "show", "WORLD", "--out", "OUT/w.png"],
     "localise": ["localise", "WORLD", "--seeds", "4", "--workers", "2"],

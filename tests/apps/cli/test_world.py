@@ -94,7 +94,7 @@ def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
     large = lrf3d("world", "show", plan, "--scale", 100)
     assert large.stderr == "" and "bounds     x 1.00 to 11.00 m, y 1.00 to 8.00 m" in large.stdout
     huge = lrf3d("world", "show", plan, "--scale", 100_000)
-    assert "1e+04 m by 7e+03 m" in huge.stderr and "--scale 100 " in huge.stderr
+    assert "10,000 m by 7,000 m" in huge.stderr and "--scale 100 " in huge.stderr
 
 
 def test_the_chosen_side_of_the_walls_is_reported(tmp_path):
