@@ -37,7 +37,7 @@ try:
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 
-    from lrf3d.gym.clouds import CloudEyes
+    from lrf3d.gym.clouds import CloudObserver
 except ModuleNotFoundError:
     raise missing_extra("environments need Gymnasium", "gym") from None
 
@@ -158,9 +158,11 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         reach = [np.full(each.beams, each.range_max, np.float32) for each in self.lasers]
         self._reach = np.concatenate(reach)
         seen = spaces.Box(np.zeros_like(self._reach), self._reach)
-        self._eyes = CloudEyes(scenario, self._caster, _noises(scenario, sigma)[0], self._crowd)
+        self._cloud_observer = CloudObserver(
+            scenario, self._caster, _noises(scenario, sigma)[0], self._crowd
+        )
         self.single_observation_space = spaces.Dict(
-            {"goal": spaces.Box(low, high), "ranges": seen, **self._eyes.spaces}
+            {"goal": spaces.Box(low, high), "ranges": seen, **self._cloud_observer.spaces}
         )
         self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -353,7 +355,7 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         near = np.minimum(distances, self._farthest)
         goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
         ranges = np.clip(self.scan[0], 0.0, self._reach)
-        clouds = self._eyes.observe(self.poses, self._times, self._own, self.np_random)
+        clouds = self._cloud_observer.observe(self.poses, self._times, self._own, self.np_random)
         return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32), **clouds}
 
 

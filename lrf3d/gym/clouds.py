@@ -16,7 +16,7 @@ from lrf3d.simulation.clouds import fan_of, measured
 from lrf3d.simulation.scenario import Scenario
 
 
-class CloudEyes:
+class CloudObserver:
     """The lidars and depth cameras of robots in one world.
 
     An observation is ``lidar`` (layers, columns) [m] or ``depth`` (height, width) [m]; of several

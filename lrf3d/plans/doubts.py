@@ -19,7 +19,7 @@ DOOR = (0.5, 2.0)
 # Largest share of the area or of the thick walls of a plan that is left out and not doubted.
 LEFT_OUT = 0.1
 
-# Number of walls up to which a plan need not close a room: a few walls are a test's or a corridor.
+# Number of walls up to which a plan need not close a room, as a corridor or a sketch.
 FEW = 12
 
 

@@ -55,7 +55,7 @@ def with_cloud(hits: Points, cloud: Points | None) -> Points:
 
 
 def thinned(points: Points, most: int) -> Points:
-    """At most about a number of points, evenly chosen."""
+    """About as many points as asked for, evenly chosen."""
     step = slice(None, None, 1 + len(points.places) // most)
     return points._replace(
         places=points.places[step], colours=points.colours[step], sides=points.sides[step]
