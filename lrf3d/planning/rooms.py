@@ -52,14 +52,13 @@ def rooms_of(world: World) -> list[tuple[float, Float]]:
     return sorted(found, key=lambda each: -each[0])
 
 
-def reached_rooms(space: FreeSpace) -> tuple[Ground, Int, dict[int, bool]]:
-    """The rooms around a free space: a ground, the room of each cell, and which are reached."""
+def reached_rooms(space: FreeSpace) -> tuple[Ground, Int, Int, Int]:
+    """The spaces around a free space: a ground, the space of each cell, rooms, spaces reached."""
     ground = space.ground
     bare = Ground(_unfurnished(ground.world), space.places[0] + ground.world.origin)
     rooms, numbers = _numbered(bare)
     entered = rooms[bare.cells_at(space.places + ground.world.origin) & bare.wide]
-    inside = set(entered.tolist())
-    return bare, rooms, {room: room in inside for room in numbers.tolist()}
+    return bare, rooms, numbers, np.unique(entered[entered > 0])
 
 
 def _unfurnished(world: World) -> World:

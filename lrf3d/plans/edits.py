@@ -12,6 +12,7 @@ from typing import Any
 
 from lrf3d.base.errors import WorldError, check_names, expect, shown
 from lrf3d.base.files import write_text
+from lrf3d.base.text import counted
 from lrf3d.plans.decisions import DECISIONS, Class, Decision, Move, Reading, Remove, Scale
 from lrf3d.plans.plan import Plan
 from lrf3d.world.schema import at
@@ -140,7 +141,7 @@ class PlanEdits:
         if len(lost) > 1 and len(lost) == tried == len(self.decisions):
             raise WorldError(f"{name}: none of its {tried} selections is in this drawing")
         count = len(self.decisions) - len(lost)
-        said = [plan.said, f"{count} decisions of {name}" if count else ""]
+        said = [plan.said, f"{counted(count, 'decision')} of {name}" if count else ""]
         return plan._replace(said="; ".join(filter(None, said)), lost=tuple(lost))
 
 

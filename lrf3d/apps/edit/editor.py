@@ -185,17 +185,18 @@ class Editor:
         radius = scenario.radius if "radius" in self.plan.tables.get("robot", {}) else 0.22
         ground = Ground(scenario.world, start, scenario.keep_out)
         space = find_free_space(ground, min(radius, RADIUS), start=start)
-        bare, rooms, reached = reached_rooms(space)
+        bare, rooms, numbers, reached = reached_rooms(space)
         label = np.zeros(rooms.max() + 1, np.uint8)
-        label[[*reached]] = [1 if each else 2 for each in reached.values()]
+        label[numbers] = 2
+        label[reached] = 1
         corner = bare.places[0, 0] - 0.5 * bare.size + bare.world.origin
         values = {
             "kind": "rooms",
             "corner": corner.tolist(),
             "size": bare.size,
             "shape": rooms.shape,
-            "reached": sum(reached.values()),
-            "count": len(reached),
+            "reached": int(np.isin(numbers, reached).sum()),
+            "count": len(numbers),
         }
         return packed(values, cells=label[rooms])
 

@@ -215,11 +215,12 @@ const TAKE = {
     part("size").textContent = header.kinds === 0 ? "" : `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m${header.scaled ? "" : ", not to scale yet"}`;
     part("saved").textContent = editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "saved" : "";
     part("map-only").hidden = !header.rosMap;
-    part("picture").hidden = !header.picture;
+    const grey = header.edits.reading?.threshold ?? /grey (\d+)/.exec(header.said)?.[1];
+    part("picture").hidden = !grey;
+    if (grey && !part("threshold").matches(":active")) part("threshold").value = part("grey").textContent = grey;
     note(header.lost.length ? `not found any more: ${header.lost.join(", ")}` : "");
     part("over").textContent = header.said;
-    if (first && header.picture) loadPicture(header);
-    else if (first && header.sheet) loadPicture(header);
+    if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
     if (first) firstQuestion(header);
@@ -239,7 +240,7 @@ const TAKE = {
     const missed = header.count - header.reached;
     part("rooms").textContent = `${header.count} rooms, ${header.reached} reached`;
     part("rooms").classList.toggle("lrf3d-some", missed > 0);
-    sheet.stale();
+    sheet.stale(true);
   },
   route(header) {
     sheet.route = header.route;
@@ -253,7 +254,7 @@ const TAKE = {
       part("rooms").textContent = "";
     } else sheet.route = null;
     if (sheet.plan.kinds.length) note(header.text);
-    sheet.stale();
+    sheet.stale(true);
   },
   role(header) {
     editor.reads = header.reads;
@@ -281,7 +282,7 @@ function loadPicture() {
   const picture = new Image();
   picture.onload = () => {
     sheet.picture = picture;
-    sheet.stale();
+    sheet.stale(true);
   };
   picture.src = "/lrf3d/source.png";
 }

@@ -5,8 +5,11 @@ export const COLOURS = {
 };
 const WIDTHS = { wall: 2.2, furniture: 1.4, glass: 2.6, mirror: 2.6, door: 1.4, nothing: 0.8 };
 const ORANGE = "#f07c14";
-const MANY = 20000; // Strokes above which a moving view shows the last picture, moved.
+const MANY = 3000; // Strokes above which a moving view shows the last picture, moved.
 const CALM = 140; // Time until it is drawn again [ms].
+const PEN = { willReadFrequently: true }; // Drawn by the processor: graphics cards are slow at long lists of strokes.
+const CHUNK = 1000; // Strokes of a path: software draws long paths slowly.
+const NEAR = 25; // Pixels a metre from which many strokes are as wide as few; fine ones are drawn much faster.
 
 export class Sheet {
   constructor(base, top) {
@@ -28,28 +31,31 @@ export class Sheet {
     const ratio = window.devicePixelRatio || 1;
     for (const canvas of [this.base, this.top]) Object.assign(canvas, { width: clientWidth * ratio, height: clientHeight * ratio });
     Object.assign(this, { width: clientWidth, height: clientHeight, ratio });
-    this.stale();
+    this.stale(true);
   }
 
   // Take a plan: paths by class, about its origin.
   take(header, arrays) {
     const [ox, oy] = header.origin;
     const { strokes, kinds } = arrays;
-    const paths = header.classes.map(() => new Path2D());
+    const paths = header.classes.map(() => []);
+    const counts = header.classes.map(() => 0);
     for (let row = 0; row < kinds.length; row += 1) {
-      const path = paths[kinds[row]];
+      const own = paths[kinds[row]];
+      if (counts[kinds[row]]++ % CHUNK === 0) own.push(new Path2D());
+      const path = own.at(-1);
       path.moveTo(strokes[4 * row], strokes[4 * row + 1]);
       path.lineTo(strokes[4 * row + 2], strokes[4 * row + 3]);
     }
     this.plan = { ...header, ...arrays, ox, oy, paths };
-    this.stale();
+    this.stale(true);
   }
 
   fit() {
     const [x1, y1, x2, y2] = this.plan.bounds;
     const room = Math.min(this.width / (x2 - x1 || 1), (this.height - 40) / (y2 - y1 || 1));
     this.view = { x: (x1 + x2) / 2, y: (y1 + y2) / 2, scale: 0.86 * room };
-    this.stale();
+    this.stale(true);
   }
 
   toScreen([x, y]) {
@@ -77,10 +83,12 @@ export class Sheet {
 
   shift() {
     if ((this.plan?.kinds.length ?? 0) > MANY) this.still = performance.now() + CALM;
-    this.stale();
+    this.stale(true);
   }
 
-  stale() {
+  // What was drawn is old: the drawing with all that was understood, or just what a tool is about.
+  stale(base = false) {
+    this.worn ||= base;
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame(() => {
@@ -96,12 +104,12 @@ export class Sheet {
       this.drawMoved();
       clearTimeout(this.later);
       this.later = setTimeout(() => this.stale(), left + 1);
-    } else this.drawBase();
+    } else if (this.worn) this.drawBase();
     this.drawTop();
   }
 
   drawMoved() {
-    const context = this.base.getContext("2d");
+    const context = this.base.getContext("2d", PEN);
     const { view, shown } = this;
     const factor = view.scale / shown.view.scale;
     const [x, y] = this.toScreen([shown.view.x, shown.view.y]);
@@ -119,8 +127,10 @@ export class Sheet {
   }
 
   drawBase() {
-    const context = this.base.getContext("2d");
+    const context = this.base.getContext("2d", PEN);
     const { plan, view } = this;
+    const many = plan.kinds.length > MANY;
+    this.worn = false;
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.clearRect(0, 0, this.width, this.height);
     this.drawGrid(context);
@@ -139,18 +149,18 @@ export class Sheet {
       context.imageSmoothingEnabled = true;
     }
     this.metres(context);
-    context.lineCap = "round";
+    context.lineCap = many ? "butt" : "round";
     for (const kind of ["nothing", "furniture", "door", "wall", "glass", "mirror"]) {
       context.strokeStyle = COLOURS[kind];
-      context.lineWidth = WIDTHS[kind] / view.scale;
-      context.stroke(plan.paths[plan.classes.indexOf(kind)]);
+      context.lineWidth = (many && view.scale < NEAR ? 1 / this.ratio : WIDTHS[kind]) / view.scale;
+      for (const path of plan.paths[plan.classes.indexOf(kind)]) context.stroke(path);
     }
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     for (const opening of plan.doors) this.line(context, opening, { colour: COLOURS.door, width: 2, dash: [5, 4] });
-    if (plan.kinds.length > MANY) {
+    if (many) {
       const picture = document.createElement("canvas");
       Object.assign(picture, { width: this.base.width, height: this.base.height });
-      picture.getContext("2d").drawImage(this.base, 0, 0);
+      picture.getContext("2d", PEN).drawImage(this.base, 0, 0);
       this.shown = { picture, view: { ...view } };
     }
   }
@@ -197,6 +207,20 @@ export class Sheet {
     context.setLineDash(dash);
     context.stroke();
     context.setLineDash([]);
+  }
+
+  // Many strokes at once, by their ends; those that are not in view are left out.
+  lines(context, strokes, colour, width) {
+    const fine = strokes.length > MANY;
+    Object.assign(context, { strokeStyle: colour, lineWidth: fine ? 1.5 : width, lineCap: fine ? "butt" : "round" });
+    const [x1, y2] = this.toPlan([0, 0]);
+    const [x2, y1] = this.toPlan([this.width, this.height]);
+    const seen = strokes.filter(([[a, b], [c, d]]) => Math.max(a, c) > x1 && Math.min(a, c) < x2 && Math.max(b, d) > y1 && Math.min(b, d) < y2);
+    for (let first = 0; first < seen.length; first += CHUNK) {
+      context.beginPath();
+      for (const ends of seen.slice(first, first + CHUNK)) this.run(context, ends);
+      context.stroke();
+    }
   }
 
   dot(context, point, colour, radius = 5, text = "") {

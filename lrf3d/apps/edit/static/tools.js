@@ -127,22 +127,24 @@ export function makeTools(editor) {
     if (edits.robot && !Object.keys(edits.robot).length) delete edits.robot;
   }
 
-  // A piece of a polyline goes; what is left of it stays.
-  function erasePiece(edits, { number, piece }, drop) {
+  // The two ends of a piece of a polyline.
+  const pieceOf = ({ number, piece }) => {
+    const { points } = sheet.plan.edits.wall[number];
+    return [points[piece], points[(piece + 1) % points.length]];
+  };
+
+  // A piece of a polyline goes, or what lies between two places on it; what is left of it stays.
+  function erasePiece(edits, { number, piece, between }, drop) {
     const { closed, ...wall } = edits.wall[number];
     const { points } = wall;
-    if (closed) {
-      edits.wall[number] = { ...wall, points: [...points.slice(piece + 1), ...points.slice(0, piece + 1)] };
-      return;
-    }
-    const parts = [points.slice(0, piece + 1), points.slice(piece + 1)].filter((each) => each.length > 1);
+    const [from, to] = (between ?? []).sort((one, two) => away(one, points[piece]) - away(two, points[piece]));
+    const before = [...points.slice(0, piece + 1), ...(from ? [from] : [])];
+    const after = [...(to ? [to] : []), ...points.slice(piece + 1)];
+    const long = (line) => line.slice(1).some((each) => away(each, line[0]) > 0.002);
+    const parts = (closed ? [[...after, ...before]] : [before, after]).filter(long);
     if (!parts.length) drop("wall", number);
     else edits.wall.splice(number, 1, ...parts.map((part) => ({ ...wall, points: part })));
   }
-
-  const highlight = (context, rows) => {
-    for (const row of rows) sheet.line(context, finder.ends(row), { colour: "#f5a623", width: 5 });
-  };
 
   // Tools that take points until Enter, or until a line comes back to its beginning.
   const polyline = (keep, least, closes, word) => ({
@@ -215,11 +217,11 @@ export function makeTools(editor) {
           const end = finder.ends(row).find((each) => away(each, event.point) < REACH / sheet.view.scale);
           const picked = event.shiftKey && editor.picked?.rows ? [...editor.picked.rows, row] : [row];
           editor.pick({ rows: picked });
-          if (end && stands(row) && editor.wasPicked === row) this.drag = { end };
+          const grabs = end && stands(row) && editor.wasPicked === row;
           editor.wasPicked = row;
-          return;
+          if (grabs) return (this.drag = { end });
         }
-        this.drag = { around: [event.point], lasso: event.altKey };
+        this.drag = { around: [event.point], lasso: event.altKey, row };
       },
       move(event) {
         const { drag } = this;
@@ -237,14 +239,14 @@ export function makeTools(editor) {
         if (drag.around && drag.moved && away(drag.around[0], drag.around.at(-1)) * sheet.view.scale > 4) {
           const area = drag.lasso ? drag.around : boxed(...drag.around);
           editor.pick({ inside: area.map(inUnits), area });
-        } else if (drag.around) editor.pick(null);
+        } else if (drag.around) drag.row < 0 && editor.pick(null);
         else if (drag.one && !drag.moved) editor.pick({ one: drag.one });
         else if (drag.one) editor.change("moved", (edits) => moveDecided(edits, drag.one, drag.to));
         else if (drag.to) editor.change("an end moved", (edits) => (edits.move ??= []).push({ end: drag.end, to: rounded(drag.to) }));
       },
       draw(context) {
         const { drag } = this;
-        if (editor.picked?.rows) highlight(context, editor.rowsLike());
+        if (editor.picked?.rows) sheet.lines(context, editor.rowsLike().map((row) => finder.ends(row)), "#f5a623", 5);
         if (editor.picked?.area) sheet.line(context, editor.picked.area, { colour: "#f5a623", width: 2, closed: true, fill: "rgba(245, 166, 35, 0.12)" });
         if (editor.picked?.one) {
           const { one } = editor.picked;
@@ -351,31 +353,31 @@ export function makeTools(editor) {
         const { from } = this;
         this.one = from ? null : decided(event.point);
         this.over = this.one || from ? -1 : finder.stroke(event.point, stands);
-        if (from) this.to = foot(event.point, ...finder.ends(from.row));
+        if (from) this.to = foot(event.point, ...from.ends);
       },
       down(event) {
         this.move(event);
-        if (this.one) {
-          const { one } = this;
-          editor.change("erased", (edits) => deleteDecided(edits, one));
-        } else if (this.over >= 0) {
-          this.from = { row: this.over, point: foot(event.point, ...finder.ends(this.over)) };
-          this.to = null;
-        }
+        const { one, over } = this;
+        const ends = one?.piece !== undefined ? pieceOf(one) : over >= 0 ? finder.ends(over) : null;
+        if (ends) Object.assign(this, { from: { one, row: over, ends, point: foot(event.point, ...ends) }, to: null });
+        else if (one) editor.change("erased", (edits) => deleteDecided(edits, one));
       },
       up() {
         const { from, to } = this;
         Object.assign(this, { from: null, to: null, over: -1 });
         if (!from) return;
-        if (to && away(from.point, to) * sheet.view.scale > 8) {
-          editor.change("a piece of wall erased", (edits) => (edits.remove ??= []).push({ between: [from.point, to].map(rounded) }));
+        const { one } = from;
+        const between = to && away(from.point, to) * sheet.view.scale > 8 ? [from.point, to].map(rounded) : null;
+        if (one) editor.change(between ? "a piece of wall erased" : "erased", (edits) => deleteDecided(edits, between ? { ...one, between } : one));
+        else if (between) {
+          editor.change("a piece of wall erased", (edits) => (edits.remove ??= []).push({ between }));
         } else if (drawn(from.row)) editor.change("erased", (edits) => (edits.remove ??= []).push({ between: finder.ends(from.row).map(rounded) }));
         else editor.change("erased", (edits) => (edits.class ??= []).push({ select: { near: inUnits(middle(from.row)) }, as: "nothing" }));
       },
       draw(context) {
         if (this.over >= 0) sheet.line(context, finder.ends(this.over), { colour: "#e03131", width: 5 });
         if (this.from && this.to) sheet.line(context, [this.from.point, this.to], { colour: "#e03131", width: 6 });
-        if (this.one) sheet.dot(context, this.one.table === "wall" && this.one.piece !== undefined ? editor.pointer : editor.pointer, "#e03131", 6, "×");
+        if (this.one) sheet.dot(context, editor.pointer, "#e03131", 6, "×");
       },
     },
     robot: {
