@@ -35,6 +35,9 @@ SAME = 0.002
 # Half the width [m] of the strip that is cut along a line; walls are drawn farther apart.
 CUT = 0.02
 
+# Sine of the angle to a line below which a wall lies along it: lines are drawn by hand.
+PARALLEL = 0.1
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -217,15 +220,22 @@ class Remove(Decision):
     key = "remove"
 
     def _change(self, plan: Plan) -> Plan | None:
-        area = shapely.LineString(self.between).buffer(CUT, cap_style="flat")
-        return _without(plan, area, _along(plan, area))
+        changed = _bared(plan, walls(np.asarray(self.between, dtype=np.float64), False))
+        return None if changed is plan else changed
 
 
-def _along(plan: Plan, area: Any) -> Bool:
-    """Which strokes (n,) stand and meet an area."""
-    lines = shapely.linestrings(plan.parts.segments.reshape(-1, 2, 2))
-    met = shapely.intersects(lines, area)
-    return np.asarray(plan.parts.stands & met)
+def _bared(plan: Plan, pieces: Float) -> Plan:
+    """The plan without the walls along some pieces (k, 4); those that cross them stay."""
+    for piece in pieces:
+        area = shapely.LineString(piece.reshape(2, 2)).buffer(CUT, cap_style="flat")
+        lines = shapely.linestrings(plan.parts.segments.reshape(-1, 2, 2))
+        across = directions(piece[None])[0, ::-1] * (-1.0, 1.0)
+        along = np.abs(directions(plan.parts.segments) @ across) < PARALLEL
+        plan = (
+            _without(plan, area, plan.parts.stands & along & shapely.intersects(lines, area))
+            or plan
+        )
+    return plan
 
 
 def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
@@ -244,7 +254,7 @@ def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
 
 @dataclass(frozen=True)
 class DrawnWall(Decision):
-    """Walls through points [m], of a height [m] and a material."""
+    """Walls through points [m], of a height [m] and a material, instead of any that lie there."""
 
     points: Annotated[Any, _LINE]
     height: Annotated[float | None, schema.LENGTH] = None
@@ -259,6 +269,7 @@ class DrawnWall(Decision):
         kind = material if material in KINDS else "wall"
         height = self.height or DEFAULT_HEIGHT
         made = Parts.of(drawn, kind, heights=height, materials=material, rules="drawn")
+        plan = _bared(plan, drawn)
         return plan._replace(parts=plan.parts.joined(made))
 
 
@@ -283,7 +294,7 @@ class Doorway(Decision):
         half = 0.5 * self.width * along
         deep = THICKEST_WALL * across
         box = shapely.Polygon([place + s * half + t * deep for s, t in _CORNERS])
-        parallel = np.abs(directions(parts.segments[stands]) @ across) < 0.1
+        parallel = np.abs(directions(parts.segments[stands]) @ across) < PARALLEL
         met = np.flatnonzero(parallel & shapely.intersects(lines, box))
         off = (parts.segments[stands[met], :2] - place) @ across
         faces = _faces(off)

@@ -30,6 +30,7 @@ WORDS = {
     "furniture": (
         "furn eqpm equip fitting mobel moebel mobil meubl meubel muebl movei arred mebl mebel nabyt"
         " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
+        " shelf shelv couch bench table bed sink toilet"
         " lvtry stair strs trepp trap escal schod scala scale мебел мебл лестн оборуд сантех"
         " 家具 家俱 傢 洁具 潔具 卫生 衛生 设备 設備 柜 櫃 沙发 便器 楼梯 樓梯 階段 가구 위생 계단"
     ),

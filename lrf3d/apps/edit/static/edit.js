@@ -212,18 +212,18 @@ const TAKE = {
     part("title").textContent = `lrf3d edit ${header.name}`;
     document.title = `${header.name} — lrf3d edit`;
     const [x1, y1, x2, y2] = header.bounds;
-    part("size").textContent = header.kinds === 0 ? "" : `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m${header.scaled ? "" : ", not to scale yet"}`;
+    part("size").textContent = !arrays.kinds.length ? "" : `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m${header.scaled ? "" : ", not to scale yet"}`;
     part("saved").textContent = editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "saved" : "";
     part("map-only").hidden = !header.rosMap;
     const grey = header.edits.reading?.threshold ?? /grey (\d+)/.exec(header.said)?.[1];
     part("picture").hidden = !grey;
     if (grey && !part("threshold").matches(":active")) part("threshold").value = part("grey").textContent = grey;
     note(header.lost.length ? `not found any more: ${header.lost.join(", ")}` : "");
-    part("over").textContent = header.said;
+    part("over").textContent = header.said || tool.hint;
     if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
-    if (first) firstQuestion(header);
+    if (first) firstQuestion(header, arrays.kinds.length);
     part("failure")?.remove();
     buttons();
   },
@@ -271,7 +271,7 @@ const TAKE = {
     sheet.stale();
   },
   said: (header) => notice(header.text),
-  changed: () => notice("The file has changed.", "Read it again", () => send({ do: "read" })),
+  changed: () => notice("The file has changed.", [["Read it again", () => send({ do: "read" })]]),
   film(header) {
     part("notice").hidden = true;
     window.open(header.address, "lrf3d-film") ?? (location.href = header.address);
@@ -287,20 +287,39 @@ function loadPicture() {
   picture.src = "/lrf3d/source.png";
 }
 
-function firstQuestion(header) {
+function firstQuestion(header, strokes) {
   if (header.edits.scale || editor.reads) return;
+  if (!strokes) {
+    choose("room");
+    return notice("An empty sheet: drag a room from corner to corner, or press W and click the corners of walls.");
+  }
   const [suggested] = header.suggestions;
-  if (suggested) editor.ask(suggested);
-  else if (!header.scaled) {
+  // Scales that would fit a drawing of a doubtful size, as the command line names them.
+  const scales = [...header.said.matchAll(/--scale ([\d.]+) if it is ([^;]+)/g)];
+  if (suggested && !scales.length) editor.ask(suggested);
+  else if (!header.scaled || scales.length) {
     choose("scale");
-    notice("How large is it? Click the two ends of something whose length you know, such as a door of 0.9 m.");
+    notice("How large is it? Click the two ends of something whose length you know, such as a door of 0.9 m.", scales.map(([, factor, words]) => [words, () => scaled(header, Number(factor))]));
   }
 }
 
-function notice(text, button, act) {
+function scaled({ bounds, unit }, factor) {
+  const [x1, y1, x2] = bounds;
+  const across = x2 - x1 || 1;
+  editor.question = { between: [[x1 / unit, y1 / unit], [(x1 + across) / unit, y1 / unit]] };
+  editor.answer(factor * across);
+}
+
+function notice(text, choices = []) {
   const card = part("notice");
   card.textContent = text;
-  if (button) card.append(Object.assign(document.createElement("button"), { textContent: button, onclick: act }));
+  for (const [textContent, act] of choices) {
+    const onclick = () => {
+      card.hidden = true;
+      act();
+    };
+    card.append(Object.assign(document.createElement("button"), { textContent, onclick }));
+  }
   card.append(Object.assign(document.createElement("button"), { textContent: "×", ariaLabel: "close", onclick: () => (card.hidden = true) }));
   card.hidden = false;
 }

@@ -14,6 +14,13 @@ function foot([x, y], [x1, y1], [x2, y2]) {
   return [x1 + share * dx, y1 + share * dy];
 }
 
+// Where two lines cross, however short they are; nothing if they are parallel.
+function crossing([[x1, y1], [x2, y2]], [[x3, y3], [x4, y4]]) {
+  const turn = (x2 - x1) * (y4 - y3) - (y2 - y1) * (x4 - x3);
+  const share = ((x3 - x1) * (y4 - y3) - (y3 - y1) * (x4 - x3)) / turn;
+  return Math.abs(turn) > 1e-9 ? [x1 + share * (x2 - x1), y1 + share * (y2 - y1)] : null;
+}
+
 // Lines of the plan and of what is drawn, by their rows.
 export class Finder {
   constructor(sheet) {
@@ -62,9 +69,12 @@ export class Finder {
         const off = Math.abs((point[0] - last[0]) * way[1] - (point[1] - last[1]) * way[0]);
         if (off < least) [best, least] = [[last[0] + along * way[0], last[1] + along * way[1]], off];
       }
-      if (best) return { point: best, to: "angle" };
     }
     const row = this.stroke(point);
+    // A right angle ends at the line that is pointed at.
+    const met = best && row >= 0 && crossing([last, best], this.ends(row));
+    if (met && away(met, point) < 2 * reach) return { point: met, to: "line" };
+    if (best) return { point: best, to: "angle" };
     return row >= 0 ? { point: foot(point, ...this.ends(row)), to: "line" } : { point, to: "" };
   }
 }
@@ -414,6 +424,7 @@ export function makeTools(editor) {
           edits.robot ??= {};
           (edits.robot.route ??= []).push(rounded(event.point));
         });
+        this.now = null;
       },
       move(event) {
         this.now = event.point;
