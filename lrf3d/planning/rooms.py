@@ -55,7 +55,7 @@ def rooms_of(world: World) -> list[tuple[float, Float]]:
 def reached_rooms(space: FreeSpace) -> tuple[Ground, Int, Int, Int]:
     """The spaces around a free space: a ground, the space of each cell, rooms, spaces reached."""
     ground = space.ground
-    bare = Ground(_unfurnished(ground.world), space.places[0] + ground.world.origin)
+    bare = Ground(_unfurnished(ground.world))
     rooms, numbers = _numbered(bare)
     entered = rooms[bare.cells_at(space.places + ground.world.origin) & bare.wide]
     return bare, rooms, numbers, np.unique(entered[entered > 0])

@@ -38,6 +38,12 @@ CUT = 0.02
 # Sine of the angle to a line below which a wall lies along it: lines are drawn by hand.
 PARALLEL = 0.1
 
+# Share of the width of a doorway, to each side of its middle, that a drawn leaf would block.
+PASSAGE = 0.4
+
+# Distance from the middle of a doorway, in its widths, within which both ends of a leaf lie.
+REACH = 1.2
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -79,9 +85,6 @@ class Decision:
 
     def change(self, plan: Plan) -> Plan | None:
         """The plan with the decision applied; None if it matches nothing in the plan."""
-        return self._change(plan)
-
-    def _change(self, plan: Plan) -> Plan | None:
         return plan
 
 
@@ -135,7 +138,7 @@ class Scale(Decision):
             raise WorldError("scale.between: two places that are one; choose others")
         return PerUnit(self.metres / apart)
 
-    def _change(self, plan: Plan) -> Plan:
+    def change(self, plan: Plan) -> Plan:
         # The reader has used the scale already; here the doubt about the size is dropped.
         return plan._replace(doubt="")
 
@@ -152,7 +155,7 @@ class Class(Decision):
     as_: Annotated[str, text(*KINDS)]
     key = "class"
 
-    def _change(self, plan: Plan) -> Plan | None:
+    def change(self, plan: Plan) -> Plan | None:
         chosen = selected(plan.parts, self.select, plan.unit)
         if not chosen.any():
             return None
@@ -201,7 +204,7 @@ class Move(Decision):
     to: Annotated[Any, _POINT]
     key = "move"
 
-    def _change(self, plan: Plan) -> Plan | None:
+    def change(self, plan: Plan) -> Plan | None:
         ends = plan.parts.segments.reshape(-1, 2).copy()
         here = np.hypot(*(ends - self.end).T) < SAME
         if not here.any():
@@ -219,7 +222,7 @@ class Remove(Decision):
     between: Annotated[Any, _LINE]
     key = "remove"
 
-    def _change(self, plan: Plan) -> Plan | None:
+    def change(self, plan: Plan) -> Plan | None:
         changed = _bared(plan, walls(np.asarray(self.between, dtype=np.float64), False))
         return None if changed is plan else changed
 
@@ -262,7 +265,7 @@ class DrawnWall(Decision):
     closed: Annotated[bool | None, schema.OBJECT["closed"]] = None
     key = "wall"
 
-    def _change(self, plan: Plan) -> Plan:
+    def change(self, plan: Plan) -> Plan:
         drawn = walls(np.asarray(self.points, dtype=np.float64), bool(self.closed))
         drawn = drawn[lengths(drawn) > SAME]
         material = self.material or ""
@@ -281,7 +284,7 @@ class Doorway(Decision):
     width: Annotated[float, schema.LENGTH]
     key = "doorway"
 
-    def _change(self, plan: Plan) -> Plan | None:
+    def change(self, plan: Plan) -> Plan | None:
         parts = plan.parts
         place = np.asarray(self.at, dtype=np.float64)
         stands = np.flatnonzero(parts.stands & (parts.kinds != "furniture"))
@@ -303,6 +306,7 @@ class Doorway(Decision):
         cut = _without(plan, box, chosen)
         if cut is None:
             return None
+        cut = _cleared(cut, place, along * self.width)
         ends = [[place + s * half + t * across for t in faces] for s in (-1.0, 1.0)]
         corners = np.array([ends[0][0], ends[1][0], ends[0][0] + self.width * across])
         door = Door(corners, self.width)
@@ -311,6 +315,19 @@ class Doorway(Decision):
         jambs = np.array(ends).reshape(2, -1) if len(faces) > 1 else np.empty((0, 4))
         closed = cut.parts.joined(Parts.of(jambs, "wall", rules="drawn", objects=owner))
         return cut._replace(parts=closed, doors=[*plan.doors, door])
+
+
+def _cleared(plan: Plan, place: Float, opening: Float) -> Plan:
+    """The plan without a leaf that is drawn in an opening (2,) [m] about a place (2,)."""
+    parts = plan.parts
+    ends = parts.segments.reshape(-1, 2, 2)
+    passage = shapely.LineString([place - PASSAGE * opening, place + PASSAGE * opening])
+    near = np.hypot(*(ends - place).transpose(2, 0, 1)).max(axis=1) < REACH * np.hypot(*opening)
+    blocks = near & shapely.intersects(
+        shapely.linestrings(ends), passage.buffer(THICKEST_WALL, cap_style="flat")
+    )
+    blocks &= parts.stands & (parts.kinds != "furniture")
+    return plan._replace(parts=parts._replace(kinds=np.where(blocks, "door", parts.kinds)))
 
 
 # The corners of a box, in halves of its sides.
@@ -334,7 +351,7 @@ class PlacedRobot(Decision):
     key = "robot"
     single = True
 
-    def _change(self, plan: Plan) -> Plan:
+    def change(self, plan: Plan) -> Plan:
         values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
         # The user gives only places; the path between them is planned.
         if "route" in values:
@@ -349,7 +366,7 @@ class KeepOut(Decision):
     points: Annotated[Any, _AREA]
     key = "keep_out"
 
-    def _change(self, plan: Plan) -> Plan:
+    def change(self, plan: Plan) -> Plan:
         areas = plan.tables.get("robot", {}).get("keep_out", ())
         return _with_robot(plan, {"keep_out": (*areas, np.asarray(self.points, np.float64))})
 
@@ -370,7 +387,7 @@ class Obstacle(Decision):
     points: Annotated[Any, schema.OBSTACLE["points"]] = None
     key = "obstacle"
 
-    def _change(self, plan: Plan) -> Plan:
+    def change(self, plan: Plan) -> Plan:
         values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
         return plan._replace(obstacles=(*plan.obstacles, values))
 

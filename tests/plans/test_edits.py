@@ -111,18 +111,22 @@ def test_a_file_next_to_a_drawing_is_obeyed_and_a_list_gives_the_same_plan(room)
 
 
 def test_walls_are_moved_and_cut_and_a_wall_of_two_faces_gets_a_doorway_with_jambs(tmp_path):
-    world = World([[0, 0, 8, 0], [0, 0.2, 8, 0.2], [0, 4, 8, 4], [0, 5, 8, 5]], [0, 0, 1, 2])
-    save_world(world, tmp_path / "w.geojson")
+    leaf = [2.5, 0, 3.4, -0.25]
+    crossing = [3, 4.5, 3, 6]
+    walls = [[0, 0, 8, 0], [0, 0.2, 8, 0.2], [0, 4, 8, 4], [0, 5, 8, 5], leaf, crossing]
+    save_world(World(walls, [0, 0, 1, 2, 3, 4]), tmp_path / "w.geojson")
     plan = read_plan(tmp_path / "w.geojson", [
         Doorway([3, 0.05], 1.0), Move([8, 4], [9, 4.5]), Remove([[1, 5], [3, 5]]),
+        DrawnWall([[6, 5], [7, 5]], material="mirror"),
     ])  # fmt: skip
     found = {tuple(row) for row in plan.segments.round(6).tolist()}
     assert found == {
         (0, 0, 2.5, 0), (3.5, 0, 8, 0), (0, 0.2, 2.5, 0.2), (3.5, 0.2, 8, 0.2),
-        (2.5, 0, 2.5, 0.2), (3.5, 0, 3.5, 0.2), (0, 4, 9, 4.5), (0, 5, 1, 5), (3, 5, 8, 5),
+        (2.5, 0, 2.5, 0.2), (3.5, 0, 3.5, 0.2), (0, 4, 9, 4.5), (0, 5, 1, 5), (3, 5, 6, 5),
+        (6, 5, 7, 5), (7, 5, 8, 5), (*crossing,),
     }  # fmt: skip
     assert [door.width for door in plan.doors] == [1.0]
-    assert plan.world(tmp_path / "w.geojson").object_count == 3
+    assert plan.world(tmp_path / "w.geojson").object_count == 5
 
 
 def test_a_picture_is_read_by_the_scale_that_was_pointed_out(tmp_path):

@@ -16,7 +16,7 @@ from PIL import Image
 from lrf3d.apps.edit.message import packed, plan_message
 from lrf3d.apps.edit.sources import Sheet, empty_plan, guessed_resolution, sheet_of, suggestions
 from lrf3d.base.errors import InputError, WorldError
-from lrf3d.base.files import own_name, write_text
+from lrf3d.base.files import write_text
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry.lines import Float, Int, directions
 from lrf3d.planning.free_space import Ground, find_free_space
@@ -246,11 +246,6 @@ class Editor:
         path = self.path.with_name(f"{self.path.stem}_edited{self.path.suffix}")
         rewrite_map(self.path, self._source(self.edits).segments, self.plan.segments, path)
         return path
-
-    @property
-    def title(self) -> str:
-        """The name of the file that is edited."""
-        return own_name(self.path)
 
     def picture(self) -> bytes | None:
         """The picture of the source as PNG, or None."""
