@@ -238,7 +238,7 @@ const TAKE = {
   rooms(header, { cells }) {
     sheet.rooms = roomsPicture(header, cells);
     const missed = header.count - header.reached;
-    part("rooms").textContent = `${header.count} rooms, ${header.reached} reached`;
+    part("rooms").textContent = `${header.count} ${header.count === 1 ? "room" : "rooms"}, ${header.reached} reached`;
     part("rooms").classList.toggle("lrf3d-some", missed > 0);
     sheet.stale(true);
   },

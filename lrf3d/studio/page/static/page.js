@@ -44,6 +44,7 @@ const ACTIONS = {
   next: () => choose(views[(views.indexOf(view) + 1) % views.length]),
   full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
   list: () => (part("keys").hidden = !part("keys").hidden),
+  figures: () => document.body.classList.toggle("lrf3d-numbers"),
   picture() {
     scene.render();
     scene.canvas.toBlob((picture) => {
@@ -54,7 +55,7 @@ const ACTIONS = {
   },
 };
 const KEYS = {
-  KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list",
+  KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list", KeyN: "figures",
   ...(plays && { Space: "play", ArrowLeft: "rewind", ArrowRight: "skip", Home: "begin", End: "end" }),
 };
 const PADS = {
@@ -230,7 +231,9 @@ async function start() {
   scene = new Scene(part("scene"), part("inset"));
   answers = await coming;
   scene.load(...answers.world, answers.ground);
-  choose("follow");
+  // A story shows where most happens.
+  choose(views[0]);
+  move(limits()[0]);
   if (plays) play(true);
   requestAnimationFrame(frame);
 }
