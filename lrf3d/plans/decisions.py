@@ -85,6 +85,9 @@ class Decision:
 
     def change(self, plan: Plan) -> Plan | None:
         """The plan with the decision applied; None if it matches nothing in the plan."""
+        return self._change(plan)
+
+    def _change(self, plan: Plan) -> Plan | None:
         return plan
 
 
@@ -138,7 +141,7 @@ class Scale(Decision):
             raise WorldError("scale.between: two places that are one; choose others")
         return PerUnit(self.metres / apart)
 
-    def change(self, plan: Plan) -> Plan:
+    def _change(self, plan: Plan) -> Plan:
         # The reader has used the scale already; here the doubt about the size is dropped.
         return plan._replace(doubt="")
 
@@ -155,7 +158,7 @@ class Class(Decision):
     as_: Annotated[str, text(*KINDS)]
     key = "class"
 
-    def change(self, plan: Plan) -> Plan | None:
+    def _change(self, plan: Plan) -> Plan | None:
         chosen = selected(plan.parts, self.select, plan.unit)
         if not chosen.any():
             return None
@@ -204,7 +207,7 @@ class Move(Decision):
     to: Annotated[Any, _POINT]
     key = "move"
 
-    def change(self, plan: Plan) -> Plan | None:
+    def _change(self, plan: Plan) -> Plan | None:
         ends = plan.parts.segments.reshape(-1, 2).copy()
         here = np.hypot(*(ends - self.end).T) < SAME
         if not here.any():
@@ -222,7 +225,7 @@ class Remove(Decision):
     between: Annotated[Any, _LINE]
     key = "remove"
 
-    def change(self, plan: Plan) -> Plan | None:
+    def _change(self, plan: Plan) -> Plan | None:
         changed = _bared(plan, walls(np.asarray(self.between, dtype=np.float64), False))
         return None if changed is plan else changed
 
@@ -265,7 +268,7 @@ class DrawnWall(Decision):
     closed: Annotated[bool | None, schema.OBJECT["closed"]] = None
     key = "wall"
 
-    def change(self, plan: Plan) -> Plan:
+    def _change(self, plan: Plan) -> Plan:
         drawn = walls(np.asarray(self.points, dtype=np.float64), bool(self.closed))
         drawn = drawn[lengths(drawn) > SAME]
         material = self.material or ""
@@ -284,7 +287,7 @@ class Doorway(Decision):
     width: Annotated[float, schema.LENGTH]
     key = "doorway"
 
-    def change(self, plan: Plan) -> Plan | None:
+    def _change(self, plan: Plan) -> Plan | None:
         parts = plan.parts
         place = np.asarray(self.at, dtype=np.float64)
         stands = np.flatnonzero(parts.stands & (parts.kinds != "furniture"))
@@ -351,7 +354,7 @@ class PlacedRobot(Decision):
     key = "robot"
     single = True
 
-    def change(self, plan: Plan) -> Plan:
+    def _change(self, plan: Plan) -> Plan:
         values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
         # The user gives only places; the path between them is planned.
         if "route" in values:
@@ -366,7 +369,7 @@ class KeepOut(Decision):
     points: Annotated[Any, _AREA]
     key = "keep_out"
 
-    def change(self, plan: Plan) -> Plan:
+    def _change(self, plan: Plan) -> Plan:
         areas = plan.tables.get("robot", {}).get("keep_out", ())
         return _with_robot(plan, {"keep_out": (*areas, np.asarray(self.points, np.float64))})
 
@@ -387,7 +390,7 @@ class Obstacle(Decision):
     points: Annotated[Any, schema.OBSTACLE["points"]] = None
     key = "obstacle"
 
-    def change(self, plan: Plan) -> Plan:
+    def _change(self, plan: Plan) -> Plan:
         values = {name: self.keys[name](each, name) for name, each in self.as_dict().items()}
         return plan._replace(obstacles=(*plan.obstacles, values))
 

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from lrf3d.apps.edit.message import packed, plan_message
-from lrf3d.apps.edit.sources import Sheet, empty_plan, guessed_resolution, sheet_of, suggestions
+from lrf3d.apps.edit.sources import USUAL_SIZE, Sheet, sheet_of, suggestions
 from lrf3d.base.errors import InputError, WorldError
 from lrf3d.base.files import write_text
 from lrf3d.casting import PlanarCaster
@@ -24,6 +24,7 @@ from lrf3d.planning.planner import find_route
 from lrf3d.planning.rooms import reached_rooms
 from lrf3d.plans.decisions import KeepOut, Obstacle, PlacedRobot, Scale
 from lrf3d.plans.edits import PlanEdits, digest_of, read_edits
+from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.reading import drawn_plan
 from lrf3d.robot.kinematics import RADIUS
@@ -71,19 +72,13 @@ class Editor:
         """Time at which the source was written; 0 if there is none."""
         return self.path.stat().st_mtime if not self.empty and self.path.exists() else 0.0
 
-    @property
-    def scaled(self) -> bool:
-        """Whether the size of the plan is known."""
-        known = self.edits.one(Scale) is not None or "resolution" in self._options
-        return known or not is_picture(self.path)
-
     def _source(self, edits: PlanEdits) -> Plan:
         """The plan before decisions, read by those that set how it is read."""
         if self.empty:
-            return empty_plan()
+            return Plan(Parts.of(np.empty((0, 4)), "wall"))
         options = {**self._options, **edits.options()}
         if is_picture(self.path) and self.sheet is not None and "scale" not in options:
-            options.setdefault("resolution", guessed_resolution(self.sheet))
+            options.setdefault("resolution", USUAL_SIZE / max(self.sheet.size))
         key = repr(options)
         if key not in self._sources:
             self._sources.clear()
@@ -129,15 +124,15 @@ class Editor:
 
     def message(self) -> bytes:
         """The message with the plan for the page."""
+        scale = self.edits.one(Scale)
         header = {
             "name": self.path.name,
             "edits": self.edits.as_dict(),
             "readOnly": self.read_only,
-            "scaled": self.scaled,
-            "picture": is_picture(self.path),
+            "scaled": bool(scale) or "resolution" in self._options or not is_picture(self.path),
             "rosMap": self.path.suffix.lower() in (".yaml", ".yml"),
             "sheet": self.sheet and [*self.sheet.size],
-            "suggestions": suggestions(self.plan) if not self.edits.one(Scale) else [],
+            "suggestions": [] if scale else suggestions(self.plan),
             "said": "; ".join(filter(None, [self.plan.doubt, self.plan.said])),
             "leftOut": self.plan.left_out,
             "lost": self.plan.lost,

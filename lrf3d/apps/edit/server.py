@@ -31,7 +31,7 @@ _WATCH = 1.0
 SOCKET = "/lrf3d/edits"
 
 # A function that performs a page's action, given the values of its message.
-Act = Callable[[Any, dict[str, Any]], Coroutine[Any, Any, bool]]
+Act = Callable[[Any, dict[str, Any]], Coroutine[Any, Any, None]]
 
 STATIC = Path(__file__).parent / "static"
 
@@ -45,7 +45,7 @@ class Desk:
         self.talks: Talks = {SOCKET: self.talk}
         self._writer: Any = None
         self._busy = asyncio.Lock()
-        # The actions of messages; each returns whether the plan has changed.
+        # The actions of messages, by the name of each.
         self._acts: dict[str, Act] = {
             "scan": self._scan,
             "keep": self._keep,
@@ -76,9 +76,7 @@ class Desk:
             await self._send_plan(page)
             follow = asyncio.create_task(self._follow(page))
             while True:
-                values = _read(await page.recv())
-                changed = await self._answer(page, values)
-                if changed:
+                if await self._answer(page, await page.recv()):
                     follow.cancel()
                     follow = asyncio.create_task(self._follow(page))
         except ConnectionClosed:
@@ -90,49 +88,43 @@ class Desk:
             if self._writer is page:
                 self._writer = None
 
-    async def _answer(self, page: Any, values: dict[str, Any]) -> bool:
+    async def _answer(self, page: Any, text: Any) -> bool:
         """Perform a page's action and answer; returns whether the plan has changed."""
-        act = self._acts.get(str(values.get("do")))
-        if act is None:
-            return False
+        plan = self.editor.plan
         try:
-            changed = await act(page, values)
-        except (KeyError, TypeError, ValueError, Lrf3dError) as error:
-            text = str(error) if isinstance(error, Lrf3dError) else "malformed message"
-            await page.send(packed({"kind": "error", "text": text}))
+            values = json.loads(text)
+            await self._acts[values["do"]](page, values)
+        except (KeyError, RecursionError, TypeError, ValueError, Lrf3dError) as error:
+            said = str(error) if isinstance(error, Lrf3dError) else "malformed message"
+            await page.send(packed({"kind": "error", "text": said}))
+        if plan is self.editor.plan:
             return False
-        if changed:
-            await self._send_plan(page)
-        return changed
+        await self._send_plan(page)
+        return True
 
-    async def _scan(self, page: Any, values: dict[str, Any]) -> bool:
+    async def _scan(self, page: Any, values: dict[str, Any]) -> None:
         x, y, theta = map(float, values["pose"])
         await page.send(self.editor.scan((x, y, theta)))
-        return False
 
-    async def _keep(self, page: Any, values: dict[str, Any]) -> bool:
+    async def _keep(self, page: Any, values: dict[str, Any]) -> None:
         self._check_writer(page)
         async with self._busy:
             await asyncio.to_thread(self.editor.decide, values["edits"])
-        return True
 
-    async def _read_again(self, page: Any, values: dict[str, Any]) -> bool:
+    async def _read_again(self, page: Any, values: dict[str, Any]) -> None:
         async with self._busy:
             await asyncio.to_thread(self.editor.read)
             self._show_source()
-        return True
 
-    async def _save(self, page: Any, values: dict[str, Any]) -> bool:
+    async def _save(self, page: Any, values: dict[str, Any]) -> None:
         self._check_writer(page)
         save = {"world": self.editor.save_world, "map": self.editor.save_map}[values["do"]]
         path = await asyncio.to_thread(save)
         await page.send(packed({"kind": "said", "text": f"{path} is written"}))
-        return False
 
-    async def _film(self, page: Any, values: dict[str, Any]) -> bool:
+    async def _film(self, page: Any, values: dict[str, Any]) -> None:
         await asyncio.to_thread(self._drive)
         await page.send(packed({"kind": "film", "address": "/film"}))
-        return False
 
     def _check_writer(self, page: Any) -> None:
         if self._writer is not page:
@@ -175,15 +167,6 @@ class Desk:
         files["/film"] = files.pop("/")
         self.files.update(files)
         self.talks[MOMENTS] = moments_talk(make)
-
-
-def _read(text: Any) -> dict[str, Any]:
-    """The values of a message; empty if it is malformed."""
-    try:
-        values = json.loads(text)
-    except (RecursionError, ValueError):
-        return {}
-    return values if isinstance(values, dict) else {}
 
 
 def edit(

@@ -10,7 +10,6 @@ from PIL import Image
 from lrf3d.base.errors import WorldError
 from lrf3d.base.formats import by_ending, unpacked
 from lrf3d.base.isolation import read_file
-from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import at
@@ -34,16 +33,6 @@ class Sheet(NamedTuple):
 
     size: tuple[float, float]
     picture: NDArray[np.uint8]
-
-
-def empty_plan() -> Plan:
-    """An empty sheet."""
-    return Plan(Parts.of(np.empty((0, 4)), "wall"))
-
-
-def guessed_resolution(sheet: Sheet) -> float:
-    """The side of a pixel [m] that is assumed for a picture until its scale is known."""
-    return USUAL_SIZE / max(sheet.size)
 
 
 def sheet_of(path: Path, page: int = 1) -> Sheet | None:

@@ -22,6 +22,7 @@ const editor = {
   future: [],
   pointer: [0, 0],
   reads: false,
+  pending: 0, // Changes that the server has not answered yet.
 
   // Change a copy of the decisions, and have the server keep them.
   change(what, make) {
@@ -31,6 +32,8 @@ const editor = {
     make(edits);
     this.past.push(before);
     this.future = [];
+    // Hints have been read; a choice stays.
+    if (part("notice").childElementCount < 2) part("notice").hidden = true;
     this.keep(edits, what);
   },
 
@@ -40,6 +43,7 @@ const editor = {
     Object.assign(sheet, { route: null });
     part("saved").textContent = `${what} …`;
     send({ do: "keep", edits: decisions });
+    this.pending += 1;
     this.what = what;
     buttons();
   },
@@ -205,6 +209,9 @@ function remember({ name, edits }, first) {
 const TAKE = {
   plan(header, { layers, rules, colours, ...arrays }) {
     const first = !sheet.plan;
+    if (editor.pending) editor.pending -= 1;
+    // What was decided meanwhile is newer than this answer.
+    if (editor.pending) header.edits = sheet.plan.edits;
     sheet.take(header, { ...arrays, layersOf: layers, rulesOf: rules, coloursOf: colours });
     if (first || editor.refit) sheet.fit();
     remember(header, first);
@@ -213,7 +220,7 @@ const TAKE = {
     document.title = `${header.name} — lrf3d edit`;
     const [x1, y1, x2, y2] = header.bounds;
     part("size").textContent = !arrays.kinds.length ? "" : `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m${header.scaled ? "" : ", not to scale yet"}`;
-    part("saved").textContent = editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "saved" : "";
+    part("saved").textContent = editor.pending ? `${editor.what} …` : editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "saved" : "";
     part("map-only").hidden = !header.rosMap;
     const grey = header.edits.reading?.threshold ?? /grey (\d+)/.exec(header.said)?.[1];
     part("picture").hidden = !grey;
@@ -262,8 +269,9 @@ const TAKE = {
   },
   error(header) {
     editor.scanning = 0;
-    if (editor.past.length && part("saved").textContent.endsWith("…")) {
-      sheet.plan.edits = editor.past.pop();
+    if (editor.pending) {
+      editor.pending -= 1;
+      sheet.plan.edits = editor.past.pop() ?? sheet.plan.edits;
       part("saved").textContent = "not taken";
     }
     part("go-wait")?.remove();

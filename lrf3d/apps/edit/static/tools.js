@@ -246,7 +246,7 @@ export function makeTools(editor) {
         const { drag } = this;
         this.drag = null;
         if (!drag) return;
-        if (drag.around && drag.moved && away(drag.around[0], drag.around.at(-1)) * sheet.view.scale > 4) {
+        if (drag.around && drag.around.some((each) => away(each, drag.around[0]) * sheet.view.scale > 4)) {
           const area = drag.lasso ? drag.around : boxed(...drag.around);
           editor.pick({ inside: area.map(inUnits), area });
         } else if (drag.around) drag.row < 0 && editor.pick(null);
