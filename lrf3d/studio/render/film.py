@@ -25,7 +25,7 @@ from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.look import PLAN_BACK, SIZE, WHITE, scale
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
-from lrf3d.studio.scene.shapes import Label, Pixels
+from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
@@ -328,13 +328,18 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     letters = [_scale_of(size) * label.size]
     left = round(_INDENT * gap)
     letters += [_LESSER * letters[0]] * (len(label.text) - 1)
-    wide = max(
-        _font(100).getlength(line) * high / 100
-        for line, high in zip(label.text, letters, strict=True)
-    )
-    fits = min(1.0, (size[0] - 2 * left) / max(wide, 1.0))
+    # The names of colours stand in one row.
+    named = [words.startswith(NAMED) for words in label.text]
+    beside = np.array(named) & np.roll(named, 1)
+    lengths = [
+        _font(100).getlength(words + "   ") * high / 100
+        for words, high in zip(label.text, letters, strict=True)
+    ]
+    rows = np.cumsum(~beside) - 1
+    wide = np.bincount(rows, weights=lengths).max()
+    fits = min(1.0, (size[0] - 2 * left) / wide)
     heights = [int(fits * high) for high in letters]
-    high = sum(round(_LINE * each) for each in heights)
+    high = sum(round(_LINE * each) for each in np.array(heights)[~beside].tolist())
     if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
     shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
@@ -343,11 +348,14 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     kept = 256.0 * (1.0 - shade[..., None])
     picture = Image.new("RGB", shape)
     cover = Image.new("L", shape)
-    place = left, shape[1] - round(_FOOT * gap) - high
-    for line, colour, each in zip(label.text, label.colours, heights, strict=True):
+    x, y = left, shape[1] - round(_FOOT * gap) - high
+    for k, (words, colour, each) in enumerate(zip(label.text, label.colours, heights, strict=True)):
         for layer, fill in ((picture, colour), (cover, 255)):
-            ImageDraw.Draw(layer).text(place, line, font=_font(each), fill=fill)
-        place = place[0], place[1] + round(_LINE * each)
+            ImageDraw.Draw(layer).text((x, y), words, font=_font(each), fill=fill)
+        if k + 1 < len(beside) and beside[k + 1]:
+            x += round(fits * lengths[k])
+        else:
+            x, y = left, y + round(_LINE * each)
     covered = np.asarray(cover)[..., None] / WHITE
     return (
         (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],

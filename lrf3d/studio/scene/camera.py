@@ -71,9 +71,7 @@ class Look:
         shows_map: Whether the map is laid over the scene.
         inset: How far the map is also shown next to it, 0…1: it slides in and out.
         cuts: Whether the walls of rooms are cut level, so that one looks into them.
-        glass: How far what was never seen has become glass, 0…1.
         dusk: How far the dark has become dusk, 0…1.
-        opens: Whether what hides the robot is opened.
         shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
     """
 
@@ -86,9 +84,7 @@ class Look:
     shows_map: bool = False
     inset: float = 1.0
     cuts: bool = False
-    glass: float = 0.0
     dusk: float = 0.0
-    opens: bool = False
     shot: str = ""
 
     @property
@@ -98,7 +94,7 @@ class Look:
             self.eye.tobytes(),
             self.target.tobytes(),
             self.field,
-            self.glass,
+            self.dusk,
             self.inset,
             self.shot,
         )

@@ -115,12 +115,6 @@ CLIMB = 14.0
 # Height of the bright front of that colour [m].
 FRONT = 1.6
 
-# Radius of the opening round the robot in what hides it, as a share of the distance.
-PEEP = 0.10
-
-# Share of the walls that is left out in the opening.
-VEIL_SHARE = 0.80
-
 # Opacity of a scan's light on the ground at the robot.
 LAMP = 0.28
 
@@ -147,9 +141,6 @@ PALE_FROM = 0.4
 
 # Brightness of a body everywhere, and how much brighter it is facing the sun, and facing up.
 BODY_LIGHT = (0.70, 0.30, 0.06)
-
-# Share of opacity that walls that were never seen lose as they turn to glass, of haze's colour.
-GHOST_STRENGTH = 0.86
 
 # Height at which the walls of rooms are cut, as architects draw them [m]: just above the bands of
 # the map.
@@ -233,7 +224,7 @@ class Setting(NamedTuple):
     pixel: float
     # How far the ground's picture, and with it light on the ground, reaches past walls [m].
     margin: float
-    # Brightness of a street, or of the land round a house, 0…255.
+    # Brightness of a street, or of the tiles of a floor, 0…255.
     land: int
     # How far the loss of light next to walls reaches [m].
     shade: float
@@ -257,7 +248,7 @@ TOWN = Setting(
 )  # fmt: skip
 ROOMS = Setting(
     night=rgb("#1f2a3e"), cool=(0.74, 0.82, 0.95), haze=120.0, beams=14.0, cell=0.08,
-    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=96, shade=0.25, top=0.62,
+    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=150, shade=0.25, top=0.62,
     chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0), wave=Rig(11.0, 60.0),
     steep=float(np.radians(56.0)),
 )  # fmt: skip

@@ -15,7 +15,7 @@ from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
-from lrf3d.studio.scene.camera import AIM, Look
+from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds, with_cloud
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
 from lrf3d.studio.scene.glass import Panes, glass_beams
@@ -168,7 +168,6 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if (layer in layers or layer in MARKS) and mark is not None
         )
-        x, y, _ = pose.tolist()
         seen = Seen(
             lens,
             (
@@ -178,9 +177,7 @@ class Scene:
             marks,
             self.exposure.clock(moment.now, self.timeline.playback),
             tints=self._snapshot(moment).tints if "map" in layers else None,
-            glass=view.glass,
             dusk=view.dusk,
-            robot=(x, y, AIM) if view.opens else None,
         )
         return seen._replace(cut=look.SECTION) if self._is_cut(view) else seen
 

@@ -22,7 +22,7 @@ from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
 # Position of the camera in the opening, while all is dark.
-_DARK = Rig(2.9, 13.0, shift=-0.25)
+_DARK = Rig(2.9, 13.0, shift=-0.1)
 
 # Angle by which that camera turns round the robot [rad].
 _DARK_TURN = 0.7
@@ -50,7 +50,7 @@ _SWAY = np.radians(9.0)
 _END_DRIFT = np.radians(2.0)
 
 # Number of moments at which a candidate shot is rated.
-_JUDGED = 5
+_JUDGED = 7
 
 # Columns and rows of rays that sample the light in a picture.
 _RAYS = (12, 7)
@@ -82,13 +82,6 @@ _FAR = 0.3
 
 # How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
 _DUSK = 0.5
-
-# Time in which parts that were never seen become transparent, at the end [s of the film].
-_GLASSY = 1.2
-
-# Least transparency at the end: above 0, lit walls are drawn from both sides, from the first
-# picture.
-_FIRST_GLASS = 1e-3
 
 
 class _Rigs(NamedTuple):
@@ -148,17 +141,14 @@ class Story:
                 shot.end - self._timeline.start, TINY
             )
             dusk = _DUSK * float(_eased(share))
-            return track.look(time, cuts=True, opens=share > 0.0, dusk=dusk, shot="wave")
+            return track.look(time, cuts=True, dusk=dusk, shot="wave")
         if shot.name == "end":
-            passed = (time - shot.start) / self._timeline.playback
-            glass = max(float(_eased(passed / _GLASSY)), _FIRST_GLASS)
-            return track.look(time, cuts=True, glass=glass, dusk=1.0, inset=0.0, shot="end")
+            return track.look(time, cuts=True, dusk=1.0, inset=0.0, shot="end")
         # The rise shows the whole world: the map next to it leaves, and the dark with it.
         rises = (time - shot.start) / max(shot.end - shot.start, TINY) * (shot.name == "rise")
         return track.look(
             time,
             cuts=True,
-            opens=True,
             dusk=_DUSK + (1.0 - _DUSK) * float(_eased(rises)),
             inset=1.0 - float(_eased(rises / _LEAVES)),
             shot=shot.name,
@@ -238,13 +228,13 @@ class Story:
         for side, away, steep in product(range(_SIDES), aways, rigs.steeps):
             turns = middle + np.pi + 2.0 * np.pi * side / _SIDES + sway
             path = SmoothPath(times, places, turns)
-            yield CameraPath.along(path, turns, Rig(away, steep, shift=-0.1))
+            yield CameraPath.along(path, turns, Rig(away, steep, shift=0.1))
 
     def _hides(self, moments: Float, eyes: Float) -> Bool:
         """Whether walls hide the robot at moments (m,) from eyes (k, m, 3); bools (k, m)."""
         robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
-        bodies = np.insert(robots, 2, AIM, axis=1)
-        ends = np.broadcast_to(bodies, eyes.shape).reshape(-1, 3)
+        feet = np.insert(robots, 2, 0.0, axis=1)
+        ends = np.broadcast_to(feet, eyes.shape).reshape(-1, 3)
         number, _ = self._blocked(eyes.reshape(-1, 3), ends)
         hides = np.zeros(len(ends), bool)
         hides[number] = True
