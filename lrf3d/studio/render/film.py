@@ -54,9 +54,6 @@ _STRIP_FROM = 1.2
 # Least side of the inset, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
 
-# Time after the end in which light still fades and colours climb [s of the film].
-_SETTLED = 4.0
-
 # Height of a line in letters.
 _LINE = 1.36
 
@@ -125,6 +122,8 @@ class FilmOptions:
     layers: Collection[str] = LAYERS
     # A goal to be marked on the ground.
     goal: Goal | None = None
+    # What the picture is called.
+    title: str = ""
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -210,6 +209,7 @@ class Film:
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
+        self._title = chosen.title
         width, height = chosen.size
         strip = width > _STRIP_FROM * height
         self._window = self.scene.inset_view(upright=strip)
@@ -222,18 +222,12 @@ class Film:
         self._shows_inset = shown
         # Width of the strip [pixels], in which nothing else is drawn.
         self._strip = shown * strip * (wide + 2 * gap)
-        self._key: object = None
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self._view(time)
-        key = min(moment.now, self.timeline.end + _SETTLED * self.timeline.playback), view.key
-        if key == self._key:
-            # Nothing has moved: the last picture is this one.
-            return self._picture
-        self._key = key
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # The strip leaves as soon as the map is not whole any more, and the map before it.
         out = round((1.0 - view.inset) * self._strip)
@@ -249,10 +243,12 @@ class Film:
             self._picture[top : top + high, left : left + wide] = plan
             _lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            _lay_label(
-                self._picture,
-                panel.panel(self.run, moment, view, self.timeline.playback, full=self._full),
-            )
+            label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
+            if self._title:
+                first, *_ = label.colours
+                text = self._title, *label.text
+                label = label._replace(text=text, colours=(first, *label.colours))
+            _lay_label(self._picture, label)
         return self._picture
 
     def _view(self, time: float) -> Look:

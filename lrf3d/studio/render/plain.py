@@ -74,7 +74,7 @@ class PlainRenderer:
             self._corners,
             *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
-            np.array([look.HAZE, look.ZENITH, setting.night, setting.cool]),
+            np.array([look.HAZE, look.ZENITH, look.NIGHT_HIGH, setting.cool]),
             setting.top,
             np.inf,
         )
@@ -83,7 +83,6 @@ class PlainRenderer:
         self._laser = fill.LaserLight(
             times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
         )
-        self._night = np.array(setting.night)
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -99,7 +98,8 @@ class PlainRenderer:
             self._surfaces = self._surfaces._replace(corners=corners, cut=seen.cut)
             self._rays = TriangleRays(single(corners[..., :3]))
         tones = self._surfaces.tones
-        tones[2] = self._night + seen.dusk * np.subtract(look.DUSK, self._night)
+        night = np.array(look.NIGHT_HIGH)
+        tones[2] = night + seen.dusk * (look.DUSK - night)
         canvas = self._look(lens, ways, None)
         for reflection in reflections(seen, self._mirrors):
             self._reflect(seen, reflection, canvas, ways)

@@ -88,18 +88,6 @@ class Look:
     shot: str = ""
 
     @property
-    def key(self) -> tuple[object, ...]:
-        """What distinguishes this look from others of its camera."""
-        return (
-            self.eye.tobytes(),
-            self.target.tobytes(),
-            self.field,
-            self.dusk,
-            self.inset,
-            self.shot,
-        )
-
-    @property
     def away(self) -> float:
         """How far off the target is [m]."""
         return float(np.linalg.norm(self.target - self.eye))

@@ -177,7 +177,7 @@ def overview(
         side = min(tracks, key=lambda track: float(track.aways.min())).turns
         return _fit(corners, times, side + drift * passed, *shape)
 
-    return PathCamera(track, {"cuts": True, "shot": "whole"})
+    return PathCamera(track, {"cuts": True, "dusk": 0.5, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> PathCamera:

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.casting.skyline import swept
 from lrf3d.geometry.lines import Float
 from lrf3d.laser import LidarScan
-from lrf3d.studio.scene.shapes import Points, single, together
+from lrf3d.studio.scene.shapes import Points, single
 
 # Colours of points from the floor to the top.
 HEIGHT_COLOURS = np.array([[0.16, 0.30, 0.75], [0.10, 0.75, 0.72], [1.0, 0.80, 0.35]])
@@ -29,36 +29,19 @@ SIZE = 0.05
 PIXELS = (1.8, 4.5)
 
 
-def draw_clouds(
-    scans: Iterable[LidarScan], origin: Float, most: int, heights: tuple[float, float]
-) -> Points | None:
-    """Points between two heights [m], of some beams of each scan, with the film's origin (2,)."""
+def draw_clouds(scans: Iterable[LidarScan], origin: Float, most: int, high: float) -> Points | None:
+    """Points below a height [m], of some beams of each scan, with the film's origin (2,)."""
     parts = [_points(scan, most) for scan in scans]
     if not parts:
         return None
     places = np.concatenate(parts) - [*origin, 0.0]
-    low, high = heights
-    places = places[(low < places[:, 2]) & (places[:, 2] < high)]
+    places = places[places[:, 2] < high]
     steps = np.linspace(0.0, min(TOP, high), len(HEIGHT_COLOURS))
     colours = [np.interp(places[:, 2], steps, channel) for channel in HEIGHT_COLOURS.T]
     colours.append(np.ones(len(places)))
     sides = np.zeros((len(places), 2))
     return Points(
         single(places), single(np.column_stack(colours)), single(sides), SIZE, PIXELS, glows=False
-    )
-
-
-def with_cloud(hits: Points, cloud: Points | None) -> Points:
-    """Hits of range finders and of lidars as one mark."""
-    joined: Points = hits if cloud is None else together([hits, cloud])
-    return joined
-
-
-def thinned(points: Points, most: int) -> Points:
-    """About as many points as asked for, evenly chosen."""
-    step = slice(None, None, 1 + len(points.places) // most)
-    return points._replace(
-        places=points.places[step], colours=points.colours[step], sides=points.sides[step]
     )
 
 

@@ -201,8 +201,7 @@ def test_the_inset_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_lengt
     scene = Scene(Timeline(room_run()))
     window = scene.inset_view()
     assert window.middle + scene.origin == pytest.approx([4.0, 3.0])
-    wide, tall = 1.04 * 8.0 + 2.0 * 8.0 / 40.0, 1.04 * 6.0 + 2.0 * 6.0 / 40.0
-    assert (window.width, window.aspect) == pytest.approx((wide, tall / wide))
+    assert (window.width, window.aspect) == pytest.approx((1.04 * 8.0, 6.0 / 8.0))
     bars = {5.9: 1.0, 6.1: 2.0, 14.9: 2.0, 15.1: 5.0, 31.0: 10.0, 2.9: 0.5}
     assert [window._replace(width=each).bar for each in bars] == pytest.approx([*bars.values()])
 

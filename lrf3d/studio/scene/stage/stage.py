@@ -75,9 +75,6 @@ _SHADED = 0.45
 # Standard deviation of that loss, in its reach.
 _SHADE_SLOPE = 0.25
 
-# Share of the picture, at its edges, in which the ground fades into the land around.
-_FADE = 0.06
-
 # Colour of floors, whose tiles are a metre wide, with joints of a pixel.
 _FLOOR = np.array([1.0, 0.96, 0.90])
 
@@ -300,12 +297,6 @@ def paint_ground(structures: Structures, grid: GroundGrid) -> GroundPicture:
     near = grid.mask(walls).reduce(4).filter(blur)
     shade = np.asarray(near.resize(grid.size, Image.Resampling.BILINEAR)) / np.float32(WHITE)
     seen = np.asarray(cover) * (1.0 - _SHADED * shade)
-    # At the edges it goes over into the land.
-    fading = (
-        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
-        for places in ((np.arange(side) + 0.5) / side for side in grid.size[::-1])
-    )
-    seen = land + np.outer(*fading) * (seen - land)
     paint = _FLOOR if indoor else np.ones(3)
     picture = np.round(seen[..., None] * paint).astype(np.uint8)
     return GroundPicture(picture, grid.corner, grid.extent, land / WHITE * paint)
