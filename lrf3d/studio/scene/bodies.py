@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 # Colour of shadows and of the rim of a dart.
-_DARK = (0.02, 0.03, 0.05)
+_DARK = rgb("#05080d")
 
 # Width of the soft edge of a body's shadow [m].
 _SHADOW_EDGE = 0.35

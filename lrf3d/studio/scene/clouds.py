@@ -11,10 +11,11 @@ import numpy as np
 from lrf3d.casting.skyline import swept
 from lrf3d.geometry.lines import Float
 from lrf3d.laser import LidarScan
+from lrf3d.studio.scene.look import rgb
 from lrf3d.studio.scene.shapes import Points, single
 
 # Colours of points from the floor to the top.
-HEIGHT_COLOURS = np.array([[0.16, 0.30, 0.75], [0.10, 0.75, 0.72], [1.0, 0.80, 0.35]])
+HEIGHT_COLOURS = np.array([rgb(code) for code in ("#294dbf", "#1abfb8", "#ffcc59")])
 
 # Largest height with a colour of its own [m]: streets are higher.
 TOP = 4.0

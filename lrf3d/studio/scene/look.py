@@ -48,7 +48,7 @@ WALL_LIGHT = (0.72, 0.24, 0.80)
 GREY = (0.3, 0.55, 0.15)
 
 # Colour of walls: off-white clay, so that strong colours belong to the laser and the map.
-CLAY = np.array([0.90, 0.885, 0.86])
+CLAY = np.array(rgb("#e6e2db"))
 
 # Share that their own colours have in those of the houses of a town.
 OWN_SHARE = 0.25
@@ -115,7 +115,7 @@ FRONT = 1.6
 LAMP = 0.28
 
 # What mirrors leave of light: they are slightly blue.
-REFLECTED = (0.70, 0.78, 0.90)
+REFLECTED = rgb("#b3c7e6")
 
 # Colour of the edges of houses.
 OUTLINE = rgb("#6f8fc4")
@@ -159,7 +159,7 @@ TRAIL_COLOUR = rgb("#ffb35a")
 TRAIL_HEIGHT = 0.015
 
 # Colour of the estimated trail.
-ESTIMATE_COLOUR = (0.93, 0.09, 0.60)
+ESTIMATE_COLOUR = rgb("#ed1799")
 
 # Opacity of the ellipses that the estimate leaves behind.
 ESTIMATE_FADED = 0.45
@@ -180,7 +180,7 @@ INSET_WHOLE = 1400.0
 INSET_FOLLOWED = 110.0
 
 # Colour of the robot: strong, and that of nothing else.
-ROBOT = (0.98, 0.46, 0.06)
+ROBOT = rgb("#fa750f")
 
 # Outline (4, 2) of the robot as seen from above, heading along x.
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])

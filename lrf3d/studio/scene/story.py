@@ -9,12 +9,11 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, overview
-from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.look import TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
@@ -60,11 +59,8 @@ _FARTHEST = 300.0
 # Share of the rise in which the map next to the picture leaves.
 _LEAVES = 0.4
 
-# Weights of the rating, in which a fully lit picture counts 1. Penalty for hiding the robot all the
-# time.
-_HIDDEN = 3.0
-
-# Penalty for a picture of which less than half is lit.
+# Weights of the rating, in which a fully lit picture counts 1. Penalty for a picture of which less
+# than half is lit.
 _DARK_HALF = 0.8
 
 # Bonus for a picture full of walls that are in the map, which have their colours.
@@ -210,9 +206,11 @@ class Story:
         favoured = aways / aways.max() if shot == "opening" else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
         hidden = self._hides(moments, eyes).mean(axis=1)
-        lit = np.array([self._lit(track, moments, aspect) for track in tracks])
-        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden + _FAVOURED * favoured
-        return tracks[int(np.argmax(worth))]
+        # Of those that show the robot the most.
+        chosen = np.flatnonzero(hidden == hidden.min())
+        lit = np.array([self._lit(tracks[k], moments[::2], aspect) for k in chosen.tolist()])
+        worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
+        return tracks[chosen[int(np.argmax(worth))]]
 
     def _hides(self, moments: Float, eyes: Float) -> Bool:
         """Whether walls hide the robot at moments (m,) from eyes (k, m, 3); bools (k, m)."""
@@ -226,14 +224,8 @@ class Story:
 
     def _blocked(self, eyes: Float, ends: Float) -> tuple[Int, Float]:
         """Which lines of sight from eyes to ends (n, 3) walls block, and at which share of each."""
-        structures = self._structures
-        ways = shapely.linestrings(np.stack([eyes[:, :2], ends[:, :2]], axis=1))
-        number, wall = structures.tree.query(ways, predicate="intersects")
-        tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)[wall]
-        met = shapely.intersection(ways[number], structures.tree.geometries[wall])
-        gap = shapely.distance(shapely.points(eyes[number, :2]), met)
-        share = gap / np.maximum(shapely.length(ways)[number], TINY)
-        blocks = tops > eyes[number, 2] + share * (ends - eyes)[number, 2]
+        number, wall, share = self._structures.crossed(eyes[:, :2], ends[:, :2])
+        blocks = self._structures.tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
         number = number[blocks]
         share = share[blocks]
         nearest = np.lexsort([share, number])

@@ -60,7 +60,7 @@ def test_runs_stand_side_by_side_each_under_its_name(tmp_path):
     one, other = picture.astype(int).reshape(120, 2, 130, 3).swapaxes(0, 1)
     off = np.abs(one - other).max(axis=2)
     # All but the names are the same.
-    assert off[:60].mean() < 2.0 and off[60:].max() > 80 and one.max() > 150
+    assert off[:60].mean() < 5.0 and off[60:].max() > 80 and one.max() > 150
 
 
 def film_by(worker, path, monkeypatch):

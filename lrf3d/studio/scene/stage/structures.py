@@ -203,6 +203,21 @@ class Structures:
         )
 
     @property
+    def tops(self) -> Float:
+        """Heights (n,) at which walls end in pictures that cut those of rooms [m]."""
+        return np.minimum(self.heights, SECTION if self.indoor else np.inf)
+
+    def crossed(self, starts: Float, ends: Float) -> tuple[Int, Int, Float]:
+        """Ways from starts to ends (n, 2) and walls that cross: numbers, and shares of the ways."""
+        ways = shapely.linestrings(np.stack([starts, ends], axis=1))
+        number, wall = self.tree.query(ways, predicate="intersects")
+        begin, end = np.hsplit(self.segments[wall], 2)
+        turn = cross((ends - starts)[number], end - begin)
+        # What runs along a wall meets it at once.
+        turn = np.where(turn == 0.0, np.inf, turn)
+        return number, wall, cross(begin - starts[number], end - begin) / turn
+
+    @property
     def setting(self) -> Setting:
         """How streets or rooms look."""
         return ROOMS if self.indoor else TOWN
@@ -266,10 +281,8 @@ def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, 
 def outlines_of(structures: Structures) -> Lines:
     """Edges of houses as faint lines; of rooms, where walls are cut."""
     walls = structures.segments
-    tops = structures.heights
-    if structures.indoor:
-        tops = np.minimum(tops, SECTION)
-    else:
+    tops = structures.tops
+    if not structures.indoor:
         walls = walls[structures.closed]
         tops = tops[structures.closed]
     a, b = (np.column_stack([ends, tops]) for ends in np.hsplit(walls, 2))
