@@ -8,6 +8,7 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,9 @@ _LEAST_SIDE = 30
 
 # Height of a line in letters.
 _LINE = 1.36
+
+# What stands between texts of a row.
+_APART = "   "
 
 # Size of all lines but the first, in that of the first.
 _LESSER = 0.8
@@ -314,6 +318,13 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
 
 
+def _rows(label: Label) -> list[tuple[Any, ...]]:
+    """Text and colours of the rows of a label: what names colours stands in one row."""
+    lines = enumerate(zip(label.text, label.colours, strict=True))
+    groups = groupby(lines, lambda each: -1 if each[1][0].startswith(NAMED) else each[0])
+    return [tuple(zip(*(line for _, line in group), strict=True)) for _, group in groups]
+
+
 @lru_cache(maxsize=16)
 def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
@@ -321,21 +332,14 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
     """
     gap = round(_GAP * _scale_of(size))
-    letters = [_scale_of(size) * label.size]
     left = round(_INDENT * gap)
-    letters += [_LESSER * letters[0]] * (len(label.text) - 1)
-    # The names of colours stand in one row.
-    named = [words.startswith(NAMED) for words in label.text]
-    beside = np.array(named) & np.roll(named, 1)
-    lengths = [
-        _font(100).getlength(words + "   ") * high / 100
-        for words, high in zip(label.text, letters, strict=True)
-    ]
-    rows = np.cumsum(~beside) - 1
-    wide = np.bincount(rows, weights=lengths).max()
+    rows = _rows(label)
+    letters = _scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
+    lengths = [_font(100).getlength(_APART.join(words)) / 100 for words, _ in rows]
+    wide = max(float((letters * lengths).max()), 1.0)
     fits = min(1.0, (size[0] - 2 * left) / wide)
-    heights = [int(fits * high) for high in letters]
-    high = sum(round(_LINE * each) for each in np.array(heights)[~beside].tolist())
+    heights = (fits * letters).astype(int).tolist()
+    high = sum(round(_LINE * each) for each in heights)
     if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
     shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
@@ -344,14 +348,14 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     kept = 256.0 * (1.0 - shade[..., None])
     picture = Image.new("RGB", shape)
     cover = Image.new("L", shape)
-    x, y = left, shape[1] - round(_FOOT * gap) - high
-    for k, (words, colour, each) in enumerate(zip(label.text, label.colours, heights, strict=True)):
-        for layer, fill in ((picture, colour), (cover, 255)):
-            ImageDraw.Draw(layer).text((x, y), words, font=_font(each), fill=fill)
-        if k + 1 < len(beside) and beside[k + 1]:
-            x += round(fits * lengths[k])
-        else:
-            x, y = left, y + round(_LINE * each)
+    top = shape[1] - round(_FOOT * gap) - high
+    for (words, colours), each in zip(rows, heights, strict=True):
+        place = left
+        for one, colour in zip(words, colours, strict=True):
+            for layer, fill in ((picture, colour), (cover, 255)):
+                ImageDraw.Draw(layer).text((place, top), one, font=_font(each), fill=fill)
+            place += round(_font(each).getlength(one + _APART))
+        top += round(_LINE * each)
     covered = np.asarray(cover)[..., None] / WHITE
     return (
         (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],

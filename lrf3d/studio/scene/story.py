@@ -210,7 +210,7 @@ class Story:
         chosen = np.flatnonzero(hidden == hidden.min())
         lit = np.array([self._lit(tracks[k], moments[::2], aspect) for k in chosen.tolist()])
         worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
-        return tracks[chosen[int(np.argmax(worth))]]
+        return tracks[int(chosen[np.argmax(worth)])]
 
     def _hides(self, moments: Float, eyes: Float) -> Bool:
         """Whether walls hide the robot at moments (m,) from eyes (k, m, 3); bools (k, m)."""
