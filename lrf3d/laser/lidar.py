@@ -50,6 +50,19 @@ def mounted(values: Any, name: str) -> tuple[float, ...]:
     return (*mount, 0.0, 0.0, 0.0)[:6]
 
 
+def tilted(mount: tuple[float, ...], attitude: tuple[float, float]) -> tuple[float, ...]:
+    """The mount, as on a level robot, of a sensor whose robot is pitched and rolled [rad]."""
+    # Most programs tilt nothing, and need not load it.
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, *turns = mount
+    robot = Rotation.from_euler("YX", attitude)
+    place = robot.apply([x, y, z])
+    if place[2] < 0.0 <= z:
+        raise InputError(f"attitude {attitude}: it puts the sensor at {mount} below the floor")
+    return (*place.tolist(), *(robot * Rotation.from_euler("ZYX", turns)).as_euler("ZYX").tolist())
+
+
 @dataclass(frozen=True, eq=False)
 class Lidar(Value):
     """A rotating lidar: layers of beams, one above the other, all around.
@@ -132,6 +145,19 @@ class Lidar(Value):
             "columns": columns,
         }
         return cls(elevations, **(settings | changes))
+
+    @classmethod
+    def of(cls, lrf: LaserRangeFinder, attitude: tuple[float, float]) -> "Lidar":
+        """A range finder on a robot that is pitched and rolled [rad], as a lidar of one layer."""
+        x, y, yaw = lrf.mount
+        mount = tilted((x, y, lrf.height, yaw, 0.0, 0.0), attitude)
+        lidar = cls(
+            np.zeros(1), lrf.beams, lrf.range_min, lrf.range_max, mount, lrf.scan_duration, lrf.name
+        )
+        lidar.__dict__["planar"] = replace(
+            lrf, mount=Pose(mount[0], mount[1], mount[3]), height=mount[2]
+        )
+        return lidar
 
     @cached_property
     def planar(self) -> LaserRangeFinder:

@@ -4,20 +4,19 @@ A run does not store clouds, which would take gigabytes, but what is needed to c
 for bit: the sensors, their noise, a seed, and the motion of the robot during each scan.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, sealed
-from lrf3d.geometry.pose import as_pose, between, compose
+from lrf3d.geometry.pose import as_pose, compose
 from lrf3d.laser import (
     Chain,
     DepthCamera,
@@ -29,9 +28,21 @@ from lrf3d.laser import (
     Noise,
 )
 from lrf3d.laser.cloud_sensors import CloudSensors
+from lrf3d.laser.lidar import tilted
 from lrf3d.laser.scan import ScanBatch
-from lrf3d.robot import Trajectory
+from lrf3d.robot.attitude import LEVEL
 from lrf3d.world import World
+
+# A lidar or a depth camera.
+Sensed = TypeVar("Sensed", Lidar, DepthCamera)
+
+
+class Moment(NamedTuple):
+    """A robot at a pose (3,) and a time [s], with its pitch and roll [rad]."""
+
+    pose: Float
+    time: float
+    attitude: tuple[float, float] = LEVEL
 
 
 class Clouds:
@@ -50,23 +61,24 @@ class Clouds:
         return PlanarCaster(self._world)
 
     def at(
-        self, pose: Float, time: float, sweeps: Float | None = None
+        self, moment: Moment, sweeps: Float | None = None
     ) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the images of all depth cameras, cast one by one.
 
-        The robot is at a pose (3,) and moves by sweeps (lidars, 3) during the scans, or stands.
+        The robot moves by sweeps (lidars, 3) during the scans, or stands.
         """
         motions = [None] * len(self.sensors.lidars) if sweeps is None else sweeps
         return (
-            (self.lidar(k, pose, time, motion) for k, motion in enumerate(motions)),
-            (self.depth(k, pose, time) for k in range(len(self.sensors.depth_cameras))),
+            (self.lidar(k, moment, motion) for k, motion in enumerate(motions)),
+            (self.depth(k, moment) for k in range(len(self.sensors.depth_cameras))),
         )
 
     def lidar(
-        self, number: int, pose: Float, time: float, motion: Float | None, *, noisy: bool = True
+        self, number: int, moment: Moment, motion: Float | None, *, noisy: bool = True
     ) -> LidarScan:
-        """The scan of a lidar on a robot at a pose (3,), which moves during the scan."""
-        lidar = self.sensors.lidars[number]
+        """The scan of a lidar on a robot, which moves during the scan."""
+        pose, time, _ = moment
+        lidar = carried(self.sensors.lidars[number], moment)
         place = lidar.planar.placed(pose)
         moves = None if motion is None or not np.any(motion) else motion
         scan = self._caster.cast_lidar(lidar, place, Conditions(time, moves, self._crowd))
@@ -75,9 +87,10 @@ class Clouds:
         ranges, walls = self._measured(scan.ranges, scan.walls, lidar.planar, number, time)
         return replace(scan, ranges=ranges, walls=walls)
 
-    def depth(self, number: int, pose: Float, time: float, *, noisy: bool = True) -> DepthImage:
-        """The image of a depth camera on a robot at a pose (3,)."""
-        camera = self.sensors.depth_cameras[number]
+    def depth(self, number: int, moment: Moment, *, noisy: bool = True) -> DepthImage:
+        """The image of a depth camera on a robot."""
+        pose, time, _ = moment
+        camera = carried(self.sensors.depth_cameras[number], moment)
         mount = np.array([*camera.mount[:2], camera.mount[3]])
         place = as_pose(compose(np.asarray(pose), mount))
         image = self._caster.cast_depth(camera, place, Conditions(time, None, self._crowd))
@@ -95,6 +108,13 @@ class Clouds:
         rng = np.random.default_rng([self.sensors.seed, stream, moment])
         found = measured(self.sensors.noise, fan, ranges, walls, rng)
         return sealed(found), sealed(np.where(np.isfinite(found), walls, np.int32(-1)))
+
+
+def carried(sensor: Sensed, moment: Moment) -> Sensed:
+    """A sensor as it is on its robot, with the tilt of the robot in its mount."""
+    if not any(moment.attitude):
+        return sensor
+    return replace(sensor, mount=tilted(sensor.mount, moment.attitude))
 
 
 def fan_of(sensor: Lidar | DepthCamera) -> LaserRangeFinder:
@@ -121,18 +141,3 @@ def measured(
         ]
         found = np.array([chain(scan, rng).ranges for scan in scans]).reshape(ranges.shape)
     return np.where((found < near) & (found > -np.inf), -np.inf, found)
-
-
-def sweeps_of(lidars: Iterable[Lidar], path: Any, pose: Float, time: float) -> Float:
-    """The robot's motion (lidars, 3) during each lidar's scan, along a path from a pose (3,)."""
-    found = []
-    for each in lidars:
-        times = np.array([time, time + each.scan_duration])
-        if not each.scan_duration:
-            poses = np.zeros((2, 3))
-        elif isinstance(path, Trajectory):
-            poses = poses_along(moves_of(path.times, path.poses), times, np.array(as_pose(pose)))
-        else:
-            poses = path.at(times)
-        found.append(between(poses[0], poses[1]))
-    return sealed(np.array(found).reshape(-1, 3))

@@ -33,7 +33,7 @@ from lrf3d.world.pieces import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-    from lrf3d.simulation.clouds import Clouds
+    from lrf3d.simulation.clouds import Clouds, Moment
 
 # Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
 # some hundredths of a second.
@@ -72,6 +72,7 @@ class Run(Value, Pictured):
         cloud_sensors: Its lidars and depth cameras. A run keeps no clouds: `lidar` and `depth` cast
             them again, to the last bit.
         sweeps: (k, lidars, 3) motion of the robot during each scan of a lidar; None without any.
+        attitudes: (k, 2) its pitch and roll [rad] at the scans; None on even ground.
 
     Examples:
         >>> import lrf3d
@@ -101,6 +102,7 @@ class Run(Value, Pictured):
     imu: ImuRecord | None = None
     cloud_sensors: CloudSensors = NO_SENSORS
     sweeps: Float | None = None
+    attitudes: Float | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -136,7 +138,7 @@ class Run(Value, Pictured):
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("ranges", "truth", "walls"), shape)
         shapes |= {name: echoes if "echo" in name else shape for name in self.light}
         further = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
-        further["sweeps"] = (scans, len(self.cloud_sensors.lidars), 3)
+        further |= {"sweeps": (scans, len(self.cloud_sensors.lidars), 3), "attitudes": (scans, 2)}
         return shapes | {
             name: expected for name, expected in further.items() if getattr(self, name) is not None
         }
@@ -222,7 +224,14 @@ class Run(Value, Pictured):
             raise InputError(f"scans {shown(scans)}: expected some numbers of scans")
         for each in (scans.min(), scans.max()):
             index_of(each, len(self), "scan")
-        light: dict[str, Any] = {name: values[scans] for name, values in self.light.items()}
+        columns = {
+            name: getattr(self, name) for name in ("motions", "wheels", "sweeps", "attitudes")
+        }
+        rows: dict[str, Any] = {
+            name: values[scans]
+            for name, values in (columns | self.light).items()
+            if values is not None
+        }
         part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
@@ -232,10 +241,7 @@ class Run(Value, Pictured):
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
-            motions=None if self.motions is None else self.motions[scans],
-            wheels=None if self.wheels is None else self.wheels[scans],
-            sweeps=None if self.sweeps is None else self.sweeps[scans],
-            **light,
+            **rows,
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
@@ -291,14 +297,14 @@ class Run(Value, Pictured):
         if not 0 <= number < len(self.cloud_sensors.lidars):
             raise InputError(f"run: lidar {number}: it has {len(self.cloud_sensors.lidars)} lidars")
         motion = None if self.sweeps is None else self.sweeps[index, number]
-        return self._clouds.lidar(number, *self._moment(index), motion, noisy=noisy)
+        return self._clouds.lidar(number, self._moment(index), motion, noisy=noisy)
 
     def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
         """The image of a depth camera, given by its number, at a scan's index; cast again."""
         count = len(self.cloud_sensors.depth_cameras)
         if not 0 <= number < count:
             raise InputError(f"run: depth camera {number}: it has {count} depth cameras")
-        return self._clouds.depth(number, *self._moment(index), noisy=noisy)
+        return self._clouds.depth(number, self._moment(index), noisy=noisy)
 
     @property
     def lidar_scans(self) -> Iterator[LidarScan]:
@@ -308,11 +314,15 @@ class Run(Value, Pictured):
     def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the images of all depth cameras at a scan's index from 0."""
         sweeps = None if self.sweeps is None else self.sweeps[index]
-        return self._clouds.at(*self._moment(index), sweeps)
+        return self._clouds.at(self._moment(index), sweeps)
 
-    def _moment(self, index: int) -> tuple[Float, float]:
-        """The pose of the robot at a scan, for casters, and the time [s]."""
-        return self.trajectory.poses[index], float(self.trajectory.times[index])
+    def _moment(self, index: int) -> Moment:
+        """The pose, the time [s] and the attitude of the robot at a scan, for casters."""
+        from lrf3d.simulation.clouds import Moment
+
+        path = self.trajectory
+        tilt = () if self.attitudes is None else (tuple(self.attitudes[index].tolist()),)
+        return Moment(path.poses[index], float(path.times[index]), *tilt)
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""

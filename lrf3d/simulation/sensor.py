@@ -18,11 +18,13 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, Records
 from lrf3d.geometry.pose import Pose, as_pose, between
-from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
+from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Lidar, Noise
 from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.robot import Trajectory
+from lrf3d.robot.attitude import LEVEL
 from lrf3d.world import World
 
 
@@ -115,14 +117,18 @@ class Sensor:
         near = (ranges < self.lrf.range_min) & (ranges > -np.inf)
         return np.where(near, -np.inf, ranges) if near.any() else ranges
 
-    def cast(self, pose: Float, time: float) -> LaserScan:
+    def cast(self, pose: Float, time: float, attitude: tuple[float, float] = LEVEL) -> LaserScan:
         """The true scan that begins at a time [s], where the robot is at a pose (3,).
+
+        The attitude is its pitch and roll [rad]: beams of a tilted robot also meet the floor.
 
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
         the scan of the caster, bit for bit. Obstacles have the index −1; in a world with materials
         they are of dark cloth.
         """
         lrf = self.lrf
+        if any(attitude):
+            return self._tilted(pose, time, attitude)
         if self._path is None and not self._lit:
             return self._among(lrf.placed(pose), time)
         place = as_pose(lrf.placed(pose))
@@ -148,6 +154,20 @@ class Sensor:
             for name in ("ranges", "walls", *LIGHT)
         ]  # fmt: skip
         return LaserScan.unchecked(lrf, place, *arrays).at_time(time, motion)
+
+    def _tilted(self, pose: Float, time: float, attitude: tuple[float, float]) -> LaserScan:
+        """The scan of a robot that is pitched and rolled [rad], and believes to be level."""
+        if not isinstance(self.caster, PlanarCaster):
+            raise InputError(f"attitude: {shown(self.caster)} casts level beams only")
+        lidar = Lidar.of(self.lrf, attitude)
+        motion = None
+        if self._path is not None:
+            motion = motion_along(self._path, pose, time, self.lrf.scan_duration)
+        moment = Conditions(time, motion, self._crowd)
+        scan = self.caster.cast_lidar(lidar, lidar.planar.placed(pose), moment)
+        place = as_pose(self.lrf.placed(pose))
+        walls = scan.walls[0].astype(np.int64)
+        return LaserScan.unchecked(self.lrf, place, scan.ranges[0], walls).at_time(time, motion)
 
     def _one_by_one(
         self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
@@ -183,6 +203,18 @@ class Sensor:
         walls = scan.walls.copy()
         self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
         return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
+
+
+def motion_along(path: Any, pose: Float, time: float, duration: float) -> Float:
+    """The motion (3,) along a path from a pose (3,) at a time [s], during a scan [s]."""
+    times = np.array([time, time + duration])
+    if not duration:
+        return np.zeros(3)
+    if isinstance(path, Trajectory):
+        poses = poses_along(moves_of(path.times, path.poses), times, np.array(as_pose(pose)))
+    else:
+        poses = path.at(times)
+    return np.asarray(between(poses[0], poses[1]))
 
 
 def check_duration(duration: float, path: "Trajectory | Moving | None") -> None:

@@ -156,6 +156,8 @@ def fingerprint_of(simulation: Simulation) -> str:
         "mapper": name_of(simulation.mapper),
         "odometry and IMU": [each and name_of(each) for each in simulation.motion_sensors],
     }
+    if simulation.attitude is not None:
+        parts["attitude"] = simulation.attitude
     if [*simulation.clouds.sensors]:
         parts["lidars and depth cameras"] = simulation.clouds.sensors.as_dict()
     return json.dumps({name: digest(part)[:16] for name, part in parts.items()}, sort_keys=True)
@@ -165,9 +167,7 @@ class Journal:
     """A journal, open for appending; the rows of one of the same run may be kept."""
 
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
-        wheels = simulation.motion_sensors[0] is not None
-        lidars = len(simulation.clouds.sensors.lidars)
-        fields = row_type(simulation.world, simulation.lasers, wheels, lidars)
+        fields = row_type(simulation.world, simulation.lasers, simulation.motion_shapes)
         self.path = path
         self._rng = simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(

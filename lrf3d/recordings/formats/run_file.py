@@ -41,7 +41,7 @@ VERSION = 2
 _MAP = ("segments", "objects", "points", "codes")
 
 # What a file holds of the robot's motion at each scan, where it is known.
-_MOTION = ("motions", "wheels", "sweeps")
+_MOTION = ("motions", "wheels", "sweeps", "attitudes")
 
 # What a file holds of an estimated trajectory.
 _ESTIMATE = tuple(each.name for each in fields(EstimatedTrajectory))
