@@ -5,7 +5,7 @@ the plane its height is z + t · tan e, and its range is t / cos e.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -225,6 +225,7 @@ class LidarScan(Value):
             The top of an object counts as one of its walls.
         time: Time of the first column [s].
         motion: (3,) motion of the robot from the first column to the last, as in `LaserScan`.
+        light: What computes the intensities of the true scan, which most programs do not need.
 
     Examples:
         >>> import lrf3d
@@ -242,6 +243,7 @@ class LidarScan(Value):
     walls: NDArray[np.int32]
     time: float = 0.0
     motion: Float | None = field(default=None)
+    light: Callable[[], Float] | None = field(default=None)
 
     def __repr__(self) -> str:
         layers, columns = self.ranges.shape
@@ -252,6 +254,15 @@ class LidarScan(Value):
     def hits(self) -> Bool:
         """Which beams (layers, columns) returned."""
         return sealed(np.isfinite(self.ranges))
+
+    @cached_property
+    def intensities(self) -> Float:
+        """Intensities (layers, columns) as those of a `LaserScan`: 1 is a white wall at 1 m.
+
+        Without a return, and at the triangles of a mesh, they are 0.
+        """
+        found = np.zeros(self.ranges.shape) if self.light is None else self.light()
+        return sealed(np.where(self.hits, found, 0.0))
 
     @property
     def rings(self) -> Int:

@@ -41,13 +41,11 @@ OPTICAL_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def records_of(scan: LidarScan, *, local: bool = True) -> Records:
-    """The points (m,) of a scan, of kind POINT, in the lidar's frame or in the world.
-
-    Their intensity is 0, as it is not simulated.
-    """
+    """The points (m,) of a scan, of kind POINT, in the lidar's frame or in the world."""
     points = scan.points(local=local)
     rows = np.zeros(len(points), POINT)
     rows["x"], rows["y"], rows["z"] = points.T
+    rows["intensity"] = scan.intensities[scan.hits]
     rows["ring"] = scan.rings
     rows["time"] = scan.times
     return rows

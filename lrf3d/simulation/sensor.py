@@ -166,8 +166,12 @@ class Sensor:
         moment = Conditions(time, motion, self._crowd)
         scan = self.caster.cast_lidar(lidar, lidar.planar.placed(pose), moment)
         place = as_pose(self.lrf.placed(pose))
-        walls = scan.walls[0].astype(np.int64)
-        return LaserScan.unchecked(self.lrf, place, scan.ranges[0], walls).at_time(time, motion)
+        rows: list[Any] = [scan.ranges[0], scan.walls[0].astype(np.int64)]
+        if self.world.materials:
+            light = scan.intensities[0]
+            faint = light < self.lrf.threshold
+            rows = [np.where(faint, np.inf, rows[0]), np.where(faint, -1, rows[1]), light]
+        return LaserScan.unchecked(self.lrf, place, *rows).at_time(time, motion)
 
     def _one_by_one(
         self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
