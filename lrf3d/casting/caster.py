@@ -232,6 +232,7 @@ class PlanarCaster:
         glass.
         """
         expect(lidar, Lidar, "lidar")
+        lidar = replace(lidar, since=moment.time) if lidar.prisms else lidar
         pose = as_pose(pose)
         ranges, walls = self._layered(lidar, pose, moment)
         mirrored = None if self.lighting is None else self._mirror(lidar, pose, ranges, walls)

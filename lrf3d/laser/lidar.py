@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.base.errors import InputError, check_names, shown
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Value, number, sealed
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    Bool,
+    Float,
+    Int,
+    Value,
+    is_finite,
+    number,
+    sealed,
+)
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, layer_directions, turned
 
@@ -78,6 +87,10 @@ class Lidar(Value):
             only z, pitch and roll of the mount; a `Simulation` takes the pose of the robot.
         scan_duration: Time from the first column to the last [s]; with 0 all are cast at once.
         name: Name of the sensor and of its frame.
+        prisms: Of a lidar that looks ahead through two turning prisms, instead of around: half of
+            its field of view [rad], and the turns a second of each prism. Its rosette does not
+            repeat; it has a single layer.
+        since: Time since the prisms were at angle 0 [s]; scans have their own time here.
 
     Raises:
         InputError: There are no layers, an elevation is too steep, the mount is below the floor, or
@@ -100,6 +113,8 @@ class Lidar(Value):
     mount: tuple[float, ...] = RAISED
     scan_duration: float = 0.0
     name: str = "lidar"
+    prisms: tuple[float, ...] = ()
+    since: float = 0.0
 
     def __post_init__(self) -> None:
         self._hold("elevations")
@@ -116,6 +131,12 @@ class Lidar(Value):
             text = str(error).removeprefix("range finder: ").replace("beams", "columns")
             raise InputError(f"lidar: {text}") from None
         object.__setattr__(self, "columns", columns)
+        object.__setattr__(self, "prisms", tuple(np.ravel(self.prisms).tolist()))
+        if self.prisms and (len(self.prisms) != 3 or steep.any() or not is_finite(*self.prisms)):
+            raise InputError(
+                f"lidar: prisms {shown(self.prisms)}: expected half of the field of view [rad] and"
+                " two speeds [turns/s], of a lidar with the elevations [0.0]"
+            )
         if columns * len(steep) > MOST_BEAMS:
             raise InputError(
                 f"lidar: {len(steep)} layers of {columns:,} columns: expected at most"
@@ -123,7 +144,7 @@ class Lidar(Value):
             )
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> "Lidar":
+    def preset(cls, name: str, /, **changes: Any) -> "Lidar":
         """The lidar of a data sheet at 10 revolutions a second; other arguments change it.
 
         `PRESETS` lists the names. The azimuth offsets of layers in real devices are left out:
@@ -143,6 +164,7 @@ class Lidar(Value):
             # Ten revolutions a second.
             "scan_duration": 0.1 * (columns - 1) / columns,
             "columns": columns,
+            "prisms": PRISMS.get(name, ()),
         }
         return cls(elevations, **(settings | changes))
 
@@ -177,7 +199,7 @@ class Lidar(Value):
     @property
     def is_level(self) -> bool:
         """Whether its columns of beams are upright: neither pitched nor rolled."""
-        return not any(self.tilt.values())
+        return not (self.prisms or any(self.tilt.values()))
 
     @cached_property
     def slopes(self) -> Float:
@@ -192,6 +214,13 @@ class Lidar(Value):
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Unit vectors (layers, columns, 3) of the beams in the world, from a pose."""
         theta = as_pose(pose).theta
+        if self.prisms:
+            from scipy.spatial.transform import Rotation
+
+            turn = Rotation.from_euler("ZYX", [theta, *self.tilt.values()])
+            return np.asarray(
+                turn.apply(rosette(self.since + self.planar.delays, *self.prisms))[None]
+            )
         if not self.is_level:
             return layer_directions(self.planar, theta, self.elevations.tolist(), **self.tilt)
         flat = np.broadcast_to(turned(self.planar.fan, theta), (len(self.slopes), self.columns, 2))
@@ -199,16 +228,34 @@ class Lidar(Value):
         return np.concatenate([flat, rise], axis=2) / self.stretches[:, None, None]
 
 
+def rosette(times: Float, field: float, *speeds: float) -> Float:
+    """Unit vectors (n, 3) at times (n,) [s] through two prisms, which deflect a beam alike.
+
+    Half of the field of view [rad] and the speeds [turns/s] of the prisms are given.
+    """
+    turns = 2.0 * np.pi * np.outer(speeds, times)
+    left, up = 0.5 * field * np.array([np.cos(turns), np.sin(turns)]).sum(axis=1)
+    away = np.hypot(left, up)
+    share = np.sinc(away / np.pi)
+    return np.column_stack([np.cos(away), share * left, share * up])
+
+
 # Lidars by their names: elevations of the lowest and of the highest layer [°], layers, columns at
 # 10 Hz, least and largest range [m]. From the data sheets of Velodyne VLP-16 (63-9243) and HDL-32E
-# (63-9113), Ouster OS0 and OS1 (revision 6), and Hesai PandarXT-32.
+# (63-9113), Ouster OS0 and OS1 (revision 6), Hesai PandarXT-32, and Livox Mid-40 (user manual 1.0).
 PRESETS: dict[str, tuple[float, float, int, int, float, float]] = {
     "VLP-16": (-15.0, 15.0, 16, 1800, 0.5, 100.0),
     "HDL-32E": (-30.67, 10.67, 32, 2170, 1.0, 100.0),
     **{f"OS0-{n}": (-45.0, 45.0, n, 1024, 0.3, 50.0) for n in (32, 64, 128)},
     **{f"OS1-{n}": (-22.5, 22.5, n, 1024, 0.3, 120.0) for n in (32, 64, 128)},
     "XT-32": (-16.0, 15.0, 32, 2000, 0.05, 120.0),
+    "Mid-40": (0.0, 0.0, 1, 10_000, 1.0, 260.0),
 }
+
+# Half of their field of view [rad], and the turns a second of their prisms. The pattern is that of
+# Z. Liu et al., "Low-cost retina-like robotic lidars based on incommensurable scanning", 2020; data
+# sheets give no speeds of prisms, and these are typical.
+PRISMS = {"Mid-40": (math.radians(19.2), 7294 / 60, -4664 / 60)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -296,8 +296,9 @@ class Run(Value, Pictured):
         """
         if not 0 <= number < len(self.cloud_sensors.lidars):
             raise InputError(f"run: lidar {number}: it has {len(self.cloud_sensors.lidars)} lidars")
+        moment = self._moment(index)
         motion = None if self.sweeps is None else self.sweeps[index, number]
-        return self._clouds.lidar(number, self._moment(index), motion, noisy=noisy)
+        return self._clouds.lidar(number, moment, motion, noisy=noisy)
 
     def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
         """The image of a depth camera, given by its number, at a scan's index; cast again."""
@@ -321,6 +322,7 @@ class Run(Value, Pictured):
         from lrf3d.simulation.clouds import Moment
 
         path = self.trajectory
+        index = index_of(index, len(self), "scan")
         tilt = () if self.attitudes is None else (tuple(self.attitudes[index].tolist()),)
         return Moment(path.poses[index], float(path.times[index]), *tilt)
 

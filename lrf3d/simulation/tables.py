@@ -124,7 +124,7 @@ def mount_of(found: Any, key: str) -> tuple[float, ...]:
     """A mount x, y, z [m], and perhaps yaw, pitch, roll [°]."""
     given = found if isinstance(found, list) else []
     turns = [math.radians(each) if is_finite(each) else each for each in given[3:]]
-    return mounted([*given[:3], *turns], key)
+    return mounted([*given[:3], *turns] or found, key)
 
 
 def lidar_of(preset: str = "", **values: Any) -> Lidar:
