@@ -68,14 +68,16 @@ class Attitude(Value):
 
 
 class Tilting:
-    """An attitude along a drive, one moment after the other."""
+    """An attitude along a drive, one moment after the other; without one it stays level."""
 
-    def __init__(self, attitude: Attitude) -> None:
+    def __init__(self, attitude: Attitude | None) -> None:
         self._attitude = attitude
         self._motion: Motion | None = None
 
     def drive(self, time: float, pose: Float) -> tuple[float, float]:
         """Pitch and roll [rad] at a time [s], where the robot is at a pose (3,)."""
+        if self._attitude is None:
+            return LEVEL
         last = self._motion
         pose = np.array(pose)
         self._motion = Motion(time, pose) if last is None else last.on_to(time, pose)

@@ -37,7 +37,7 @@ from lrf3d.world import World
 Sensed = TypeVar("Sensed", Lidar, DepthCamera)
 
 
-class Moment(NamedTuple):
+class RobotState(NamedTuple):
     """A robot at a pose (3,) and a time [s], with its pitch and roll [rad]."""
 
     pose: Float
@@ -61,7 +61,7 @@ class Clouds:
         return PlanarCaster(self._world)
 
     def at(
-        self, moment: Moment, sweeps: Float | None = None
+        self, moment: RobotState, sweeps: Float | None = None
     ) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the images of all depth cameras, cast one by one.
 
@@ -74,7 +74,7 @@ class Clouds:
         )
 
     def lidar(
-        self, number: int, moment: Moment, motion: Float | None, *, noisy: bool = True
+        self, number: int, moment: RobotState, motion: Float | None, *, noisy: bool = True
     ) -> LidarScan:
         """The scan of a lidar on a robot, which moves during the scan."""
         pose, time, _ = moment
@@ -87,7 +87,7 @@ class Clouds:
         ranges, walls = self._measured(scan.ranges, scan.walls, lidar.planar, number, time)
         return replace(scan, ranges=ranges, walls=walls)
 
-    def depth(self, number: int, moment: Moment, *, noisy: bool = True) -> DepthImage:
+    def depth(self, number: int, moment: RobotState, *, noisy: bool = True) -> DepthImage:
         """The image of a depth camera on a robot."""
         pose, time, _ = moment
         camera = carried(self.sensors.depth_cameras[number], moment)
@@ -110,7 +110,7 @@ class Clouds:
         return sealed(found), sealed(np.where(np.isfinite(found), walls, np.int32(-1)))
 
 
-def carried(sensor: Sensed, moment: Moment) -> Sensed:
+def carried(sensor: Sensed, moment: RobotState) -> Sensed:
     """A sensor as it is on its robot, with the tilt of the robot in its mount."""
     if not any(moment.attitude):
         return sensor

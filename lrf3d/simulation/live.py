@@ -17,10 +17,10 @@ from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import DepthImage, LaserScan, LidarScan
 from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.robot import Trajectory
-from lrf3d.robot.attitude import LEVEL, Tilting
+from lrf3d.robot.attitude import Tilting
 from lrf3d.robot.kinematics import able
 from lrf3d.robot.odometry import InertialUnit, OdometryBelief, WheelOdometry
-from lrf3d.simulation.clouds import Clouds, Moment
+from lrf3d.simulation.clouds import Clouds, RobotState
 from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
 from lrf3d.simulation.loop import motion_streams
@@ -82,7 +82,7 @@ class LiveRobot(Driven):
 
     def clouds(self) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """Measure with each lidar and each depth camera from the robot's current pose."""
-        return self._clouds.at(Moment(np.array(self.pose), self.time, self.tilt))
+        return self._clouds.at(RobotState(np.array(self.pose), self.time, self.tilt))
 
     @property
     def speed(self) -> float:
@@ -119,14 +119,13 @@ class LiveRobot(Driven):
         self._restart_motion()
 
     def _restart_motion(self) -> None:
-        self._tilting = None if self._attitude is None else Tilting(self._attitude)
+        self._tilting = Tilting(self._attitude)
         self._tilt()
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._streams[1])
 
     def _tilt(self) -> None:
         """Set the robot's pitch and roll [rad] by its motion up to now."""
-        tilting = self._tilting
-        self.tilt = LEVEL if tilting is None else tilting.drive(self.time, np.array(self.pose))
+        self.tilt = self._tilting.drive(self.time, np.array(self.pose))
 
     def drive(self, seconds: float, speed: float, turning: float, sideways: float = 0.0) -> None:
         """Drive an exact arc for a time, and rest where the body touches something."""

@@ -34,11 +34,11 @@ from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Attitude, EstimatedTrajectory, Trajectory
-from lrf3d.robot.attitude import LEVEL, Tilting
+from lrf3d.robot.attitude import Tilting
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
-from lrf3d.simulation.clouds import Clouds, Moment
+from lrf3d.simulation.clouds import Clouds, RobotState
 from lrf3d.simulation.mappers import Mapper, OptionalParts
 from lrf3d.simulation.sensor import (
     Caster,
@@ -96,8 +96,8 @@ class Step:
         return tuple(self._simulation.clouds.at(self._moment)[1])
 
     @property
-    def _moment(self) -> Moment:
-        return Moment(np.array(self.pose), self.time, self.attitude)
+    def _moment(self) -> RobotState:
+        return RobotState(np.array(self.pose), self.time, self.attitude)
 
     @property
     def scan(self) -> LaserScan:
@@ -241,7 +241,7 @@ class Simulation:
             check_duration(cloud_sensors.sweep, self.drive)
         self.clouds = Clouds(world, cloud_sensors, crowd)
         self.attitude = attitude
-        self._tilting = None if attitude is None else Tilting(attitude)
+        self._tilting = Tilting(attitude)
         # The pose by odometry at the last scan, and what the IMU measured before it.
         self.odometry = np.zeros(3)
         self.inertial = np.empty((0, 4))
@@ -259,7 +259,7 @@ class Simulation:
         """What a run keeps of the robot's motion at each scan, by the names of its attributes."""
         lidars = self.cloud_sensors.lidars
         kinds = {"wheels": (3,), "sweeps": (len(lidars), 3), "attitudes": (2,)}
-        exist = self._odometer, lidars, self._tilting
+        exist = self._odometer, lidars, self.attitude
         return {name: shape for (name, shape), has in zip(kinds.items(), exist, strict=True) if has}
 
     @property
@@ -292,7 +292,7 @@ class Simulation:
             else:
                 place = drive.driven.pose
             pose = np.array(place)
-            tilt = LEVEL if self._tilting is None else self._tilting.drive(time, pose)
+            tilt = self._tilting.drive(time, pose)
             truth = tuple(sensor.cast(pose, time, tilt) for sensor in self.sensors)
             scans = tuple(
                 sensor.noisy(scan, self.rng)
@@ -315,8 +315,7 @@ class Simulation:
             self.odometry = sealed(self._odometer.drive(pose))
             if self._mapper.drive is not None:
                 self._mapper.drive(self._odometer.increment)
-        if self._tilting is not None:
-            self._tilting.drive(scans[0].time, pose)
+        self._tilting.drive(scans[0].time, pose)
         if self._imu is not None:
             self.inertial = sealed(self._imu.drive(scans[0].time, pose))
         begin = perf_counter()

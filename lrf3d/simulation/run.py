@@ -33,7 +33,7 @@ from lrf3d.world.pieces import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-    from lrf3d.simulation.clouds import Clouds, Moment
+    from lrf3d.simulation.clouds import Clouds, RobotState
 
 # Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
 # some hundredths of a second.
@@ -317,14 +317,14 @@ class Run(Value, Pictured):
         sweeps = None if self.sweeps is None else self.sweeps[index]
         return self._clouds.at(self._moment(index), sweeps)
 
-    def _moment(self, index: int) -> Moment:
+    def _moment(self, index: int) -> RobotState:
         """The pose, the time [s] and the attitude of the robot at a scan, for casters."""
-        from lrf3d.simulation.clouds import Moment
+        from lrf3d.simulation.clouds import RobotState
 
         path = self.trajectory
         index = index_of(index, len(self), "scan")
         tilt = () if self.attitudes is None else (tuple(self.attitudes[index].tolist()),)
-        return Moment(path.poses[index], float(path.times[index]), *tilt)
+        return RobotState(path.poses[index], float(path.times[index]), *tilt)
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""

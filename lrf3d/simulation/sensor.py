@@ -7,6 +7,7 @@ that move as well. By default all beams are sent at once, among walls alone.
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -78,11 +79,8 @@ class Sensor:
         self._rays = self.caster if isinstance(self.caster, PlanarCaster) else None
         if self._rays is None and self._lit:
             self._rays = PlanarCaster(world)
-        # The path, if the robot moves on while it scans, and its legs, if they are known.
+        # The path, if the robot moves on while it scans.
         self._path = path if lrf.time_increment else None
-        self._legs: Records | None = None
-        if isinstance(self._path, Trajectory):
-            self._legs = moves_of(self._path.times, self._path.poses)
         check_duration(lrf.scan_duration, path)
 
     def without(self, own: int) -> "Sensor":
@@ -131,6 +129,11 @@ class Sensor:
             return self._tilted(pose, time, attitude)
         if self._path is None and not self._lit:
             return self._among(lrf.placed(pose), time)
+        return self._beam_by_beam(pose, time)
+
+    def _beam_by_beam(self, pose: Float, time: float) -> LaserScan:
+        """The scan along a path, or with light of obstacles."""
+        lrf = self.lrf
         place = as_pose(lrf.placed(pose))
         motion = None
         if self._path is None:
@@ -138,10 +141,7 @@ class Sensor:
             times = np.array([time])
         else:
             times = time + lrf.delays
-            if self._legs is None:
-                poses = self._path.at(times)
-            else:
-                poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+            poses = poses_on(self._path, pose, times)
             motion = between(poses[0], poses[-1])
             poses = lrf.placed(poses)
         if self._rays is not None:
@@ -211,14 +211,24 @@ class Sensor:
 
 def motion_along(path: Any, pose: Float, time: float, duration: float) -> Float:
     """The motion (3,) along a path from a pose (3,) at a time [s], during a scan [s]."""
-    times = np.array([time, time + duration])
     if not duration:
         return np.zeros(3)
-    if isinstance(path, Trajectory):
-        poses = poses_along(moves_of(path.times, path.poses), times, np.array(as_pose(pose)))
-    else:
-        poses = path.at(times)
-    return np.asarray(between(poses[0], poses[1]))
+    poses = poses_on(path, pose, np.array([time, time + duration]))
+    return between(poses[0], poses[1])
+
+
+def poses_on(path: Any, pose: Float, times: Float) -> Float:
+    """Poses (n, 3) on a path at times (n,) [s], with the robot at a pose (3,) at the first."""
+    if not isinstance(path, Trajectory):
+        found: Float = path.at(times)
+        return found
+    return poses_along(legs_of(path), times, np.array(as_pose(pose)))
+
+
+@lru_cache(8)
+def legs_of(path: Trajectory) -> Records:
+    """The moves along a trajectory, which all sensors of its robot share."""
+    return moves_of(path.times, path.poses)
 
 
 def check_duration(duration: float, path: "Trajectory | Moving | None") -> None:
