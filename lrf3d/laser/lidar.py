@@ -72,8 +72,38 @@ def tilted(mount: tuple[float, ...], attitude: tuple[float, float]) -> tuple[flo
     return (*place.tolist(), *(robot * Rotation.from_euler("ZYX", turns)).as_euler("ZYX").tolist())
 
 
+class Mounted(Value):
+    """A sensor on a mount x, y, z [m], yaw, pitch, roll [rad], with rows of beams."""
+
+    mount: tuple[float, ...]
+
+    def _check(self, kind: str, row: str) -> None:
+        """Check the mount, and what the range finder of a row of beams checks."""
+        object.__setattr__(self, "mount", mounted(self.mount, kind))
+        try:
+            object.__setattr__(self, row, self.planar.beams)
+        except InputError as error:
+            text = str(error).removeprefix("range finder: ").replace("beams", row)
+            raise InputError(f"{kind}: {text}") from None
+
+    @cached_property
+    def planar(self) -> LaserRangeFinder:
+        """The range finder that has the beams of a level row."""
+        raise NotImplementedError
+
+    @property
+    def tilt(self) -> dict[str, float]:
+        """Its pitch and roll [rad], for `layer_directions`."""
+        return {"pitch": self.mount[4], "roll": self.mount[5]}
+
+    @property
+    def is_level(self) -> bool:
+        """Whether its columns of beams are upright: neither pitched nor rolled."""
+        return not any(self.mount[4:])
+
+
 @dataclass(frozen=True, eq=False)
-class Lidar(Value):
+class Lidar(Mounted):
     """A rotating lidar: layers of beams, one above the other, all around.
 
     Args:
@@ -124,22 +154,16 @@ class Lidar(Value):
                 f"lidar: elevations {shown(steep.tolist())}: expected radians, at least one,"
                 f" within ±{STEEPEST:.4g} (89.9°)"
             )
-        object.__setattr__(self, "mount", mounted(self.mount, "lidar"))
-        try:
-            columns = self.planar.beams
-        except InputError as error:
-            text = str(error).removeprefix("range finder: ").replace("beams", "columns")
-            raise InputError(f"lidar: {text}") from None
-        object.__setattr__(self, "columns", columns)
+        self._check("lidar", "columns")
         object.__setattr__(self, "prisms", tuple(np.ravel(self.prisms).tolist()))
         if self.prisms and (len(self.prisms) != 3 or steep.any() or not is_finite(*self.prisms)):
             raise InputError(
                 f"lidar: prisms {shown(self.prisms)}: expected half of the field of view [rad] and"
                 " two speeds [turns/s], of a lidar with the elevations [0.0]"
             )
-        if columns * len(steep) > MOST_BEAMS:
+        if self.columns * len(steep) > MOST_BEAMS:
             raise InputError(
-                f"lidar: {len(steep)} layers of {columns:,} columns: expected at most"
+                f"lidar: {len(steep)} layers of {self.columns:,} columns: expected at most"
                 f" {MOST_BEAMS:,} beams"
             )
 
@@ -192,14 +216,9 @@ class Lidar(Value):
         )  # fmt: skip
 
     @property
-    def tilt(self) -> dict[str, float]:
-        """Its pitch and roll [rad], for `layer_directions`."""
-        return {"pitch": self.mount[4], "roll": self.mount[5]}
-
-    @property
     def is_level(self) -> bool:
-        """Whether its columns of beams are upright: neither pitched nor rolled."""
-        return not (self.prisms or any(self.tilt.values()))
+        """Whether its columns of beams are upright."""
+        return not self.prisms and super().is_level
 
     @cached_property
     def slopes(self) -> Float:

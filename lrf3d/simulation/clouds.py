@@ -91,13 +91,12 @@ class Clouds:
         """The image of a depth camera on a robot."""
         pose, time, _ = moment
         camera = carried(self.sensors.depth_cameras[number], moment)
-        mount = np.array([*camera.mount[:2], camera.mount[3]])
-        place = as_pose(compose(np.asarray(pose), mount))
+        place = as_pose(compose(np.asarray(pose), np.array(camera.planar.mount)))
         image = self._caster.cast_depth(camera, place, Conditions(time, None, self._crowd))
         if not noisy:
             return image
         stream = len(self.sensors.lidars) + number
-        depth, walls = self._measured(image.depth, image.walls, fan_of(camera), stream, time)
+        depth, walls = self._measured(image.depth, image.walls, camera.planar, stream, time)
         return replace(image, depth=depth, walls=walls)
 
     def _measured(
@@ -115,14 +114,6 @@ def carried(sensor: Sensed, moment: RobotState) -> Sensed:
     if not any(moment.attitude):
         return sensor
     return replace(sensor, mount=tilted(sensor.mount, moment.attitude))
-
-
-def fan_of(sensor: Lidar | DepthCamera) -> LaserRangeFinder:
-    """The range finder of a row of beams, for noises."""
-    if isinstance(sensor, Lidar):
-        return sensor.planar
-    half = 0.5 * sensor.fov
-    return LaserRangeFinder(-half, half, sensor.width, sensor.range_min, sensor.range_max)
 
 
 def measured(

@@ -39,6 +39,10 @@ if TYPE_CHECKING:
 # some hundredths of a second.
 MAP_SNAPSHOTS = 100
 
+# What a run has of each scan, and what it may have of the robot's motion at each.
+SCANS = ("ranges", "truth", "walls")
+MOTION = ("motions", "wheels", "sweeps", "attitudes")
+
 
 @dataclass(frozen=True, eq=False)
 class Run(Value, Pictured):
@@ -132,16 +136,16 @@ class Run(Value, Pictured):
             raise InputError(f"run: estimate of {len(self.estimate)} scans; expected {scans}")
 
     def _shapes(self, scans: int, beams: int) -> dict[str, tuple[int, ...]]:
-        """The shapes of the arrays that it has, by the names of its attributes."""
+        """The shapes of `rows`."""
         shape = (scans, beams)
         echoes = shape if self.echoes is None else (*shape, *np.shape(self.echoes)[2:3])
-        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("ranges", "truth", "walls"), shape)
-        shapes |= {name: echoes if "echo" in name else shape for name in self.light}
-        further = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
-        further |= {"sweeps": (scans, len(self.cloud_sensors.lidars), 3), "attitudes": (scans, 2)}
-        return shapes | {
-            name: expected for name, expected in further.items() if getattr(self, name) is not None
-        }
+        motions = [len(self.lasers), 3], [3], [len(self.cloud_sensors.lidars), 3], [2]
+        shapes: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(SCANS, shape), "intensities": shape,
+            **dict.fromkeys(("echoes", "echo_intensities"), echoes),
+            **{name: (scans, *each) for name, each in zip(MOTION, motions, strict=True)},
+        }  # fmt: skip
+        return {name: shapes[name] for name in self.rows}
 
     def __repr__(self) -> str:
         name = f"{self.world.name!r}, " if self.world.name else ""
@@ -164,6 +168,12 @@ class Run(Value, Pictured):
         """The intensities and echoes that it has, by the names of its attributes."""
         light = {name: getattr(self, name) for name in LIGHT}
         return {name: values for name, values in light.items() if values is not None}
+
+    @property
+    def rows(self) -> dict[str, Any]:
+        """The arrays that it has with a row for each scan, by the names of its attributes."""
+        found = {name: getattr(self, name) for name in (*SCANS, *LIGHT, *MOTION)}
+        return {name: values for name, values in found.items() if values is not None}
 
     @property
     def knows_truth(self) -> bool:
@@ -224,20 +234,10 @@ class Run(Value, Pictured):
             raise InputError(f"scans {shown(scans)}: expected some numbers of scans")
         for each in (scans.min(), scans.max()):
             index_of(each, len(self), "scan")
-        columns = {
-            name: getattr(self, name) for name in ("motions", "wheels", "sweeps", "attitudes")
-        }
-        rows: dict[str, Any] = {
-            name: values[scans]
-            for name, values in (columns | self.light).items()
-            if values is not None
-        }
+        rows: dict[str, Any] = {name: values[scans] for name, values in self.rows.items()}
         part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
-            ranges=self.ranges[scans],
-            truth=self.truth[scans],
-            walls=self.walls[scans],
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
