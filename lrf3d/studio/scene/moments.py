@@ -299,7 +299,7 @@ class Scene:
 
     def _drawn_clouds(self, number: int, most: int, heights: tuple[float, float]) -> Points | None:
         scans, _ = self.run.clouds(number)
-        return draw_clouds(scans, self.origin, most, heights)
+        return draw_clouds(scans, self.origin, most, heights, self.run.film.points_by)
 
     def _cut(self, view: Look) -> float:
         """The height above which nothing is drawn [m]."""
