@@ -88,16 +88,16 @@ class Step:
     @property
     def lidar_scans(self) -> tuple[LidarScan, ...]:
         """The measured scan of each lidar, cast again on each access."""
-        return tuple(self._simulation.clouds.at(self._moment, self.sweeps)[0])
+        return tuple(self._simulation.clouds.at(self._state)[0])
 
     @property
     def depth_images(self) -> tuple[DepthImage, ...]:
         """The measured image of each depth camera, cast again on each access."""
-        return tuple(self._simulation.clouds.at(self._moment)[1])
+        return tuple(self._simulation.clouds.at(self._state)[1])
 
     @property
-    def _moment(self) -> RobotState:
-        return RobotState(np.array(self.pose), self.time, self.attitude)
+    def _state(self) -> RobotState:
+        return RobotState(np.array(self.pose), self.time, self.attitude, self.sweeps)
 
     @property
     def scan(self) -> LaserScan:

@@ -24,6 +24,7 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.attitude import LEVEL
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
 from lrf3d.world import World
@@ -296,16 +297,17 @@ class Run(Value, Pictured):
         """
         if not 0 <= number < len(self.cloud_sensors.lidars):
             raise InputError(f"run: lidar {number}: it has {len(self.cloud_sensors.lidars)} lidars")
-        moment = self._moment(index)
-        motion = None if self.sweeps is None else self.sweeps[index, number]
-        return self._clouds.lidar(number, moment, motion, noisy=noisy)
+        scan: LidarScan = self._clouds.measure(number, self._state(index), noisy=noisy)
+        return scan
 
     def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
         """The image of a depth camera, given by its number, at a scan's index; cast again."""
         count = len(self.cloud_sensors.depth_cameras)
         if not 0 <= number < count:
             raise InputError(f"run: depth camera {number}: it has {count} depth cameras")
-        return self._clouds.depth(number, self._moment(index), noisy=noisy)
+        number += len(self.cloud_sensors.lidars)
+        image: DepthImage = self._clouds.measure(number, self._state(index), noisy=noisy)
+        return image
 
     @property
     def lidar_scans(self) -> Iterator[LidarScan]:
@@ -314,17 +316,17 @@ class Run(Value, Pictured):
 
     def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the images of all depth cameras at a scan's index from 0."""
-        sweeps = None if self.sweeps is None else self.sweeps[index]
-        return self._clouds.at(self._moment(index), sweeps)
+        return self._clouds.at(self._state(index))
 
-    def _moment(self, index: int) -> RobotState:
-        """The pose, the time [s] and the attitude of the robot at a scan, for casters."""
+    def _state(self, index: int) -> RobotState:
+        """Where the robot is at a scan, and how it moves and is tilted, for casters."""
         from lrf3d.simulation.clouds import RobotState
 
         path = self.trajectory
         index = index_of(index, len(self), "scan")
-        tilt = () if self.attitudes is None else (tuple(self.attitudes[index].tolist()),)
-        return RobotState(path.poses[index], float(path.times[index]), *tilt)
+        tilt = LEVEL if self.attitudes is None else tuple(self.attitudes[index].tolist())
+        sweeps = None if self.sweeps is None else self.sweeps[index]
+        return RobotState(path.poses[index], float(path.times[index]), tilt, sweeps)
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""
