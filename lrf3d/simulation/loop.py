@@ -268,11 +268,6 @@ class Simulation:
         return self.lasers[0]
 
     @property
-    def sensor(self) -> Sensor:
-        """The first laser among the walls, with its noise."""
-        return self.sensors[0]
-
-    @property
     def map(self) -> Any:
         """The map after all scans so far, of whatever kind; None if the mapper makes none."""
         return self._mapper.map

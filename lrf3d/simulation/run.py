@@ -165,12 +165,6 @@ class Run(Value, Pictured):
         return (self.lrf, *self.further)
 
     @property
-    def light(self) -> dict[str, Any]:
-        """The intensities and echoes that it has, by the names of its attributes."""
-        light = {name: getattr(self, name) for name in LIGHT}
-        return {name: values for name, values in light.items() if values is not None}
-
-    @property
     def rows(self) -> dict[str, Any]:
         """The arrays that it has with a row for each scan, by the names of its attributes."""
         found = {name: getattr(self, name) for name in (*SCANS, *LIGHT, *MOTION)}
@@ -250,7 +244,8 @@ class Run(Value, Pictured):
 
     def scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The measured scan with an index from 0, of one of the lasers by its number."""
-        return self._scan(index, laser, self.ranges, self.light)
+        light = {name: values for name, values in self.rows.items() if name in LIGHT}
+        return self._scan(index, laser, self.ranges, light)
 
     def _scan(self, index: int, laser: int, ranges: Float, light: Mapping[str, Float]) -> LaserScan:
         """The scan of a laser with its row of ranges, and of light if there is any."""

@@ -151,7 +151,7 @@ def fingerprint_of(simulation: Simulation) -> str:
         "dynamic obstacles": bodies,
         "seed": _rng_state(simulation.rng).decode(),
         "scans": simulation.scans,
-        "caster": type(simulation.sensor.caster).__name__,
+        "caster": type(simulation.sensors[0].caster).__name__,
         "noise": [name_of(sensor.noise) for sensor in simulation.sensors],
         "mapper": name_of(simulation.mapper),
         "odometry and IMU": [each and name_of(each) for each in simulation.motion_sensors],
