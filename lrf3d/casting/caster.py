@@ -237,18 +237,20 @@ class PlanarCaster:
         ranges, walls = self._layered(lidar, pose, moment)
         mirrored = None if self.lighting is None else self._mirror(lidar, pose, ranges, walls)
         motion = None if moment.motion is None else sealed(np.array(moment.motion))
-        scan = LidarScan(pose, lidar, sealed(ranges), sealed(walls), moment.time, motion)
-        light = (
-            partial(self._intensities, scan, mirrored) if isinstance(self.world, World) else None
-        )
-        return replace(scan, light=light)
+        found = sealed(ranges), sealed(walls)
+        light = None
+        if isinstance(self.world, World):
+            light = partial(self._intensities, lidar, pose, *found, motion, mirrored)
+        return LidarScan(pose, lidar, *found, moment.time, motion, light)
 
-    def _intensities(self, scan: LidarScan, mirrored: tuple[Bool, Float] | None) -> Float:
+    def _intensities(
+        self, lidar: Lidar, pose: Pose, ranges: Float, walls: Rows, motion: Float | None,
+        mirrored: tuple[Bool, Float] | None,
+    ) -> Float:  # fmt: skip
         """The intensities (layers, columns) of a true scan, in which some beams were mirrored."""
-        lidar = scan.lidar
-        pose = np.array(scan.pose)
-        poses = pose[None] if scan.motion is None else swept(lidar, pose, scan.motion)
-        found = self._reflections.reflected(lidar, poses, scan.ranges, scan.walls)
+        place = np.array(pose)
+        poses = place[None] if motion is None else swept(lidar, place, motion)
+        found = self._reflections.reflected(lidar, poses, ranges, walls)
         if mirrored is not None:
             found[mirrored[0]] = mirrored[1]
         return sealed(found)
