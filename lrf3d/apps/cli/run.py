@@ -227,6 +227,7 @@ def _run_fleet(
             progress=progress, noise=measuring()[0], caster=args.caster,
             odometry=scenario.odometry, imu=scenario.imu, lidars=scenario.lidars,
             depth_cameras=scenario.depth_cameras,
+            attitude=scenario.attitude,
         )  # fmt: skip
     runs = [replace(run, film=scenario.film) for run in runs]
     common = {

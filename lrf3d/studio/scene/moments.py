@@ -271,7 +271,7 @@ class Scene:
 
     def _drawn_clouds(self, number: int, cut: float) -> Points | None:
         scans, _ = self.run.clouds(number)
-        return draw_clouds(scans, self.origin, _CLOUD_POINTS, cut)
+        return draw_clouds(scans, self.origin, _CLOUD_POINTS, cut, self.run.film.points_by)
 
     def _cut(self, view: Look) -> float:
         """The height above which nothing is drawn [m]."""

@@ -29,6 +29,9 @@ def test_points_lie_where_each_column_of_a_driving_lidar_met_walls_and_floor(run
     assert len(off) > 500 and off.max() < 1e-5
     floor = np.abs(z) < 1e-6
     assert np.allclose(points.colours[floor, :3], HEIGHT_COLOURS[0])
+    lit = draw_clouds(run.clouds(2)[0], origin, 10_000, np.inf, "intensity")
+    assert np.array_equal(lit.places, points.places)
+    assert not np.allclose(lit.colours[floor, :3], HEIGHT_COLOURS[0])
     scans, _ = run.clouds(2)
     few = draw_clouds(scans, origin, 200, 0.8)
     assert 0 < len(few.places) < 400 and few.places[:, 2].max() < 0.8
