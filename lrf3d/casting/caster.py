@@ -117,8 +117,7 @@ class PlanarCaster:
         laser = laser_of(lrf)
         ranges = np.empty(lrf.beams)
         walls = np.empty(lrf.beams, np.int64)
-        poses = np.fromiter(pose, np.float64, 3)[None]
-        self._fill(lrf.height, laser, poses, ranges[None], walls[None])
+        self._fill(lrf.height, laser, np.array(pose, ndmin=2), ranges[None], walls[None])
         return ranges, walls
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:

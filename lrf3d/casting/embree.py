@@ -66,18 +66,19 @@ class EmbreeCaster(PlanarCaster):
         segments, faces = level_cut(self._triangles, level)
         return build_tree(segments, faces.astype(np.int32))
 
-    def _walls(self, level: float) -> TriangleRays:
-        """The walls as they stand in the tree, of two triangles each, seen from their middle."""
-        ends = (self._tree(level).walls - np.tile(self._middle(level), 2)).reshape(-1, 2, 2)
+    def _walls(self, level: float) -> tuple[TriangleRays, float, float]:
+        """The walls as they stand in the tree, of two triangles each, seen from their middle x, y.
+
+        Embree counts coordinates from there.
+        """
+        tree = self._tree(level)
+        box = tree.boxes[:, 0]
+        middle = np.round(0.5 * (box[:2] + box[2:]))
+        ends = tree.walls.reshape(-1, 2, 2) - middle
         corners = np.empty((len(ends), 2, 3, 3), np.float32)
         corners[..., :2] = ends[:, [[0, 1, 1], [0, 1, 0]]]
         corners[..., 2] = [[-1.0, -1.0, 2.0], [-1.0, 2.0, 2.0]]
-        return TriangleRays(corners.reshape(-1, 3, 3))
-
-    def _middle(self, level: float) -> Float:
-        """The middle (2,) of the walls, from which Embree counts coordinates."""
-        box = self._tree(level).boxes[:, 0]
-        return np.asarray(np.round(0.5 * (box[:2] + box[2:])))
+        return TriangleRays(corners.reshape(-1, 3, 3)), *middle.tolist()
 
     def cast_layers(
         self,
@@ -178,9 +179,7 @@ class EmbreeCaster(PlanarCaster):
         if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
             super()._fill(height, laser, poses, ranges, walls)
             return
-        level = self._level(height)
-        scene = self._scene(level)
-        x, y = self._middle(level).tolist()
+        scene, x, y = self._scene(self._level(height))
 
         def guesses(rays: Records) -> NDArray[np.int32]:
             ends = np.zeros((2, len(rays), 3), np.float32)
