@@ -175,8 +175,9 @@ class EmbreeCaster(PlanarCaster):
         return ranges, np.where(met, faces, -1).astype(np.int32)
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
-        tree = self.tree(height)
-        if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
+        tree = self._plain(height)
+        *_, rows = tree
+        if ranges.shape[1] <= FEW or not len(rows) or not embreex_installed():
             super()._fill(height, laser, poses, ranges, walls)
             return
         scene, x, y = self._scene(self._level(height))
