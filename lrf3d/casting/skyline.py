@@ -23,7 +23,7 @@ from lrf3d.casting.kernels.raising import raise_fan, raise_obstacles, raise_rays
 from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.casting.kernels.skyline import ENTRY
 from lrf3d.casting.kernels.tree import Plain, build_tree
-from lrf3d.geometry.lines import TINY, Float, Int, Records
+from lrf3d.geometry.lines import TINY, Float, Int, Records, sealed
 from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.depth_camera import DepthCamera
 from lrf3d.laser.lidar import Lidar
@@ -210,7 +210,7 @@ def cast_lidar(
     motion = moment.motion if moved else None
     times = moment.time + lidar.planar.time_increment * np.arange(columns, dtype=np.float64)
     poses = pose[None] if motion is None else swept(lidar, pose, motion)
-    if not lidar.is_level:
+    if not lidar.is_level and motion is not None:
         beams = lidar.directions((0.0, 0.0, 0.0))
         cos: Any = np.cos(poses[:, 2])
         sin: Any = np.sin(poses[:, 2])
@@ -222,16 +222,23 @@ def cast_lidar(
         layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
         ranges, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
         return ranges.reshape(shape), hits.reshape(shape)
-    layers, order, laser = _layers_of(lidar)
+    if not lidar.is_level:
+        layers, order, fan = _sorted_beams(lidar)
+        rays = walls.reused("rays", (len(order),), RAY)
+        rays["time"] = times[order % columns]
+        found = _columns(walls, standing, rays, z, layers, (fan, pose), moment.obstacles)
+        ranges, hits = (np.empty(len(order), each.dtype) for each in found)
+        ranges[order], hits[order] = (each.ravel() for each in found)
+        return ranges.reshape(-1, columns), hits.reshape(-1, columns)
+    layers, back, fan = _layers_of(lidar)
     rays = walls.reused("rays", (columns,), RAY)
-    fan: tuple[Plain, Float] | None = (laser, pose)
     if motion is not None:
-        rays_from(laser, poses, times, rays[None])
-        fan = None
+        rays_from(fan[0], poses, times, rays[None])
     elif moment.obstacles is not None:
         rays["time"] = times
-    ranges, hits = _columns(walls, standing, rays, z, layers, fan, moment.obstacles)
-    return (ranges.T, hits.T) if order is None else (ranges.T[order], hits.T[order])
+    along = (fan, pose) if motion is None else None
+    ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
+    return (ranges.T, hits.T) if back is None else (ranges.T[back], hits.T[back])
 
 
 def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tuple[Int, Float]]:
@@ -239,9 +246,9 @@ def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tu
 
     They come in parts that fit into the cache.
     """
-    layers, order, laser = _layers_of(lidar)
+    layers, order, fan = _layers_of(lidar)
     z = lidar.mount[2]
-    sensor = laser, (z, *layers.extent), layers.plain, layers.range_max
+    sensor = fan, (z, *layers.extent), layers.plain, layers.range_max
     rays = np.zeros(lidar.columns, RAY)
     shape = lidar.columns, len(lidar.slopes)
     many = max(1, AT_ONCE // (shape[0] * shape[1]))
@@ -295,11 +302,34 @@ def cast_depth(
 
 @lru_cache(8)
 def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
-    """A level lidar's layers, their order unless ascending, and the lidar as kernels take it."""
+    """A level lidar's layers, their order unless ascending, and its beams as of `raise_fan`."""
     order = np.argsort(lidar.slopes, kind="stable")
     layers = Layered.of(lidar.slopes[None, order], lidar.stretches[order], lidar)
     back = None if (order[1:] > order[:-1]).all() else np.argsort(order)
-    return layers, back, laser_of(lidar.planar)
+    slopes = layers.plain[0][:, [0, -1]]
+    return layers, back, (laser_of(lidar.planar), (np.arange(lidar.columns + 1), 0.0, slopes))
+
+
+@lru_cache(8)
+def _sorted_beams(lidar: Lidar) -> tuple[Layered, Int, Plain]:
+    """A tilted lidar's beams, each a layer, their order by azimuth, and as of `raise_fan`."""
+    beams = lidar.directions((0.0, 0.0, 0.0)).reshape(-1, 3)
+    count = len(beams)
+    flat = np.where(np.abs(beams[:, :2]) < TINY, 0.0, beams[:, :2])
+    flat[(np.abs(flat) < UPRIGHT).all(axis=1), 0] = UPRIGHT
+    turns = 0.5 + np.arctan2(flat[:, 1], flat[:, 0]) / (2.0 * math.pi)
+    sector = np.minimum((turns * count).astype(np.int64), count - 1)
+    order = np.argsort(sector, kind="stable")
+    half = math.pi / count
+    laser = (
+        sealed(np.ascontiguousarray(flat[order].T)),
+        0.0,
+        math.pi - half,
+        *laser_of(lidar.planar)[-2:],
+    )
+    before = np.append(0, np.cumsum(np.bincount(sector, minlength=count)))
+    layers = Layered.of(beams[order, 2:], np.ones(1), lidar)
+    return layers, order, (laser, (before, half, layers.plain[0][:, [0, -1]]))
 
 
 def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:

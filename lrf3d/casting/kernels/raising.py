@@ -72,8 +72,8 @@ from lrf3d.casting.kernels.tree import (
     new_stack,
     next_leaf,
 )
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry.lines import Float, Records
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry.lines import Float, Int, Records
 
 
 class Standing(NamedTuple):
@@ -97,14 +97,25 @@ class UprightWall(NamedTuple):
     name: int  # Its number in the world, or below −1 of an obstacle.
 
 
+class Sectors(NamedTuple):
+    """Evenly spaced sectors of azimuths, as many as rays, and the rays that lie in them."""
+
+    before: Int  # (rays + 1,) the number of rays in the sectors before each.
+    half: float  # [rad] half of a sector's width; 0 where each ray is the middle of its sector.
+    # The least and the largest slope of each ray's layers (rays, 2), or of all rays' (1, 2).
+    slopes: Float
+
+
 @compiled
 def raise_fan(
-    plain: Plain, plain_laser: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
+    plain: Plain, beams_at: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
 ) -> bool:
-    """Insert walls into the skylines of evenly spaced azimuths from one pose (3,), and fill rays.
+    """Insert walls into the skylines of rays from one pose (3,), sorted by sectors; fill the rays.
 
-    Returns whether the skylines had room for all walls.
+    The beams are a `Laser` and its `Sectors`. Returns whether the skylines had room for all walls.
     """
+    plain_laser, plain_sectors = beams_at
+    sectors = Sectors(*plain_sectors)
     walls = Standing(Tree(*plain[0]), *plain[1:])
     tree = walls.tree
     sight = Eye(*eye)
@@ -115,6 +126,9 @@ def raise_fan(
     dy = np.empty(beams + PADDING)
     fan = aim(Laser(*plain_laser), pose, dx, dy)
     edge = 1.0 / (sight.reach * ROOM)
+    half = sectors.half
+    # The bound of a sector is the least one of its rays.
+    shade = covered if half == 0.0 else np.full(beams, edge)
     for i in range(beams):
         covered[i] = max(covered[i], edge)
         ray = rays[i]
@@ -134,40 +148,56 @@ def raise_fan(
     while top > 0 and fits:
         top -= 1
         box = waiting[top]
-        if hidden(covered, box.first, box.stop, box.near):
+        if hidden(shade, box.first, box.stop, box.near):
             continue
         first = tree.links[box.node, 0]
         count = tree.links[box.node, 1]
         if count < 0:
             view_boxes(tree.boxes, first, -count, fan, sketch)
-            top = enter_boxes((first, -count), fan, edge, covered, sketch, waiting, top)
+            for k in range(-count):
+                sketch[START + index_of(k)] -= half
+                sketch[WIDTH + index_of(k)] += 2.0 * half
+            top = enter_boxes((first, -count), fan, edge, shade, sketch, waiting, top)
             continue
+        # The box's own place is reused by what waits next.
+        start = box.first
+        stop = box.stop
         for base in range(first, first + count, BATCH):
             batch = min(BATCH, first + count - base)
             outline(tree.columns, base, batch, fan, sketch)
             for k in range(batch):
-                fits = _raise_wall(walls, base + k, k, sketch, fan, sight, skies) and fits
+                seen = base + k, k
+                fits = _raise_wall(walls, seen, sketch, fan, sectors, sight, skies) and fits
+        if half > 0.0:
+            for sector in range(start, stop):
+                shade[sector] = np.inf
+                for i in range(sectors.before[sector], sectors.before[sector + 1]):
+                    shade[sector] = min(shade[sector], covered[i])
     return fits
 
 
 @inner
 def _raise_wall(
-    walls: Standing, row: int, k: int, sketch: Float, fan: Fan, eye: Eye, skies: Skylines
-) -> bool:
-    """Insert a wall, number k of a sketch, at all azimuths that meet it."""
+    walls: Standing, seen: tuple[int, int], sketch: Float, fan: Fan, sectors: Sectors, eye: Eye,
+    skies: Skylines,
+) -> bool:  # fmt: skip
+    """Insert a wall, by its row and its number in a sketch, at all azimuths that meet it."""
+    row, k = seen
     place = index_of(k)
     wall = wall_at(walls.tree.walls, row)
     u = sketch[U + place]
     v = sketch[V + place]
     slack = sketch[SLACK + place]
     covered = skies.covered
+    slopes = sectors.slopes
     beams = len(covered)
     fits = True
     if not slack < np.inf or fan.per_step == 0.0:
         piece = _piece(walls, row)
         for i in range(beams):
             beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-            fits = _raise_exactly(piece, i, beam, eye, walls.highest, skies) and fits
+            own = _own_eye(eye, slopes, i)
+            fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
         return fits
     sense = 1 if u * (wall.qy - wall.py) + v * (wall.qx - wall.px) > 0.0 else -1
     height = walls.heights[row]
@@ -181,29 +211,41 @@ def _raise_wall(
     per_step = fan.per_step
     z = eye.z
     highest = walls.highest
-    before, after = turns_to_meet(sketch[START + place], sketch[WIDTH + place], fan.half)
+    numbers = sectors.before
+    half = sectors.half
+    aside = BEARING_SLACK + half
+    width = sketch[WIDTH + place]
+    before, after = turns_to_meet(sketch[START + place] - half, width + 2.0 * half, fan.half)
     for turn in range(before, after + 1):
         a = sketch[START + place] + turn * TURN + fan.half
-        b = a + sketch[WIDTH + place]
-        first = reached((a - BEARING_SLACK) * per_step, beams)
-        stop = reached((b + BEARING_SLACK) * per_step, beams)
-        sure = reached((a + BEARING_SLACK) * per_step, beams)
-        sure_stop = reached((b - BEARING_SLACK) * per_step, beams)
+        b = a + width
+        first = numbers[reached((a - aside) * per_step, beams)]
+        stop = numbers[reached((b + aside) * per_step, beams)]
+        sure = numbers[reached((a + aside) * per_step, beams)]
+        sure_stop = numbers[reached((b - aside) * per_step, beams)]
         for i in range(first, stop):
             depth = dx[i] * u - dy[i] * v
             if depth + slack < covered[i]:
                 continue
+            own = _own_eye(eye, slopes, i)
             if i < sure or i >= sure_stop:
                 beam = Beam(x, y, dx[i], dy[i])
-                fits = _raise_exactly(_piece(walls, row), i, beam, eye, highest, skies) and fits
+                fits = _raise_exactly(_piece(walls, row), i, beam, own, highest, skies) and fits
                 continue
             new = entry_of(depth - slack, depth + slack, height, wall, (name, exits), z)
-            at = place_of(new, i, eye, skies)
+            at = place_of(new, i, own, skies)
             if at == AMBIGUOUS:
-                at = place_exactly(new, i, Beam(x, y, dx[i], dy[i]), eye, skies)
+                at = place_exactly(new, i, Beam(x, y, dx[i], dy[i]), own, skies)
             if at != HIDDEN:
-                fits = put(new, i, at, eye, highest, skies) and fits
+                fits = put(new, i, at, own, highest, skies) and fits
     return fits
+
+
+@borrower
+def _own_eye(eye: Eye, slopes: Float, i: int) -> Eye:
+    """The eye of a ray, whose layers have slopes of their own, or those of all rays."""
+    row = min(i, len(slopes) - 1)
+    return Eye(eye.z, slopes[row, 0], slopes[row, 1], eye.reach)
 
 
 @compiled
@@ -223,8 +265,7 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
     for i in range(len(rays)):
         beam = beam_of(rays, i)
         way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
-        row = min(i, len(slopes) - 1)
-        own = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+        own = _own_eye(sight, slopes, i)
         limit = _farthest(own, walls.highest) * ROOM
         top = enter(tree, stack)
         while top > 0:
@@ -270,8 +311,7 @@ def raise_obstacles(
             ahead = beam.dx * east + beam.dy * north
             if j == own or abs(beam.dx * north - beam.dy * east) > wide or ahead < -wide:
                 continue
-            row = min(i, len(slopes) - 1)
-            seen = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+            seen = _own_eye(sight, slopes, i)
             before = mover.stop - 1
             for k in range(mover.first, mover.stop):
                 after = k + 1 if k + 1 < mover.stop else mover.first
