@@ -22,6 +22,7 @@ from lrf3d.casting.kernels.fan import (
     SLACK,
     START,
     TURN,
+    UNCLEAR,
     WAITING,
     WIDTH,
     Fan,
@@ -57,7 +58,6 @@ from lrf3d.casting.kernels.skyline import (
     Skylines,
     entry_of,
     insert,
-    place_exactly,
     place_of,
     put,
 )
@@ -136,6 +136,8 @@ def raise_fan(
         ray.y = fan.y
         ray.dx = dx[i]
         ray.dy = dy[i]
+    view = (fan, sectors)
+    left = np.empty(beams, np.int64)
     sketch = np.empty(SKETCH)
     waiting = np.empty(STACK, WAITING)
     root = waiting[0]
@@ -167,7 +169,11 @@ def raise_fan(
             outline(tree.columns, base, batch, fan, sketch)
             for k in range(batch):
                 seen = base + k, k
-                fits = _raise_wall(walls, seen, sketch, fan, sectors, sight, skies) and fits
+                open_at, fit = _raise_clearly(walls, seen, sketch, view, sight, skies, left)
+                fits = fits and fit
+                if open_at != 0:
+                    those = np.arange(beams) if open_at == UNCLEAR else left[:open_at]
+                    fits = _raise_open(walls, base + k, view, sight, skies, those) and fits
         if half > 0.0:
             for sector in range(start, stop):
                 shade[sector] = np.inf
@@ -176,68 +182,73 @@ def raise_fan(
     return fits
 
 
-@inner
-def _raise_wall(
-    walls: Standing, seen: tuple[int, int], sketch: Float, fan: Fan, sectors: Sectors, eye: Eye,
-    skies: Skylines,
-) -> bool:  # fmt: skip
-    """Insert a wall, by its row and its number in a sketch, at all azimuths that meet it."""
+@borrower
+def _raise_clearly(
+    walls: Standing, seen: tuple[int, int], sketch: Float, view: tuple[Fan, Sectors], eye: Eye,
+    skies: Skylines, left: Int,
+) -> tuple[int, bool]:  # fmt: skip
+    """Insert a wall, by its row and its number in a sketch, at azimuths where that is clear.
+
+    Returns how many azimuths are left open, or UNCLEAR for all, and whether there was room.
+    """
     row, k = seen
+    fan, sectors = view
     place = index_of(k)
     wall = wall_at(walls.tree.walls, row)
     u = sketch[U + place]
     v = sketch[V + place]
     slack = sketch[SLACK + place]
-    covered = skies.covered
-    slopes = sectors.slopes
-    beams = len(covered)
-    fits = True
     if not slack < np.inf or fan.per_step == 0.0:
-        piece = _piece(walls, row)
-        for i in range(beams):
-            beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-            own = _own_eye(eye, slopes, i)
-            fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
-        return fits
+        return UNCLEAR, True
+    covered = skies.covered
+    beams = len(covered)
     sense = 1 if u * (wall.qy - wall.py) + v * (wall.qx - wall.px) > 0.0 else -1
     height = walls.heights[row]
     exits = EXITS if sense * walls.inner[row] > 0 and height < eye.z else MEETS
     name = walls.tree.rows[row]
-    # Read from their tuples once, as each access counts a reference.
-    x = fan.x
-    y = fan.y
-    dx = fan.dx
-    dy = fan.dy
-    per_step = fan.per_step
-    z = eye.z
-    highest = walls.highest
     numbers = sectors.before
     half = sectors.half
     aside = BEARING_SLACK + half
     width = sketch[WIDTH + place]
+    left_open = 0
+    fits = True
     before, after = turns_to_meet(sketch[START + place] - half, width + 2.0 * half, fan.half)
     for turn in range(before, after + 1):
         a = sketch[START + place] + turn * TURN + fan.half
         b = a + width
-        first = numbers[reached((a - aside) * per_step, beams)]
-        stop = numbers[reached((b + aside) * per_step, beams)]
-        sure = numbers[reached((a + aside) * per_step, beams)]
-        sure_stop = numbers[reached((b - aside) * per_step, beams)]
+        first = numbers[reached((a - aside) * fan.per_step, beams)]
+        stop = numbers[reached((b + aside) * fan.per_step, beams)]
+        sure = numbers[reached((a + aside) * fan.per_step, beams)]
+        sure_stop = numbers[reached((b - aside) * fan.per_step, beams)]
         for i in range(first, stop):
-            depth = dx[i] * u - dy[i] * v
+            depth = fan.dx[i] * u - fan.dy[i] * v
             if depth + slack < covered[i]:
                 continue
-            own = _own_eye(eye, slopes, i)
-            if i < sure or i >= sure_stop:
-                beam = Beam(x, y, dx[i], dy[i])
-                fits = _raise_exactly(_piece(walls, row), i, beam, own, highest, skies) and fits
-                continue
-            new = entry_of(depth - slack, depth + slack, height, wall, (name, exits), z)
-            at = place_of(new, i, own, skies)
+            at = AMBIGUOUS
+            new = entry_of(depth - slack, depth + slack, height, wall, (name, exits), eye.z)
+            own = _own_eye(eye, sectors.slopes, i)
+            if sure <= i < sure_stop:
+                at = place_of(new, i, own, skies)
             if at == AMBIGUOUS:
-                at = place_exactly(new, i, Beam(x, y, dx[i], dy[i]), own, skies)
-            if at != HIDDEN:
-                fits = put(new, i, at, own, highest, skies) and fits
+                left[left_open] = i
+                left_open += 1
+            elif at != HIDDEN:
+                fits = put(new, i, at, own, walls.highest, skies) and fits
+    return left_open, fits
+
+
+@inner
+def _raise_open(
+    walls: Standing, row: int, view: tuple[Fan, Sectors], eye: Eye, skies: Skylines, left: Int
+) -> bool:
+    """Insert a wall at the azimuths that were left open, exactly; False if there is no room."""
+    fan, sectors = view
+    piece = _piece(walls, row)
+    fits = True
+    for i in left:
+        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+        own = _own_eye(eye, sectors.slopes, i)
+        fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
     return fits
 
 
