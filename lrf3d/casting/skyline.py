@@ -208,7 +208,7 @@ def cast_lidar(
     columns = lidar.columns
     moved = moment.motion is not None and bool(np.any(moment.motion))
     motion = moment.motion if moved else None
-    times = moment.time + lidar.planar.time_increment * np.arange(columns, dtype=np.float64)
+    times = moment.time + lidar.planar.delays
     poses = pose[None] if motion is None else swept(lidar, pose, motion)
     if not lidar.is_level and motion is not None:
         beams = lidar.directions((0.0, 0.0, 0.0))

@@ -109,7 +109,8 @@ def measured(
     noise: Noise, fan: LaserRangeFinder, ranges: Float, walls: Any, rng: np.random.Generator
 ) -> Float:
     """Measured ranges (…, beams) from true ones and the walls that they hit."""
-    chain = Chain([noise])
+    # Noises of users are checked once, where a chain is made.
+    chain = noise if isinstance(noise, Chain) else Chain([noise])
     near, far = fan.range_min, fan.range_max
     if chain.batched:
         found = chain(ScanBatch(fan.angles, ranges, walls, near, far), rng).ranges

@@ -157,7 +157,7 @@ def _follow(
         block.lengths[k] = t[0] if good else np.nan
 
 
-@inner
+@borrower
 def beam_of(rays: Records, i: int) -> Beam:
     """The beam of a ray."""
     ray = rays[i]

@@ -167,7 +167,7 @@ def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max:
     return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
 
 
-@inner
+@borrower
 def _limited(t: float, r: int, layers: Layers, range_max: float) -> float:
     """The range of a layer at t: +inf above its largest, −inf below its least."""
     if not t <= layers.reaches[r]:
