@@ -136,18 +136,16 @@ def _follow(
     tree: Tree, rays: Records, guesses: NDArray[np.int32], reach: float, block: Block, stack: Stack
 ) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
-    rows = block.rows
     beams = block.beams
     walls = block.walls
     before = -1
     row = -1
     for i in range(len(rays)):
-        ray = rays[i]
-        beam = Beam(ray.x, ray.y, ray.dx, ray.dy)
+        beam = beam_of(rays, i)
         # Without guesses the wall of the two beams before is often the one.
         guess = guesses[i] if len(guesses) > 0 else row if row == before else -1
         before = row
-        row = rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
+        row = block.rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
         if row >= 0:
             beams[0, i], beams[1, i], beams[2, i], beams[3, i] = beam
             walls[0, i], walls[1, i], walls[2, i], walls[3, i] = wall_at(tree.walls, row)

@@ -23,7 +23,6 @@ from lrf3d.casting.kernels.fan import (
     START,
     TURN,
     UNCLEAR,
-    WAITING,
     WIDTH,
     Fan,
     U,
@@ -32,6 +31,7 @@ from lrf3d.casting.kernels.fan import (
     hidden,
     outline,
     reached,
+    root_waiting,
     turns_to_meet,
     view_boxes,
 )
@@ -64,7 +64,6 @@ from lrf3d.casting.kernels.skyline import (
 from lrf3d.casting.kernels.tree import (
     ROOM,
     SMALL,
-    STACK,
     Plain,
     Tree,
     Way,
@@ -139,12 +138,7 @@ def raise_fan(
     view = (fan, sectors)
     left = np.empty(beams, np.int64)
     sketch = np.empty(SKETCH)
-    waiting = np.empty(STACK, WAITING)
-    root = waiting[0]
-    root.node = 0
-    root.first = 0
-    root.stop = beams
-    root.near = np.inf
+    waiting = root_waiting(beams)
     top = 1 if len(tree.walls) > 0 else 0
     fits = True
     while top > 0 and fits:

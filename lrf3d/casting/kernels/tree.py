@@ -114,7 +114,6 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
     The last number is that of the boxes that still wait, of which the root is the first.
     """
     boxes = tree.boxes
-    links = tree.links
     waiting, nears = stack
     ox, oy, x, y, dx, dy = way
     across = 1.0 / dx
@@ -128,8 +127,8 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
         top -= 1
         if waiting[top].near > limit * ROOM:
             continue
-        first = links[waiting[top].node, 0]
-        count = links[waiting[top].node, 1]
+        first = tree.links[waiting[top].node, 0]
+        count = tree.links[waiting[top].node, 1]
         if count > 0:
             return first, first + count, top
         for k in range(whole(-count)):
@@ -318,17 +317,13 @@ def _cut(
 
 @inner
 def _half_perimeter(box: Float) -> float:
-    size = 0.0
-    for axis in range(2):
-        size += box[axis + 2] - box[axis]
-    return size
+    return (box[2] - box[0]) + (box[3] - box[1])
 
 
 @inner
 def _empty(box: Float) -> None:
-    for axis in range(2):
-        box[axis] = np.inf
-        box[axis + 2] = -np.inf
+    box[:2] = np.inf
+    box[2:] = -np.inf
 
 
 @inner
