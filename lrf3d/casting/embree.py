@@ -7,7 +7,7 @@ cuts are treated as walls. Layers and tilted lasers are cast in 3D, in float64.
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,10 @@ class EmbreeCaster(PlanarCaster):
         super().__init__(world if self._triangles is None else World(np.empty((0, 4))))
         self.world = world
         self._scene = lru_cache(MOST_TREES)(self._walls)
-        self._solid: MeshScene | None = None
+
+    @cached_property
+    def _solid(self) -> MeshScene:
+        return MeshScene.of(self.world, self._triangles)
 
     def _level(self, height: float) -> float:
         return super()._level(height) if self._triangles is None else height
@@ -110,8 +113,6 @@ class EmbreeCaster(PlanarCaster):
             ranges[level] = scan.ranges
             walls[level] = scan.walls
         if len(beams):
-            if self._solid is None:
-                self._solid = MeshScene.of(self.world, self._triangles)
             start = np.array([x, y, lrf.height])
             found, faces = self._solid.cast(start, beams.reshape(-1, 3), lrf.range_max)
             found = within_limits(found, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
@@ -159,8 +160,6 @@ class EmbreeCaster(PlanarCaster):
     ) -> tuple[Float, Rows]:
         if self._triangles is None:
             return super()._layered(sensor, pose, moment)
-        if self._solid is None:
-            self._solid = MeshScene.of(self.world, self._triangles)
         beams = sensor.directions(pose)
         sizes = np.linalg.norm(beams, axis=2)
         flat = (beams / sizes[..., None]).reshape(-1, 3)

@@ -203,42 +203,50 @@ def cast_lidar(
     walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions = STILL
 ) -> tuple[Float, Rows]:
     """Ranges and walls (layers, columns) of a lidar at a pose (3,), at rest or moving."""
-    z = lidar.mount[2]
-    standing = walls.standing(pose, z)
-    columns = lidar.columns
     moved = moment.motion is not None and bool(np.any(moment.motion))
     motion = moment.motion if moved else None
     times = moment.time + lidar.planar.delays
-    poses = pose[None] if motion is None else swept(lidar, pose, motion)
-    if not lidar.is_level and motion is not None:
-        beams = lidar.directions((0.0, 0.0, 0.0))
-        cos: Any = np.cos(poses[:, 2])
-        sin: Any = np.sin(poses[:, 2])
-        beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
-        shape = beams.shape[:2]
-        places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
-        flat = beams.reshape(-1, 3)
-        rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
-        layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
-        ranges, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
-        return ranges.reshape(shape), hits.reshape(shape)
     if not lidar.is_level:
-        layers, order, fan = _sorted_beams(lidar)
-        rays = walls.reused("rays", (len(order),), RAY)
-        rays["time"] = times[order % columns]
-        found = _columns(walls, standing, rays, z, layers, (fan, pose), moment.obstacles)
-        ranges, hits = (np.empty(len(order), each.dtype) for each in found)
-        ranges[order], hits[order] = (each.ravel() for each in found)
-        return ranges.reshape(-1, columns), hits.reshape(-1, columns)
+        return _cast_tilted(walls, lidar, pose, times, motion, moment.obstacles)
+    z = lidar.mount[2]
+    standing = walls.standing(pose, z)
     layers, back, fan = _layers_of(lidar)
-    rays = walls.reused("rays", (columns,), RAY)
+    rays = walls.reused("rays", (lidar.columns,), RAY)
+    rays["time"] = times
     if motion is not None:
-        rays_from(fan[0], poses, times, rays[None])
-    elif moment.obstacles is not None:
-        rays["time"] = times
+        rays_from(fan[0], swept(lidar, pose, motion), times, rays[None])
     along = (fan, pose) if motion is None else None
     ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
     return (ranges.T, hits.T) if back is None else (ranges.T[back], hits.T[back])
+
+
+def _cast_tilted(
+    walls: StandingWalls, lidar: Lidar, pose: Float, times: Float, motion: Float | None,
+    crowd: Crowd | None,
+) -> tuple[Float, Rows]:  # fmt: skip
+    """Ranges and walls of a lidar that is not level, whose columns are cast at times (columns,)."""
+    z = lidar.mount[2]
+    standing = walls.standing(pose, z)
+    shape = len(lidar.slopes), lidar.columns
+    if motion is None:
+        layers, order, fan = _sorted_beams(lidar)
+        rays = walls.reused("rays", (len(order),), RAY)
+        rays["time"] = times[order % lidar.columns]
+        found = _columns(walls, standing, rays, z, layers, (fan, pose), crowd)
+        ranges, hits = (np.empty(len(order), each.dtype) for each in found)
+        ranges[order], hits[order] = (each.ravel() for each in found)
+        return ranges.reshape(shape), hits.reshape(shape)
+    poses = swept(lidar, pose, motion)
+    beams = lidar.directions((0.0, 0.0, 0.0))
+    cos: Any = np.cos(poses[:, 2])
+    sin: Any = np.sin(poses[:, 2])
+    beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
+    places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
+    flat = beams.reshape(-1, 3)
+    rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
+    layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
+    ranges, hits = _columns(walls, standing, rays, z, layers, crowd=crowd)
+    return ranges.reshape(shape), hits.reshape(shape)
 
 
 def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tuple[Int, Float]]:
@@ -287,17 +295,16 @@ def cast_depth(
         # Azimuths are the same in all rows; directions of all pixels would take longer than depths.
         theta = float(pose[2])
         ahead, left = turn(np.ones(camera.width), camera.lefts, math.cos(theta), math.sin(theta))
-        beams = np.column_stack([ahead, left])
+        flat = np.column_stack([ahead, left])
         layers = Layered.of(camera.slopes[None, ::-1], np.ones(camera.height), camera)
-        rays = rays_along(pose, beams, moment.time)
-        depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
-        return depth.T[::-1], hits.T[::-1]
-    beams = camera.directions(pose)
-    flat = beams.reshape(-1, 3)
-    layers = Layered.of(flat[:, 2:], np.ones(1), camera)
+    else:
+        flat = camera.directions(pose).reshape(-1, 3)
+        layers = Layered.of(flat[:, 2:], np.ones(1), camera)
     rays = rays_along(pose, flat, moment.time)
     depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
-    return depth.reshape(beams.shape[:2]), hits.reshape(beams.shape[:2])
+    if camera.is_level:
+        return depth.T[::-1], hits.T[::-1]
+    return depth.reshape(camera.height, -1), hits.reshape(camera.height, -1)
 
 
 @lru_cache(8)

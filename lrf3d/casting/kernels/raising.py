@@ -155,24 +155,31 @@ def raise_fan(
                 sketch[WIDTH + index_of(k)] += 2.0 * half
             top = enter_boxes((first, -count), fan, edge, shade, sketch, waiting, top)
             continue
-        # The box's own place is reused by what waits next.
-        start = box.first
-        stop = box.stop
-        for base in range(first, first + count, BATCH):
-            batch = min(BATCH, first + count - base)
-            outline(tree.columns, base, batch, fan, sketch)
-            for k in range(batch):
-                seen = base + k, k
-                open_at, fit = _raise_clearly(walls, seen, sketch, view, sight, skies, left)
-                fits = fits and fit
-                if open_at != 0:
-                    those = np.arange(beams) if open_at == UNCLEAR else left[:open_at]
-                    fits = _raise_open(walls, base + k, view, sight, skies, those) and fits
-        if half > 0.0:
-            for sector in range(start, stop):
-                shade[sector] = np.inf
-                for i in range(sectors.before[sector], sectors.before[sector + 1]):
-                    shade[sector] = min(shade[sector], covered[i])
+        fits = _raise_leaf(walls, (first, first + count), sketch, view, sight, skies, left)
+        for sector in range(box.first, box.stop if half > 0.0 else box.first):
+            shade[sector] = np.inf
+            for i in range(sectors.before[sector], sectors.before[sector + 1]):
+                shade[sector] = min(shade[sector], covered[i])
+    return fits
+
+
+@inner
+def _raise_leaf(
+    walls: Standing, leaf: tuple[int, int], sketch: Float, view: tuple[Fan, Sectors], eye: Eye,
+    skies: Skylines, left: Int,
+) -> bool:  # fmt: skip
+    """Insert the walls of a leaf, from one row to before another; False if there is no room."""
+    start, stop = leaf
+    fits = True
+    for base in range(start, stop, BATCH):
+        batch = min(BATCH, stop - base)
+        outline(walls.tree.columns, base, batch, view[0], sketch)
+        for k in range(batch):
+            open_at, fit = _raise_clearly(walls, (base + k, k), sketch, view, eye, skies, left)
+            fits = fits and fit
+            if open_at != 0:
+                those = np.arange(len(left)) if open_at == UNCLEAR else left[:open_at]
+                fits = _raise_open(walls, base + k, view, eye, skies, those) and fits
     return fits
 
 
