@@ -50,7 +50,7 @@ AT_ONCE = 4_000
 # [trees] Trees that are kept: one for all heights of lasers at which the same walls are met.
 MOST_TREES = 8
 
-# [rays] Above this number all cores cast rays; for fewer, starting threads would take longer.
+# [rays] Fewer than these are cast by one core: starting a thread would take longer.
 MANY = 4096
 
 
@@ -185,10 +185,7 @@ class PlanarCaster:
             part = slice(start, stop)
             cast_rays(tree, limits, rays[part], NO_GUESSES, ranges[part], walls[part])
 
-        if len(rays) > MANY:
-            share(work, len(rays))
-        else:
-            work(0, len(rays))
+        share(work, len(rays), MANY)
         return ranges, walls
 
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:

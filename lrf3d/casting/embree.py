@@ -106,19 +106,14 @@ class EmbreeCaster(PlanarCaster):
         x, y, theta = as_pose(pose)
         level = _level_layers(lrf, elevations, pitch, roll)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
-        ranges = np.empty((len(level), lrf.beams))
-        walls = np.empty((len(level), lrf.beams), np.int64)
-        if level.any():
-            scan = self.cast(lrf, (x, y, theta))
-            ranges[level] = scan.ranges
-            walls[level] = scan.walls
+        scan = self.cast(lrf, (x, y, theta))
+        ranges, walls = (np.tile(each, (len(level), 1)) for each in (scan.ranges, scan.walls))
         if len(beams):
             start = np.array([x, y, lrf.height])
             found, faces = self._solid.cast(start, beams.reshape(-1, 3), lrf.range_max)
             found = within_limits(found, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
-            faces = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
             ranges[~level] = found
-            walls[~level] = faces
+            walls[~level] = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
         return ranges, walls
 
     def light_layers(

@@ -109,9 +109,8 @@ def cast_rays(
     names = tree.rows
     rows = np.empty(BLOCK, np.int64)
     lengths = np.empty(BLOCK)
-    beams = np.zeros((4, BLOCK))
-    walls = np.zeros((4, BLOCK))
-    block = Block(rows, beams, walls, lengths, np.empty(SIFTED))
+    columns = np.zeros((2, 4, BLOCK))
+    block = Block(rows, columns[0], columns[1], lengths, np.empty(SIFTED))
     for start in range(0, len(rays), BLOCK):
         count = min(BLOCK, len(rays) - start)
         part = slice(start, start + count)

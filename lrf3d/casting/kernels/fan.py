@@ -101,8 +101,7 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
     low = np.empty(beams)
     high = np.empty(beams)
     for i in range(beams):
-        low[i] = edge
-        high[i] = edge
+        low[i] = high[i] = edge
         hit[i] = -1
     buffer = DepthBuffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
@@ -133,8 +132,7 @@ def root_waiting(beams: int) -> Records:
     """Room for boxes that wait, and the root of a tree, which all beams may meet."""
     waiting = np.empty(STACK, WAITING)
     root = waiting[0]
-    root.node = 0
-    root.first = 0
+    root.node = root.first = 0
     root.stop = beams
     root.near = np.inf
     return waiting

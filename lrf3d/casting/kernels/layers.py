@@ -77,8 +77,7 @@ def read_layers(
         count = skies.counts[i]
         mixed = skies.mixed[i] != 0
         skies.covered[i] = 0.0
-        skies.mixed[i] = 0
-        skies.counts[i] = 0
+        skies.mixed[i] = skies.counts[i] = 0
         if mixed:
             for r in range(many):
                 ranges[i, r], hits[i, r] = _among_overlapping(

@@ -183,6 +183,20 @@ def _raise_leaf(
     return fits
 
 
+@inner
+def _raise_open(
+    walls: Standing, row: int, view: tuple[Fan, Sectors], eye: Eye, skies: Skylines, left: Int
+) -> bool:
+    """Insert a wall at the azimuths that were left open, exactly; False if there is no room."""
+    fan, sectors = view
+    fits = True
+    for i in left:
+        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+        own = _own_eye(eye, sectors.slopes, i)
+        fits = _raise_exactly(_piece(walls, row), i, beam, own, walls.highest, skies) and fits
+    return fits
+
+
 @borrower
 def _raise_clearly(
     walls: Standing, seen: tuple[int, int], sketch: Float, view: tuple[Fan, Sectors], eye: Eye,
@@ -236,21 +250,6 @@ def _raise_clearly(
             elif at != HIDDEN:
                 fits = put(new, i, at, own, walls.highest, skies) and fits
     return left_open, fits
-
-
-@inner
-def _raise_open(
-    walls: Standing, row: int, view: tuple[Fan, Sectors], eye: Eye, skies: Skylines, left: Int
-) -> bool:
-    """Insert a wall at the azimuths that were left open, exactly; False if there is no room."""
-    fan, sectors = view
-    piece = _piece(walls, row)
-    fits = True
-    for i in left:
-        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-        own = _own_eye(eye, sectors.slopes, i)
-        fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
-    return fits
 
 
 @borrower

@@ -201,12 +201,9 @@ def _build(
     cuts = np.empty(CHILDREN + 1, dtype=np.int64)
     leaf = SMALL if len(links) == 1 else LEAF
     root = waiting[0]
-    used = 1
-    top = 1
-    root.node = 0
-    root.start = 0
+    used = top = 1
+    root.node = root.start = root.level = 0
     root.stop = len(order)
-    root.level = 0
     _bound(segments, order, 0, len(order), boxes[root.node])
     while top > 0:
         top -= 1
@@ -260,8 +257,7 @@ def _cut(
     best = np.inf
     best_axis = 0
     best_bin = -1
-    best_low = 0.0
-    best_scale = 0.0
+    best_low = best_scale = 0.0
     box = np.empty(4)
     for axis in range(2):
         low = np.inf
