@@ -156,11 +156,18 @@ def raise_fan(
             top = enter_boxes((first, -count), fan, edge, shade, sketch, waiting, top)
             continue
         fits = _raise_leaf(walls, (first, first + count), sketch, view, sight, skies, left)
-        for sector in range(box.first, box.stop if half > 0.0 else box.first):
-            shade[sector] = np.inf
-            for i in range(sectors.before[sector], sectors.before[sector + 1]):
-                shade[sector] = min(shade[sector], covered[i])
+        if half > 0.0:
+            _darken(shade, box.first, box.stop, sectors.before, covered)
     return fits
+
+
+@borrower
+def _darken(shade: Float, first: int, stop: int, before: Int, covered: Float) -> None:
+    """Update the bounds of some sectors: each is the least one of its rays."""
+    for sector in range(first, stop):
+        shade[sector] = np.inf
+        for i in range(before[sector], before[sector + 1]):
+            shade[sector] = min(shade[sector], covered[i])
 
 
 @inner

@@ -313,7 +313,7 @@ def _cut(
 
 @inner
 def _half_perimeter(box: Float) -> float:
-    return (box[2] - box[0]) + (box[3] - box[1])
+    return float((box[2] - box[0]) + (box[3] - box[1]))
 
 
 @inner
