@@ -96,7 +96,8 @@ def share(work: Callable[[int, int], None], count: int, least: int = 8) -> None:
 
     No piece but the last is smaller than the least that is worth a thread.
     """
-    cores = core_count()
+    # Asking for the cores takes as long as a few scans.
+    cores = core_count() if count > least else 1
     # With fewer pieces a core the slowest core decides, with more Python's lock does.
     size = max(least, -(-count // (8 * cores)))
     if count <= size or cores < 2:

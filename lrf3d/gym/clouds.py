@@ -52,8 +52,7 @@ class CloudObserver:
             seen = np.empty((len(poses), *_shape(sensor)), np.float32)
             fan = fan_of(sensor)
             for numbers, ranges in self._cast(sensor, poses, times, own):
-                walls = np.zeros(ranges.shape, np.int32)
-                noisy = measured(self._noise, fan, ranges, walls, rng)
+                noisy = measured(self._noise, fan, ranges, np.zeros(ranges.shape, np.int32), rng)
                 seen[numbers] = noisy.clip(0.0, sensor.range_max, out=noisy)
             found[name] = seen
         return found

@@ -116,9 +116,9 @@ def measured(
         found = chain(ScanBatch(fan.angles, ranges, walls, near, far), rng).ranges
     else:
         rows = zip(ranges.reshape(-1, fan.beams), walls.reshape(-1, fan.beams), strict=True)
-        nowhere = (0.0, 0.0, 0.0)
         scans = [
-            LaserScan(nowhere, fan.angles, *row, range_min=near, range_max=far) for row in rows
+            LaserScan((0.0, 0.0, 0.0), fan.angles, *row, range_min=near, range_max=far)
+            for row in rows
         ]
         found = np.array([chain(scan, rng).ranges for scan in scans]).reshape(ranges.shape)
     return np.where((found < near) & (found > -np.inf), -np.inf, found)
