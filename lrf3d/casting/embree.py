@@ -107,7 +107,8 @@ class EmbreeCaster(PlanarCaster):
         level = _level_layers(lrf, elevations, pitch, roll)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
         scan = self.cast(lrf, (x, y, theta))
-        ranges, walls = (np.tile(each, (len(level), 1)) for each in (scan.ranges, scan.walls))
+        ranges = np.tile(scan.ranges, (len(level), 1))
+        walls = np.tile(scan.walls, (len(level), 1))
         if len(beams):
             start = np.array([x, y, lrf.height])
             found, faces = self._solid.cast(start, beams.reshape(-1, 3), lrf.range_max)
