@@ -91,11 +91,15 @@ def _watch() -> None:
     Thread(target=end, args=(caller.sentinel,), daemon=True).start()
 
 
-def share(work: Callable[[int, int], None], count: int) -> None:
-    """Call work(start, stop) for pieces of range(count), in one thread for each core."""
-    cores = core_count()
+def share(work: Callable[[int, int], None], count: int, least: int = 8) -> None:
+    """Call work(start, stop) for pieces of range(count), in one thread for each core.
+
+    No piece but the last is smaller than the least that is worth a thread.
+    """
+    # Asking for the cores takes as long as a few scans.
+    cores = core_count() if count > least else 1
     # With fewer pieces a core the slowest core decides, with more Python's lock does.
-    size = max(8, -(-count // (8 * cores)))
+    size = max(least, -(-count // (8 * cores)))
     if count <= size or cores < 2:
         work(0, count)
         return

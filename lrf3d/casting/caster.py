@@ -60,7 +60,7 @@ AT_ONCE = 4_000
 # [trees] Trees that are kept: one for all heights of lasers at which the same walls are met.
 MOST_TREES = 8
 
-# [rays] Above this number all cores cast rays; for fewer, starting threads would take longer.
+# [rays] Fewer than these are cast by one core: starting a thread would take longer.
 MANY = 4096
 
 
@@ -88,6 +88,8 @@ class PlanarCaster:
         self._levels: list[float] = np.unique(world.heights).tolist()
         # A world never changes, so a tree stays valid; threads of one scan share it.
         self._tree = lru_cache(MOST_TREES)(self._build)
+        # As kernels take it.
+        self._plain = lru_cache(MOST_TREES)(lambda height: self.tree(height)[:])
         if world.materials:
             from lrf3d.casting.light import Lighting
 
@@ -124,11 +126,12 @@ class PlanarCaster:
 
     def _once(self, lrf: LaserRangeFinder, pose: Pose) -> tuple[Float, Int]:
         """Ranges and walls (beams,) from a pose; beams end also at mirrors and glass."""
-        laser = laser_of(lrf)
+        # A call less for what nearly all are: of a scan of some beams half is Python.
+        laser = lrf.plain if isinstance(lrf, LaserRangeFinder) else laser_of(lrf)
         ranges = np.empty(lrf.beams)
         walls = np.empty(lrf.beams, np.int64)
-        poses = np.fromiter(pose, np.float64, 3)[None]
-        self._fill(lrf.height, laser, poses, ranges[None], walls[None])
+        place = np.fromiter(pose, np.float64, 3)[None]
+        self._fill(lrf.height, laser, place, ranges[None], walls[None])
         return ranges, walls
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
@@ -185,17 +188,14 @@ class PlanarCaster:
             )
         ranges = np.empty(len(rays))
         walls = np.empty(len(rays), np.int64)
-        tree = self.tree(lrf.height)[:]
+        tree = self._plain(lrf.height)
         limits = (float(lrf.range_min), float(lrf.range_max))
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
             cast_rays(tree, limits, rays[part], NO_GUESSES, ranges[part], walls[part])
 
-        if len(rays) > MANY:
-            share(work, len(rays))
-        else:
-            work(0, len(rays))
+        share(work, len(rays), MANY)
         return ranges, walls
 
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:
@@ -337,9 +337,9 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        tree = self.tree(height)
+        tree = self._plain(height)
         if ranges.shape[1] > (FEW if len(poses) > 1 else 1):
-            cast_scans(tree[:], laser, poses, ranges, walls)
+            cast_scans(tree, laser, poses, ranges, walls)
         else:
             cast_one_by_one(tree, laser, poses, ranges, walls, lambda rays: NO_GUESSES)
 
@@ -380,7 +380,7 @@ class PlanarCaster:
 
 
 def cast_one_by_one(
-    tree: Tree, laser: Plain, poses: Float, ranges: Float, walls: Int,
+    tree: Plain, laser: Plain, poses: Float, ranges: Float, walls: Int,
     guesses: Callable[[Records], NDArray[np.int32]],
 ) -> None:  # fmt: skip
     """Cast scans beam by beam, some of them at a time, with the walls that beams probably meet."""
@@ -390,4 +390,4 @@ def cast_one_by_one(
         rays_from(laser, poses[part], np.zeros(len(rays)), rays)
         flat = rays.ravel()
         found = guesses(flat), ranges[part].ravel(), walls[part].ravel()
-        cast_rays(tree[:], laser[-2:], flat, *found)
+        cast_rays(tree, laser[-2:], flat, *found)

@@ -145,10 +145,7 @@ class Crowd:
             part = slice(start, stop)
             cast_among(*asked, poses[part], own[part], ranges[part], walls[part])
 
-        if len(poses) > 1:
-            share(work, len(poses))
-        else:
-            work(0, 1)
+        share(work, len(poses))
 
     def stop_rays(
         self, lrf: LaserRangeFinder, rays: Records, ranges: Float, walls: Int, *, named: int = -1

@@ -7,7 +7,7 @@ cuts are treated as walls. Layers and tilted lasers are cast in 3D, in float64.
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,10 @@ class EmbreeCaster(PlanarCaster):
         super().__init__(world if self._triangles is None else World(np.empty((0, 4))))
         self.world = world
         self._scene = lru_cache(MOST_TREES)(self._walls)
-        self._solid: MeshScene | None = None
+
+    @cached_property
+    def _solid(self) -> MeshScene:
+        return MeshScene.of(self.world, self._triangles)
 
     def _level(self, height: float) -> float:
         return super()._level(height) if self._triangles is None else height
@@ -66,18 +69,19 @@ class EmbreeCaster(PlanarCaster):
         segments, faces = level_cut(self._triangles, level)
         return build_tree(segments, faces.astype(np.int32))
 
-    def _walls(self, level: float) -> TriangleRays:
-        """The walls as they stand in the tree, of two triangles each, seen from their middle."""
-        ends = (self._tree(level).walls - np.tile(self._middle(level), 2)).reshape(-1, 2, 2)
+    def _walls(self, level: float) -> tuple[TriangleRays, float, float]:
+        """The walls as they stand in the tree, of two triangles each, seen from their middle x, y.
+
+        Embree counts coordinates from there.
+        """
+        tree = self._tree(level)
+        box = tree.boxes[:, 0]
+        middle = np.round(0.5 * (box[:2] + box[2:]))
+        ends = tree.walls.reshape(-1, 2, 2) - middle
         corners = np.empty((len(ends), 2, 3, 3), np.float32)
         corners[..., :2] = ends[:, [[0, 1, 1], [0, 1, 0]]]
         corners[..., 2] = [[-1.0, -1.0, 2.0], [-1.0, 2.0, 2.0]]
-        return TriangleRays(corners.reshape(-1, 3, 3))
-
-    def _middle(self, level: float) -> Float:
-        """The middle (2,) of the walls, from which Embree counts coordinates."""
-        box = self._tree(level).boxes[:, 0]
-        return np.asarray(np.round(0.5 * (box[:2] + box[2:])))
+        return TriangleRays(corners.reshape(-1, 3, 3)), *middle.tolist()
 
     def cast_layers(
         self,
@@ -102,21 +106,15 @@ class EmbreeCaster(PlanarCaster):
         x, y, theta = as_pose(pose)
         level = _level_layers(lrf, elevations, pitch, roll)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
-        ranges = np.empty((len(level), lrf.beams))
-        walls = np.empty((len(level), lrf.beams), np.int64)
-        if level.any():
-            scan = self.cast(lrf, (x, y, theta))
-            ranges[level] = scan.ranges
-            walls[level] = scan.walls
+        scan = self.cast(lrf, (x, y, theta))
+        ranges = np.tile(scan.ranges, (len(level), 1))
+        walls = np.tile(scan.walls, (len(level), 1))
         if len(beams):
-            if self._solid is None:
-                self._solid = MeshScene.of(self.world, self._triangles)
             start = np.array([x, y, lrf.height])
             found, faces = self._solid.cast(start, beams.reshape(-1, 3), lrf.range_max)
             found = within_limits(found, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
-            faces = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
             ranges[~level] = found
-            walls[~level] = faces
+            walls[~level] = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
         return ranges, walls
 
     def light_layers(
@@ -158,8 +156,6 @@ class EmbreeCaster(PlanarCaster):
     ) -> tuple[Float, Rows]:
         if self._triangles is None:
             return super()._layered(sensor, pose, moment)
-        if self._solid is None:
-            self._solid = MeshScene.of(self.world, self._triangles)
         beams = sensor.directions(pose)
         sizes = np.linalg.norm(beams, axis=2)
         flat = (beams / sizes[..., None]).reshape(-1, 3)
@@ -174,13 +170,12 @@ class EmbreeCaster(PlanarCaster):
         return ranges, np.where(met, faces, -1).astype(np.int32)
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
-        tree = self.tree(height)
-        if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
+        tree = self._plain(height)
+        *_, rows = tree
+        if ranges.shape[1] <= FEW or not len(rows) or not embreex_installed():
             super()._fill(height, laser, poses, ranges, walls)
             return
-        level = self._level(height)
-        scene = self._scene(level)
-        x, y = self._middle(level).tolist()
+        scene, x, y = self._scene(self._level(height))
 
         def guesses(rays: Records) -> NDArray[np.int32]:
             ends = np.zeros((2, len(rays), 3), np.float32)

@@ -23,7 +23,7 @@ from lrf3d.casting.kernels.raising import raise_fan, raise_obstacles, raise_rays
 from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.casting.kernels.skyline import ENTRY
 from lrf3d.casting.kernels.tree import Plain, build_tree
-from lrf3d.geometry.lines import TINY, Float, Int, Records
+from lrf3d.geometry.lines import TINY, Float, Int, Records, sealed
 from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.depth_camera import DepthCamera
 from lrf3d.laser.lidar import Lidar
@@ -203,35 +203,50 @@ def cast_lidar(
     walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions = STILL
 ) -> tuple[Float, Rows]:
     """Ranges and walls (layers, columns) of a lidar at a pose (3,), at rest or moving."""
-    z = lidar.mount[2]
-    standing = walls.standing(pose, z)
-    columns = lidar.columns
     moved = moment.motion is not None and bool(np.any(moment.motion))
     motion = moment.motion if moved else None
-    times = moment.time + lidar.planar.time_increment * np.arange(columns, dtype=np.float64)
-    poses = pose[None] if motion is None else swept(lidar, pose, motion)
+    times = moment.time + lidar.planar.delays
     if not lidar.is_level:
-        beams = lidar.directions((0.0, 0.0, 0.0))
-        cos: Any = np.cos(poses[:, 2])
-        sin: Any = np.sin(poses[:, 2])
-        beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
-        shape = beams.shape[:2]
-        places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
-        flat = beams.reshape(-1, 3)
-        rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
-        layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
-        ranges, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
-        return ranges.reshape(shape), hits.reshape(shape)
-    layers, order, laser = _layers_of(lidar)
-    rays = walls.reused("rays", (columns,), RAY)
-    fan: tuple[Plain, Float] | None = (laser, pose)
+        return _cast_tilted(walls, lidar, pose, times, motion, moment.obstacles)
+    z = lidar.mount[2]
+    standing = walls.standing(pose, z)
+    layers, back, fan = _layers_of(lidar)
+    rays = walls.reused("rays", (lidar.columns,), RAY)
+    rays["time"] = times
     if motion is not None:
-        rays_from(laser, poses, times, rays[None])
-        fan = None
-    elif moment.obstacles is not None:
-        rays["time"] = times
-    ranges, hits = _columns(walls, standing, rays, z, layers, fan, moment.obstacles)
-    return (ranges.T, hits.T) if order is None else (ranges.T[order], hits.T[order])
+        rays_from(fan[0], swept(lidar, pose, motion), times, rays[None])
+    along = (fan, pose) if motion is None else None
+    ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
+    return (ranges.T, hits.T) if back is None else (ranges.T[back], hits.T[back])
+
+
+def _cast_tilted(
+    walls: StandingWalls, lidar: Lidar, pose: Float, times: Float, motion: Float | None,
+    crowd: Crowd | None,
+) -> tuple[Float, Rows]:  # fmt: skip
+    """Ranges and walls of a lidar that is not level, whose columns are cast at times (columns,)."""
+    z = lidar.mount[2]
+    standing = walls.standing(pose, z)
+    shape = len(lidar.slopes), lidar.columns
+    if motion is None:
+        layers, order, fan = _sorted_beams(lidar)
+        rays = walls.reused("rays", (len(order),), RAY)
+        rays["time"] = times[order % lidar.columns]
+        found = _columns(walls, standing, rays, z, layers, (fan, pose), crowd)
+        ranges, hits = (np.empty(len(order), each.dtype) for each in found)
+        ranges[order], hits[order] = (each.ravel() for each in found)
+        return ranges.reshape(shape), hits.reshape(shape)
+    poses = swept(lidar, pose, motion)
+    beams = lidar.directions((0.0, 0.0, 0.0))
+    cos: Any = np.cos(poses[:, 2])
+    sin: Any = np.sin(poses[:, 2])
+    beams[..., 0], beams[..., 1] = turn(beams[..., 0], beams[..., 1], cos, sin)
+    places = np.broadcast_to(poses, (*shape, 3)).reshape(-1, 3)
+    flat = beams.reshape(-1, 3)
+    rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
+    layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
+    ranges, hits = _columns(walls, standing, rays, z, layers, crowd=crowd)
+    return ranges.reshape(shape), hits.reshape(shape)
 
 
 def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tuple[Int, Float]]:
@@ -239,9 +254,9 @@ def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tu
 
     They come in parts that fit into the cache.
     """
-    layers, order, laser = _layers_of(lidar)
+    layers, order, fan = _layers_of(lidar)
     z = lidar.mount[2]
-    sensor = laser, (z, *layers.extent), layers.plain, layers.range_max
+    sensor = fan, (z, *layers.extent), layers.plain, layers.range_max
     rays = np.zeros(lidar.columns, RAY)
     shape = lidar.columns, len(lidar.slopes)
     many = max(1, AT_ONCE // (shape[0] * shape[1]))
@@ -280,26 +295,48 @@ def cast_depth(
         # Azimuths are the same in all rows; directions of all pixels would take longer than depths.
         theta = float(pose[2])
         ahead, left = turn(np.ones(camera.width), camera.lefts, math.cos(theta), math.sin(theta))
-        beams = np.column_stack([ahead, left])
+        flat = np.column_stack([ahead, left])
         layers = Layered.of(camera.slopes[None, ::-1], np.ones(camera.height), camera)
-        rays = rays_along(pose, beams, moment.time)
-        depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
-        return depth.T[::-1], hits.T[::-1]
-    beams = camera.directions(pose)
-    flat = beams.reshape(-1, 3)
-    layers = Layered.of(flat[:, 2:], np.ones(1), camera)
+    else:
+        flat = camera.directions(pose).reshape(-1, 3)
+        layers = Layered.of(flat[:, 2:], np.ones(1), camera)
     rays = rays_along(pose, flat, moment.time)
     depth, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
-    return depth.reshape(beams.shape[:2]), hits.reshape(beams.shape[:2])
+    if camera.is_level:
+        return depth.T[::-1], hits.T[::-1]
+    return depth.reshape(camera.height, -1), hits.reshape(camera.height, -1)
 
 
 @lru_cache(8)
 def _layers_of(lidar: Lidar) -> tuple[Layered, Int | None, Plain]:
-    """A level lidar's layers, their order unless ascending, and the lidar as kernels take it."""
+    """A level lidar's layers, their order unless ascending, and its beams as of `raise_fan`."""
     order = np.argsort(lidar.slopes, kind="stable")
     layers = Layered.of(lidar.slopes[None, order], lidar.stretches[order], lidar)
     back = None if (order[1:] > order[:-1]).all() else np.argsort(order)
-    return layers, back, laser_of(lidar.planar)
+    slopes = layers.plain[0][:, [0, -1]]
+    return layers, back, (laser_of(lidar.planar), (np.arange(lidar.columns + 1), 0.0, slopes))
+
+
+@lru_cache(8)
+def _sorted_beams(lidar: Lidar) -> tuple[Layered, Int, Plain]:
+    """A tilted lidar's beams, each a layer, their order by azimuth, and as of `raise_fan`."""
+    beams = lidar.directions((0.0, 0.0, 0.0)).reshape(-1, 3)
+    count = len(beams)
+    flat = np.where(np.abs(beams[:, :2]) < TINY, 0.0, beams[:, :2])
+    flat[(np.abs(flat) < UPRIGHT).all(axis=1), 0] = UPRIGHT
+    turns = 0.5 + np.arctan2(flat[:, 1], flat[:, 0]) / (2.0 * math.pi)
+    sector = np.minimum((turns * count).astype(np.int64), count - 1)
+    order = np.argsort(sector, kind="stable")
+    half = math.pi / count
+    laser = (
+        sealed(np.ascontiguousarray(flat[order].T)),
+        0.0,
+        math.pi - half,
+        *laser_of(lidar.planar)[-2:],
+    )
+    before = np.append(0, np.cumsum(np.bincount(sector, minlength=count)))
+    layers = Layered.of(beams[order, 2:], np.ones(1), lidar)
+    return layers, order, (laser, (before, half, layers.plain[0][:, [0, -1]]))
 
 
 def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:

@@ -242,6 +242,9 @@ def _announce() -> None:
 @cache
 def _announce_unsaved(folder: str, reason: str) -> None:
     """Warn, once in each process, that the next one will have to compile the kernels too."""
-    text = f"{folder}: compiled kernels could not be kept ({reason}), so that each start compiles"
-    text += " them, for half a minute; set NUMBA_CACHE_DIR to a folder that can be written"
-    warnings.warn(text, Lrf3dWarning, stacklevel=2)
+    warnings.warn(
+        f"{folder}: compiled kernels could not be kept ({reason}), so that each start compiles"
+        " them, for half a minute; set NUMBA_CACHE_DIR to a folder that can be written",
+        Lrf3dWarning,
+        stacklevel=2,
+    )

@@ -62,10 +62,7 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
     """Check and convert a pose that comes from outside."""
     try:
         # Numbers of an array take thrice as long to read one by one, and this runs for every scan.
-        x, y, theta = pose.tolist() if isinstance(pose, np.ndarray) else pose
-        x = float(x)
-        y = float(y)
-        theta = float(theta)
+        x, y, theta = map(float, pose.tolist() if isinstance(pose, np.ndarray) else pose)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
     if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(theta) <= LARGEST):

@@ -11,7 +11,7 @@ from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import as_pose, compose
-from lrf3d.laser import DepthCamera, Lidar, Noise
+from lrf3d.laser import Chain, DepthCamera, Lidar, Noise
 from lrf3d.simulation.clouds import measured
 from lrf3d.simulation.scenario import Scenario
 
@@ -27,7 +27,7 @@ class CloudObserver:
         self, scenario: Scenario, caster: PlanarCaster, noise: Noise, crowd: Crowd
     ) -> None:
         self._caster = caster
-        self._noise = noise
+        self._noise = Chain([noise])
         self._crowd = crowd
         self._sensors: dict[str, Lidar | DepthCamera] = {}
         for kind, sensors in (("lidar", scenario.lidars), ("depth", scenario.depth_cameras)):

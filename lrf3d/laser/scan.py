@@ -170,8 +170,11 @@ class LaserScan(Value, Pictured):
         """
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
-        common = lrf.of_scans
-        scan.__dict__.update(common, pose=pose, ranges=sealed(ranges), walls=sealed(walls))
+        own = scan.__dict__
+        own.update(lrf.of_scans)
+        own["pose"] = pose
+        own["ranges"] = sealed(ranges)
+        own["walls"] = sealed(walls)
         if light:
             for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:

@@ -106,15 +106,16 @@ def measured(
     noise: Noise, fan: LaserRangeFinder, ranges: Float, walls: Any, rng: np.random.Generator
 ) -> Float:
     """Measured ranges (…, beams) from true ones and the walls that they hit."""
-    chain = Chain([noise])
+    # Noises of users are checked once, where a chain is made.
+    chain = noise if isinstance(noise, Chain) else Chain([noise])
     near, far = fan.range_min, fan.range_max
     if chain.batched:
         found = chain(ScanBatch(fan.angles, ranges, walls, near, far), rng).ranges
     else:
         rows = zip(ranges.reshape(-1, fan.beams), walls.reshape(-1, fan.beams), strict=True)
-        nowhere = (0.0, 0.0, 0.0)
         scans = [
-            LaserScan(nowhere, fan.angles, *row, range_min=near, range_max=far) for row in rows
+            LaserScan((0.0, 0.0, 0.0), fan.angles, *row, range_min=near, range_max=far)
+            for row in rows
         ]
         found = np.array([chain(scan, rng).ranges for scan in scans]).reshape(ranges.shape)
     return np.where((found < near) & (found > -np.inf), -np.inf, found)

@@ -288,3 +288,9 @@ def test_a_fleet_of_given_drives_is_that_of_each_among_the_others():
         )
         assert np.array_equal([step.true_scan.ranges for step in alone], run.truth)
         assert run.walls.max() < 0 < np.isfinite(run.truth).sum()
+
+
+@pytest.mark.parametrize("moments", [1, 2])
+def test_a_robot_that_rests_touches_the_wall_that_it_stands_in(moments):
+    rests = Trajectory(range(moments), [(1.9, 0.0, 0.0)] * moments)
+    assert CollisionChecker(World([[2, -1, 2, 1]])).first(rests, Body(0.35)).wall == 0

@@ -109,9 +109,8 @@ def cast_rays(
     names = tree.rows
     rows = np.empty(BLOCK, np.int64)
     lengths = np.empty(BLOCK)
-    beams = np.zeros((4, BLOCK))
-    walls = np.zeros((4, BLOCK))
-    block = Block(rows, beams, walls, lengths, np.empty(SIFTED))
+    columns = np.zeros((2, 4, BLOCK))
+    block = Block(rows, columns[0], columns[1], lengths, np.empty(SIFTED))
     for start in range(0, len(rays), BLOCK):
         count = min(BLOCK, len(rays) - start)
         part = slice(start, start + count)
@@ -136,18 +135,16 @@ def _follow(
     tree: Tree, rays: Records, guesses: NDArray[np.int32], reach: float, block: Block, stack: Stack
 ) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
-    rows = block.rows
     beams = block.beams
     walls = block.walls
     before = -1
     row = -1
     for i in range(len(rays)):
-        ray = rays[i]
-        beam = Beam(ray.x, ray.y, ray.dx, ray.dy)
+        beam = beam_of(rays, i)
         # Without guesses the wall of the two beams before is often the one.
         guess = guesses[i] if len(guesses) > 0 else row if row == before else -1
         before = row
-        row = rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
+        row = block.rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
         if row >= 0:
             beams[0, i], beams[1, i], beams[2, i], beams[3, i] = beam
             walls[0, i], walls[1, i], walls[2, i], walls[3, i] = wall_at(tree.walls, row)
@@ -157,7 +154,7 @@ def _follow(
         block.lengths[k] = t[0] if good else np.nan
 
 
-@inner
+@borrower
 def beam_of(rays: Records, i: int) -> Beam:
     """The beam of a ray."""
     ray = rays[i]

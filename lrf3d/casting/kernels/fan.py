@@ -33,7 +33,7 @@ from lrf3d.casting.kernels.predicates import (
     wall_at,
 )
 from lrf3d.casting.kernels.tree import ROOM, STACK, Tree, column_at, whole
-from lrf3d.compiling import inner, record
+from lrf3d.compiling import borrower, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
 # Bound on the error of a bearing [rad]: 1.7e-6 of the polynomial, and ample room for rounding.
@@ -101,18 +101,12 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
     low = np.empty(beams)
     high = np.empty(beams)
     for i in range(beams):
-        low[i] = edge
-        high[i] = edge
+        low[i] = high[i] = edge
         hit[i] = -1
     buffer = DepthBuffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
-    waiting = np.empty(STACK, WAITING)
-    root = waiting[0]
+    waiting = root_waiting(beams)
     top = 1 if len(tree.walls) > 0 else 0
-    root.node = 0
-    root.first = 0
-    root.stop = beams
-    root.near = np.inf
     while top > 0:
         top -= 1
         box = waiting[top]
@@ -131,6 +125,17 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
                 left_open = draw(base + k, k, sketch, fan, buffer)
                 if left_open != 0:
                     settle(left_open, base + k, tree, fan, buffer)
+
+
+@inner
+def root_waiting(beams: int) -> Records:
+    """Room for boxes that wait, and the root of a tree, which all beams may meet."""
+    waiting = np.empty(STACK, WAITING)
+    root = waiting[0]
+    root.node = root.first = 0
+    root.stop = beams
+    root.near = np.inf
+    return waiting
 
 
 @inner
@@ -177,16 +182,9 @@ def enter_boxes(
 @inner
 def view_boxes(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
-    ox = fan.x
-    oy = fan.y
     ahead_x = fan.ahead_x
     ahead_y = fan.ahead_y
-    for k in range(whole(count)):
-        x0, y0, x1, y1 = column_at(boxes, index_of(first) + k)
-        sketch[AX + k] = x0 - ox
-        sketch[AY + k] = y0 - oy
-        sketch[BX + k] = x1 - ox
-        sketch[BY + k] = y1 - oy
+    _shift(boxes, first, count, fan, sketch)
     for k in range(whole(count)):
         x0 = sketch[AX + k]
         y0 = sketch[AY + k]
@@ -208,6 +206,19 @@ def view_boxes(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) ->
         left = bearing(left_x * ahead_x + left_y * ahead_y, left_y * ahead_x - left_x * ahead_y)
         sketch[START + k] = right
         sketch[WIDTH + k] = span(right, left)
+
+
+@borrower
+def _shift(columns: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
+    """Offsets to boxes or walls from the laser, and in U, V what they span."""
+    for k in range(whole(count)):
+        px, py, qx, qy = column_at(columns, index_of(first) + k)
+        sketch[AX + k] = px - fan.x
+        sketch[AY + k] = py - fan.y
+        sketch[BX + k] = qx - fan.x
+        sketch[BY + k] = qy - fan.y
+        sketch[U + k] = qy - py
+        sketch[V + k] = qx - px
 
 
 @inner
@@ -278,18 +289,9 @@ def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> No
 
     Where float64 cannot tell on which side a wall is seen, its slack is infinite.
     """
-    ox = fan.x
-    oy = fan.y
     ahead_x = fan.ahead_x
     ahead_y = fan.ahead_y
-    for k in range(whole(count)):
-        px, py, qx, qy = column_at(walls, index_of(first) + k)
-        sketch[AX + k] = px - ox
-        sketch[AY + k] = py - oy
-        sketch[BX + k] = qx - ox
-        sketch[BY + k] = qy - oy
-        sketch[U + k] = qy - py
-        sketch[V + k] = qx - px
+    _shift(walls, first, count, fan, sketch)
     for k in range(whole(count)):
         ax = sketch[AX + k]
         ay = sketch[AY + k]

@@ -17,12 +17,12 @@ def cast_fans(
 ) -> int:  # fmt: skip
     """Fill ranges (k, azimuths, layers) from poses (k, 3), and the hits of the last pose.
 
-    The sensor is its laser, its eye, its layers and its range_max. Returns the number of poses for
-    which the skylines had room.
+    The sensor is its beams as of `raise_fan`, its eye, its layers and its range_max. Returns the
+    number of poses for which the skylines had room.
     """
-    laser, eye, layers, range_max = sensor
+    beams, eye, layers, range_max = sensor
     for k in range(len(poses)):
-        if not raise_fan(plain, laser, poses[k], rays, eye, skies):
+        if not raise_fan(plain, beams, poses[k], rays, eye, skies):
             return k
         read_layers(rays, eye[0], layers, range_max, skies, ranges[k], hits)
     return len(poses)

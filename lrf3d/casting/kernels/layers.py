@@ -77,8 +77,7 @@ def read_layers(
         count = skies.counts[i]
         mixed = skies.mixed[i] != 0
         skies.covered[i] = 0.0
-        skies.mixed[i] = 0
-        skies.counts[i] = 0
+        skies.mixed[i] = skies.counts[i] = 0
         if mixed:
             for r in range(many):
                 ranges[i, r], hits[i, r] = _among_overlapping(
@@ -167,7 +166,7 @@ def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max:
     return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
 
 
-@inner
+@borrower
 def _limited(t: float, r: int, layers: Layers, range_max: float) -> float:
     """The range of a layer at t: +inf above its largest, −inf below its least."""
     if not t <= layers.reaches[r]:

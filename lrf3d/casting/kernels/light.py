@@ -161,14 +161,9 @@ def _follow(
     ray = rays[-1]
     chain = chains[-1]
     one = rays[0]
-    one.x = 0.0
-    one.y = 0.0
-    one.way = 0.0
+    one.x = one.y = one.way = 0.0
     one.gain = 1.0
-    one.turns = 0
-    one.count = 0
-    one.here = 0
-    one.passed = 0
+    one.turns = one.count = one.here = one.passed = 0
     way, name = first
     waiting = 1
     known = name >= 0

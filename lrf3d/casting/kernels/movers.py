@@ -178,7 +178,7 @@ def place_all(plain: Plain, time: float) -> None:
         place(among, j, time)
 
 
-@inner
+@borrower
 def side_at(sides: Records, row: int) -> Wall:
     """The side in a row, as a wall."""
     side = sides[row]
@@ -194,9 +194,7 @@ def _meet_clearly(
     It makes no arrays, and so counts no references.
     """
     for row in range(first, stop):
-        side = sides[row]
-        wall = Wall(side.px, side.py, side.qx, side.qy)
-        verdict, low, high = judged(wall, beam, nearest)
+        verdict, low, high = judged(side_at(sides, row), beam, nearest)
         if verdict == TAKEN:
             nearest = Nearest(row, low, high)
         elif verdict == OPEN:

@@ -22,7 +22,7 @@ from lrf3d.casting.kernels.fan import (
     SLACK,
     START,
     TURN,
-    WAITING,
+    UNCLEAR,
     WIDTH,
     Fan,
     U,
@@ -31,6 +31,7 @@ from lrf3d.casting.kernels.fan import (
     hidden,
     outline,
     reached,
+    root_waiting,
     turns_to_meet,
     view_boxes,
 )
@@ -57,14 +58,12 @@ from lrf3d.casting.kernels.skyline import (
     Skylines,
     entry_of,
     insert,
-    place_exactly,
     place_of,
     put,
 )
 from lrf3d.casting.kernels.tree import (
     ROOM,
     SMALL,
-    STACK,
     Plain,
     Tree,
     Way,
@@ -72,8 +71,8 @@ from lrf3d.casting.kernels.tree import (
     new_stack,
     next_leaf,
 )
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry.lines import Float, Records
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry.lines import Float, Int, Records
 
 
 class Standing(NamedTuple):
@@ -97,14 +96,25 @@ class UprightWall(NamedTuple):
     name: int  # Its number in the world, or below −1 of an obstacle.
 
 
+class Sectors(NamedTuple):
+    """Evenly spaced sectors of azimuths, as many as rays, and the rays that lie in them."""
+
+    before: Int  # (rays + 1,) the number of rays in the sectors before each.
+    half: float  # [rad] half of a sector's width; 0 where each ray is the middle of its sector.
+    # The least and the largest slope of each ray's layers (rays, 2), or of all rays' (1, 2).
+    slopes: Float
+
+
 @compiled
 def raise_fan(
-    plain: Plain, plain_laser: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
+    plain: Plain, beams_at: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
 ) -> bool:
-    """Insert walls into the skylines of evenly spaced azimuths from one pose (3,), and fill rays.
+    """Insert walls into the skylines of rays from one pose (3,), sorted by sectors; fill the rays.
 
-    Returns whether the skylines had room for all walls.
+    The beams are a `Laser` and its `Sectors`. Returns whether the skylines had room for all walls.
     """
+    plain_laser, plain_sectors = beams_at
+    sectors = Sectors(*plain_sectors)
     walls = Standing(Tree(*plain[0]), *plain[1:])
     tree = walls.tree
     sight = Eye(*eye)
@@ -115,6 +125,9 @@ def raise_fan(
     dy = np.empty(beams + PADDING)
     fan = aim(Laser(*plain_laser), pose, dx, dy)
     edge = 1.0 / (sight.reach * ROOM)
+    half = sectors.half
+    # The bound of a sector is the least one of its rays.
+    shade = covered if half == 0.0 else np.full(beams, edge)
     for i in range(beams):
         covered[i] = max(covered[i], edge)
         ray = rays[i]
@@ -122,88 +135,135 @@ def raise_fan(
         ray.y = fan.y
         ray.dx = dx[i]
         ray.dy = dy[i]
+    view = (fan, sectors)
+    left = np.empty(beams, np.int64)
     sketch = np.empty(SKETCH)
-    waiting = np.empty(STACK, WAITING)
-    root = waiting[0]
-    root.node = 0
-    root.first = 0
-    root.stop = beams
-    root.near = np.inf
+    waiting = root_waiting(beams)
     top = 1 if len(tree.walls) > 0 else 0
     fits = True
     while top > 0 and fits:
         top -= 1
         box = waiting[top]
-        if hidden(covered, box.first, box.stop, box.near):
+        if hidden(shade, box.first, box.stop, box.near):
             continue
         first = tree.links[box.node, 0]
         count = tree.links[box.node, 1]
         if count < 0:
             view_boxes(tree.boxes, first, -count, fan, sketch)
-            top = enter_boxes((first, -count), fan, edge, covered, sketch, waiting, top)
+            for k in range(-count):
+                sketch[START + index_of(k)] -= half
+                sketch[WIDTH + index_of(k)] += 2.0 * half
+            top = enter_boxes((first, -count), fan, edge, shade, sketch, waiting, top)
             continue
-        for base in range(first, first + count, BATCH):
-            batch = min(BATCH, first + count - base)
-            outline(tree.columns, base, batch, fan, sketch)
-            for k in range(batch):
-                fits = _raise_wall(walls, base + k, k, sketch, fan, sight, skies) and fits
+        fits = _raise_leaf(walls, (first, first + count), sketch, view, sight, skies, left)
+        if half > 0.0:
+            _darken(shade, box.first, box.stop, sectors.before, covered)
+    return fits
+
+
+@borrower
+def _darken(shade: Float, first: int, stop: int, before: Int, covered: Float) -> None:
+    """Update the bounds of some sectors: each is the least one of its rays."""
+    for sector in range(first, stop):
+        shade[sector] = np.inf
+        for i in range(before[sector], before[sector + 1]):
+            shade[sector] = min(shade[sector], covered[i])
+
+
+@inner
+def _raise_leaf(
+    walls: Standing, leaf: tuple[int, int], sketch: Float, view: tuple[Fan, Sectors], eye: Eye,
+    skies: Skylines, left: Int,
+) -> bool:  # fmt: skip
+    """Insert the walls of a leaf, from one row to before another; False if there is no room."""
+    start, stop = leaf
+    fits = True
+    for base in range(start, stop, BATCH):
+        batch = min(BATCH, stop - base)
+        outline(walls.tree.columns, base, batch, view[0], sketch)
+        for k in range(batch):
+            open_at, fit = _raise_clearly(walls, (base + k, k), sketch, view, eye, skies, left)
+            fits = fits and fit
+            if open_at != 0:
+                those = np.arange(len(left)) if open_at == UNCLEAR else left[:open_at]
+                fits = _raise_open(walls, base + k, view, eye, skies, those) and fits
     return fits
 
 
 @inner
-def _raise_wall(
-    walls: Standing, row: int, k: int, sketch: Float, fan: Fan, eye: Eye, skies: Skylines
+def _raise_open(
+    walls: Standing, row: int, view: tuple[Fan, Sectors], eye: Eye, skies: Skylines, left: Int
 ) -> bool:
-    """Insert a wall, number k of a sketch, at all azimuths that meet it."""
+    """Insert a wall at the azimuths that were left open, exactly; False if there is no room."""
+    fan, sectors = view
+    fits = True
+    for i in left:
+        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+        own = _own_eye(eye, sectors.slopes, i)
+        fits = _raise_exactly(_piece(walls, row), i, beam, own, walls.highest, skies) and fits
+    return fits
+
+
+@borrower
+def _raise_clearly(
+    walls: Standing, seen: tuple[int, int], sketch: Float, view: tuple[Fan, Sectors], eye: Eye,
+    skies: Skylines, left: Int,
+) -> tuple[int, bool]:  # fmt: skip
+    """Insert a wall, by its row and its number in a sketch, at azimuths where that is clear.
+
+    Returns how many azimuths are left open, or UNCLEAR for all, and whether there was room.
+    """
+    row, k = seen
+    fan, sectors = view
     place = index_of(k)
     wall = wall_at(walls.tree.walls, row)
     u = sketch[U + place]
     v = sketch[V + place]
     slack = sketch[SLACK + place]
+    if not slack < np.inf or fan.per_step == 0.0:
+        return UNCLEAR, True
     covered = skies.covered
     beams = len(covered)
-    fits = True
-    if not slack < np.inf or fan.per_step == 0.0:
-        piece = _piece(walls, row)
-        for i in range(beams):
-            beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-            fits = _raise_exactly(piece, i, beam, eye, walls.highest, skies) and fits
-        return fits
     sense = 1 if u * (wall.qy - wall.py) + v * (wall.qx - wall.px) > 0.0 else -1
     height = walls.heights[row]
     exits = EXITS if sense * walls.inner[row] > 0 and height < eye.z else MEETS
     name = walls.tree.rows[row]
-    # Read from their tuples once, as each access counts a reference.
-    x = fan.x
-    y = fan.y
-    dx = fan.dx
-    dy = fan.dy
-    per_step = fan.per_step
-    z = eye.z
-    highest = walls.highest
-    before, after = turns_to_meet(sketch[START + place], sketch[WIDTH + place], fan.half)
+    numbers = sectors.before
+    half = sectors.half
+    aside = BEARING_SLACK + half
+    width = sketch[WIDTH + place]
+    left_open = 0
+    fits = True
+    before, after = turns_to_meet(sketch[START + place] - half, width + 2.0 * half, fan.half)
     for turn in range(before, after + 1):
         a = sketch[START + place] + turn * TURN + fan.half
-        b = a + sketch[WIDTH + place]
-        first = reached((a - BEARING_SLACK) * per_step, beams)
-        stop = reached((b + BEARING_SLACK) * per_step, beams)
-        sure = reached((a + BEARING_SLACK) * per_step, beams)
-        sure_stop = reached((b - BEARING_SLACK) * per_step, beams)
+        b = a + width
+        first = numbers[reached((a - aside) * fan.per_step, beams)]
+        stop = numbers[reached((b + aside) * fan.per_step, beams)]
+        sure = numbers[reached((a + aside) * fan.per_step, beams)]
+        sure_stop = numbers[reached((b - aside) * fan.per_step, beams)]
         for i in range(first, stop):
-            depth = dx[i] * u - dy[i] * v
+            depth = fan.dx[i] * u - fan.dy[i] * v
             if depth + slack < covered[i]:
                 continue
-            if i < sure or i >= sure_stop:
-                beam = Beam(x, y, dx[i], dy[i])
-                fits = _raise_exactly(_piece(walls, row), i, beam, eye, highest, skies) and fits
-                continue
-            new = entry_of(depth - slack, depth + slack, height, wall, (name, exits), z)
-            at = place_of(new, i, eye, skies)
+            at = AMBIGUOUS
+            new = entry_of(depth - slack, depth + slack, height, wall, (name, exits), eye.z)
+            own = _own_eye(eye, sectors.slopes, i)
+            if sure <= i < sure_stop:
+                at = place_of(new, i, own, skies)
             if at == AMBIGUOUS:
-                at = place_exactly(new, i, Beam(x, y, dx[i], dy[i]), eye, skies)
-            if at != HIDDEN:
-                fits = put(new, i, at, eye, highest, skies) and fits
-    return fits
+                left[left_open] = i
+                left_open += 1
+            elif at != HIDDEN:
+                fits = put(new, i, at, own, walls.highest, skies) and fits
+    return left_open, fits
+
+
+@borrower
+def _own_eye(eye: Eye, slopes: Float, i: int) -> Eye:
+    """The eye of a ray, whose layers have slopes of their own, or those of all rays."""
+    row = min(i, len(slopes) - 1)
+    return Eye(eye.z, slopes[row, 0], slopes[row, 1], eye.reach)
 
 
 @compiled
@@ -223,8 +283,7 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
     for i in range(len(rays)):
         beam = beam_of(rays, i)
         way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
-        row = min(i, len(slopes) - 1)
-        own = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+        own = _own_eye(sight, slopes, i)
         limit = _farthest(own, walls.highest) * ROOM
         top = enter(tree, stack)
         while top > 0:
@@ -270,8 +329,7 @@ def raise_obstacles(
             ahead = beam.dx * east + beam.dy * north
             if j == own or abs(beam.dx * north - beam.dy * east) > wide or ahead < -wide:
                 continue
-            row = min(i, len(slopes) - 1)
-            seen = Eye(sight.z, slopes[row, 0], slopes[row, 1], sight.reach)
+            seen = _own_eye(sight, slopes, i)
             before = mover.stop - 1
             for k in range(mover.first, mover.stop):
                 after = k + 1 if k + 1 < mover.stop else mover.first

@@ -65,9 +65,7 @@ def rays_from(plain: Plain, poses: Float, times: Float, rays: Records) -> None:
     scans, beams = rays.shape
     rolling = scans < len(poses)
     cos = 1.0
-    sin = 0.0
-    x = 0.0
-    y = 0.0
+    sin = x = y = 0.0
     for k in range(scans):
         for i in range(beams):
             at = i if rolling else k

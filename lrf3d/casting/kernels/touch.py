@@ -431,8 +431,6 @@ def _gap_at(
         side.qy = y + sin * edge.qx + cos * edge.qy
     if mover.disc == 0.0:
         return _gap(sides, among.sides, mover.first, mover.stop) - body.radius
-    spot[0].px = at.x
-    spot[0].py = at.y
-    spot[0].qx = at.x
-    spot[0].qy = at.y
+    spot[0].px = spot[0].qx = at.x
+    spot[0].py = spot[0].qy = at.y
     return float(_gap(sides, spot, 0, 1) - body.radius - mover.disc)

@@ -114,7 +114,6 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
     The last number is that of the boxes that still wait, of which the root is the first.
     """
     boxes = tree.boxes
-    links = tree.links
     waiting, nears = stack
     ox, oy, x, y, dx, dy = way
     across = 1.0 / dx
@@ -128,8 +127,8 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
         top -= 1
         if waiting[top].near > limit * ROOM:
             continue
-        first = links[waiting[top].node, 0]
-        count = links[waiting[top].node, 1]
+        first = tree.links[waiting[top].node, 0]
+        count = tree.links[waiting[top].node, 1]
         if count > 0:
             return first, first + count, top
         for k in range(whole(-count)):
@@ -202,12 +201,9 @@ def _build(
     cuts = np.empty(CHILDREN + 1, dtype=np.int64)
     leaf = SMALL if len(links) == 1 else LEAF
     root = waiting[0]
-    used = 1
-    top = 1
-    root.node = 0
-    root.start = 0
+    used = top = 1
+    root.node = root.start = root.level = 0
     root.stop = len(order)
-    root.level = 0
     _bound(segments, order, 0, len(order), boxes[root.node])
     while top > 0:
         top -= 1
@@ -261,8 +257,7 @@ def _cut(
     best = np.inf
     best_axis = 0
     best_bin = -1
-    best_low = 0.0
-    best_scale = 0.0
+    best_low = best_scale = 0.0
     box = np.empty(4)
     for axis in range(2):
         low = np.inf
@@ -318,17 +313,13 @@ def _cut(
 
 @inner
 def _half_perimeter(box: Float) -> float:
-    size = 0.0
-    for axis in range(2):
-        size += box[axis + 2] - box[axis]
-    return size
+    return float((box[2] - box[0]) + (box[3] - box[1]))
 
 
 @inner
 def _empty(box: Float) -> None:
-    for axis in range(2):
-        box[axis] = np.inf
-        box[axis + 2] = -np.inf
+    box[:2] = np.inf
+    box[2:] = -np.inf
 
 
 @inner
