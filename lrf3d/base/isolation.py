@@ -197,7 +197,7 @@ def _process() -> "Iterator[subprocess.Popen[bytes]]":
     unfinished.add(folder)
     try:
         process = subprocess.Popen(
-            [sys.executable, "-I", "-c", START, json.dumps(paths)],
+            [sys.executable, "-I", "-S", "-c", START, json.dumps(paths)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

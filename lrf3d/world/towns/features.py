@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 from shapely.geometry import shape
 
 from lrf3d.base.balance import Balance
@@ -366,6 +365,8 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     tall = np.array([part.heights.max() for part in alone])
     corners = shapely.get_coordinates(polygons)
     origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+    from scipy.spatial import cKDTree
+
     source = cKDTree(corners - origin)
     number = 0
     local = shapely.transform(polygons, lambda xy: xy - origin)
