@@ -87,7 +87,7 @@ def _answer(reader: str, path: str, options: dict[str, Any]) -> list[Any]:
         try:
             found = [True, read_directly(reader, path, options)]
         except Lrf3dError as error:
-            notes = [str(note) for note in getattr(error, "__notes__", ())]
+            notes = getattr(error, "__notes__", [])
             found = [False, [type(error).__name__, str(error), notes]]
     return [*found, [[each.category.__name__, str(each.message)] for each in caught]]
 
