@@ -134,9 +134,10 @@ def _remove(folder: Path, names: Iterable[str], console: Console) -> None:
     home = folder.resolve()
     for name in sorted(names):
         file = folder / name
-        # Results are only plain files in the folder and its subfolders.
+        # Results are only plain files in the folder and its subfolders, whatever a summary lists.
         plain = file.is_file() and not file.is_symlink()
-        if file.parent.resolve() / file.name != home / name or not plain:
+        there = file.parent.resolve() / file.name
+        if there != home / name or home not in there.parents or not plain:
             continue
         file.unlink()
         console.note(f"{file}: removed, as it belonged to the previous run")
