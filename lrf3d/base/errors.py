@@ -178,8 +178,7 @@ def expect(value: object, kind: "Any", name: str) -> None:
     """Check the kind of an argument that comes from outside."""
     if not isinstance(value, kind):
         names = " or ".join(each.__name__ for each in getattr(kind, "__args__", (kind,)))
-        expected = names.replace("NoneType", "None")
-        raise InputError(f"{name} {shown(value)}: expected a {expected}")
+        raise InputError(f"{name} {shown(value)}: expected a {names.replace('NoneType', 'None')}")
 
 
 def index_of(value: object, count: int, name: str) -> int:

@@ -143,8 +143,8 @@ class ReadingLimits(NamedTuple):
 
     def advice(self, used: str) -> str:
         """The end of a message about a limit that was exceeded."""
-        more = 4 * self.factor
-        return f"{used}; cut it down to what is needed, or raise the limit: {FACTOR}={more:g}"
+        higher = f"{FACTOR}={4 * self.factor:g}"
+        return f"{used}; cut it down to what is needed, or raise the limit: {higher}"
 
 
 class _Stopped(Exception):
@@ -194,8 +194,7 @@ def _ask(reader: str, path: str, options: dict[str, Any], limits: ReadingLimits)
 @contextmanager
 def _process() -> "Iterator[subprocess.Popen[bytes]]":
     """A fresh interpreter that waits for a request; it ends with the block."""
-    home = str(Path(__file__).parents[2])
-    paths = [*(os.path.abspath(each) for each in sys.path), home]
+    paths = [*map(os.path.abspath, sys.path), str(Path(__file__).parents[2])]
     # Readers unpack into temporary files, which a killed reader leaves behind.
     folder = mkdtemp(prefix="lrf3d-")
     unfinished.add(folder)

@@ -270,7 +270,11 @@ def _entries(path: Path, folder: Path) -> list[str]:
 def new_file(args: Namespace, path: Path, sources: Sequence[str | Path]) -> Iterator[Path]:
     """Yield a temporary path for a file and its companions, which are then moved to ``path``."""
     with unfinished_folder(path) as folder:
-        yield folder / path.name
+        try:
+            yield folder / path.name
+        except InputError as error:
+            # It names the temporary path.
+            raise InputError(str(error).replace(f"{folder}{os.sep}", "")) from None
         made_by = _made_by(args, sources, path.parent)
         made = {file: path.with_name(file.name) for file in sorted(folder.iterdir())}
         for file, there in made.items():
