@@ -272,9 +272,9 @@ def new_file(args: Namespace, path: Path, sources: Sequence[str | Path]) -> Iter
     with unfinished_folder(path) as folder:
         try:
             yield folder / path.name
-        except InputError as error:
+        except Lrf3dError as error:
             # It names the temporary path.
-            raise InputError(str(error).replace(f"{folder}{os.sep}", "")) from None
+            raise type(error)(str(error).replace(str(folder / path.name), str(path))) from None
         made_by = _made_by(args, sources, path.parent)
         made = {file: path.with_name(file.name) for file in sorted(folder.iterdir())}
         for file, there in made.items():
