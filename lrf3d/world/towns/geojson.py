@@ -15,6 +15,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,10 @@ from lrf3d.world.towns.features import (
     TURN,
     Feature,
     feature_of,
+    in_degrees,
     joined_areas,
     laid_flat,
+    lay_flat,
     looks_geographic,
     moved,
     shapes_of,
@@ -92,6 +95,8 @@ def _placed(
     if data.get("units") == "m" or _is_map(data):
         return features, place
     reference = data.get("crs")
+    if place is not None and data.get("units") == "deg":
+        return moved(features, partial(lay_flat, centre=np.array(place))), place
     features, found = in_metres(features, reference)
     if found is None and reference is None:
         assumed = "coordinates without a crs, too large for degrees, are taken as metres"
@@ -175,17 +180,39 @@ _FOREIGN = {
 
 
 def write_geojson(world: World, path: Path) -> None:
-    """Write a world as GeoJSON: one feature for each run of walls of one object."""
+    """Write a world as GeoJSON: one feature for each run of walls of one object.
+
+    Coordinates are degrees, as the standard wants them, where these are the same walls.
+    """
     # Other readers ignore these members, as the standard allows.
-    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": "m"}
+    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name}
     if world.place is not None:
         members["place"] = world.place
+    runs = runs_of(world)
+    members["units"] = "deg" if _is_in_degrees(world) else "m"
+    if members["units"] == "deg":
+        turned = partial(in_degrees, centre=np.array(world.place))
+        runs = (
+            (number, looks, [turned(np.array(line)).tolist() for line in lines], height)
+            for number, looks, lines, height in runs
+        )
     if world.cameras:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = ",\n".join(json.dumps(_feature(*run)) for run in runs_of(world))
+    features = ",\n".join(json.dumps(_feature(*run)) for run in runs)
     write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
+
+
+def _is_in_degrees(world: World) -> bool:
+    """Whether the walls of a world are the same, to the bit, if they are written as degrees."""
+    if world.place is None:
+        return False
+    centre = np.array(world.place)
+    corners = world.segments.reshape(-1, 2)
+    degrees = in_degrees(corners, centre)
+    on_earth = (np.abs(degrees) <= [0.5 * TURN, POLE]).all()
+    return bool(on_earth and lay_flat(degrees, centre).tobytes() == corners.tobytes())
 
 
 def _feature(number: int, looks: dict[str, Any], lines: list[Any], height: Any) -> dict[str, Any]:
