@@ -317,17 +317,13 @@ def lay_flat(points: Float, centre: Float) -> Float:
 
     Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes.
     """
-    return np.asarray(_from(points, centre) * _metres_of_degree(centre), dtype=np.float64)
+    return np.asarray(_from(points, centre) * metres_of_degree(centre), dtype=np.float64)
 
 
-def in_degrees(points: Float, centre: Float) -> Float:
-    """The inverse of `lay_flat`: longitudes and latitudes (k, 2) [°]."""
-    return centre + points / _metres_of_degree(centre)
-
-
-def _metres_of_degree(centre: Float) -> Float:
+def metres_of_degree(centre: Float) -> Float:
     """Metres of a degree of longitude and of latitude at a centre (2,) [°]."""
-    return np.radians(1.0) * EARTH_RADIUS * np.array([np.cos(np.radians(centre[1])), 1.0])
+    shares = np.array([np.cos(np.radians(centre[1])), 1.0])
+    return np.asarray(np.radians(1.0) * EARTH_RADIUS * shares, dtype=np.float64)
 
 
 def _from(points: Float, centre: Float) -> Float:

@@ -38,11 +38,11 @@ from lrf3d.world.towns.features import (
     TURN,
     Feature,
     feature_of,
-    in_degrees,
     joined_areas,
     laid_flat,
     lay_flat,
     looks_geographic,
+    metres_of_degree,
     moved,
     shapes_of,
     with_rooms,
@@ -92,11 +92,11 @@ def _placed(
     place = None
     if isinstance(given, list) and len(given) == 2 and is_finite(*given):
         place = float(given[0]), float(given[1])
+        if data.get("units") == "deg":
+            return moved(features, partial(lay_flat, centre=np.array(place))), place
     if data.get("units") == "m" or _is_map(data):
         return features, place
     reference = data.get("crs")
-    if place is not None and data.get("units") == "deg":
-        return moved(features, partial(lay_flat, centre=np.array(place))), place
     features, found = in_metres(features, reference)
     if found is None and reference is None:
         assumed = "coordinates without a crs, too large for degrees, are taken as metres"
@@ -184,35 +184,26 @@ def write_geojson(world: World, path: Path) -> None:
 
     Coordinates are degrees, as the standard wants them, where these are the same walls.
     """
+    drawn = world if world.place is None else _in_degrees(world)
+    units = "m" if drawn is world else "deg"
     # Other readers ignore these members, as the standard allows.
-    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name}
+    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": units}
     if world.place is not None:
         members["place"] = world.place
-    runs = runs_of(world)
-    members["units"] = "deg" if _is_in_degrees(world) else "m"
-    if members["units"] == "deg":
-        turned = partial(in_degrees, centre=np.array(world.place))
-        runs = (
-            (number, looks, [turned(np.array(line)).tolist() for line in lines], height)
-            for number, looks, lines, height in runs
-        )
     if world.cameras:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = ",\n".join(json.dumps(_feature(*run)) for run in runs)
+    features = ",\n".join(json.dumps(_feature(*run)) for run in runs_of(drawn))
     write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
 
 
-def _is_in_degrees(world: World) -> bool:
-    """Whether the walls of a world are the same, to the bit, if they are written as degrees."""
-    if world.place is None:
-        return False
+def _in_degrees(world: World) -> World:
+    """A world with degrees for metres, if these are the same walls, to the bit; or else itself."""
     centre = np.array(world.place)
-    corners = world.segments.reshape(-1, 2)
-    degrees = in_degrees(corners, centre)
-    on_earth = (np.abs(degrees) <= [0.5 * TURN, POLE]).all()
-    return bool(on_earth and lay_flat(degrees, centre).tobytes() == corners.tobytes())
+    degrees = centre + world.segments.reshape(-1, 2) / metres_of_degree(centre)
+    same = lay_flat(degrees, centre).tobytes() == world.segments.tobytes()
+    return replace(world, segments=degrees.reshape(-1, 4)) if same else world
 
 
 def _feature(number: int, looks: dict[str, Any], lines: list[Any], height: Any) -> dict[str, Any]:
