@@ -143,8 +143,10 @@ class ReadingLimits(NamedTuple):
 
     def advice(self, used: str) -> str:
         """The end of a message about a limit that was exceeded."""
-        higher = f"{FACTOR}={4 * self.factor:g}"
-        return f"{used}; cut it down to what is needed, or raise the limit: {higher}"
+        return (
+            f"{used}; cut it down to what is needed, or raise the limit:"
+            f" {FACTOR}={4 * self.factor:g}"
+        )
 
 
 class _Stopped(Exception):
