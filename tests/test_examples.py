@@ -4,6 +4,7 @@ import ast
 import doctest
 import inspect
 import re
+import runpy
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +14,7 @@ from program import lrf3d as called
 
 import lrf3d
 from lrf3d.base.errors import MissingLibraryError
+from lrf3d.recordings.formats.trajectory import load_tum
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,6 +36,16 @@ def test_a_command_of_the_readme_can_be_typed_as_it_is_shown(words, tmp_path, mo
         called("slam", "examples/drive.log.gz", "--out", "out/drive", cwd=tmp_path)
     done = called(*words.split(), *settings.get(words.split()[0], ()), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_bag_is_fed_to_another_slam(tmp_path, monkeypatch):
+    pytest.importorskip("rosbags")
+    run = lrf3d.load_scenario("corridor").run(rng=0, scans=4)
+    lrf3d.export_run(run, "mcap", tmp_path / "run.mcap")
+    files = [str(tmp_path / name) for name in ("run.mcap", "theirs.tum")]
+    monkeypatch.setattr("sys.argv", ["feed_slam.py", *files])
+    runpy.run_path(str(ROOT / "examples/feed_slam.py"))
+    assert load_tum(tmp_path / "theirs.tum").poses == pytest.approx(run.trajectory.poses)
 
 
 # A film takes its time; of errors only the root has an example.

@@ -59,10 +59,10 @@ def check() -> None:
 
 def handle_signals(name: str) -> None:
     """Let signals stop the program of this name: at the next `check`, or the second one at once."""
-    global _asked
+    global _asked, _end
     _asked = 0
-    if _end.locked():  # By a program that this process ran before.
-        _end.release()
+    # A program that this process ran before holds the other one.
+    _end = threading.Lock()
 
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked, _since

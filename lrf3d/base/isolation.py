@@ -20,6 +20,7 @@ from shutil import rmtree
 from signal import Signals
 from tempfile import mkdtemp
 from time import monotonic
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from lrf3d.base import errors
@@ -81,7 +82,7 @@ def read_file(
     """
     factor = _factor()
     # An error of the path itself needs no process.
-    apart = isolated and factor > 0.0 and _has_interpreter() and path.exists()
+    apart = isolated and factor > 0.0 and path.exists()
     if not (apart and isinstance(reader, str)):
         return read_directly(reader, path, options, error)
     limits = _limits(path, factor)
@@ -121,8 +122,10 @@ def read_directly(
         if isinstance(problem, OSError) and problem.errno is not None:
             raise error(f"{path}: cannot be read: {problem.strerror}") from None
         reason = one_line(f"{type(problem).__name__}: {' '.join(str(problem).split())}", 120)
-        what = f"damaged, or not a {path.suffix[1:].lower()} file"
-        raise error(f"{path}: {what} ({reason.strip(': ')}); save it again") from problem
+        raise error(
+            f"{path}: damaged, or not a {path.suffix[1:].lower()} file ({reason.strip(': ')});"
+            " save it again"
+        ) from problem
 
 
 def check_memory(problem: Exception) -> None:
@@ -140,8 +143,10 @@ class ReadingLimits(NamedTuple):
 
     def advice(self, used: str) -> str:
         """The end of a message about a limit that was exceeded."""
-        more = 4 * self.factor
-        return f"{used}; cut it down to what is needed, or raise the limit: {FACTOR}={more:g}"
+        return (
+            f"{used}; cut it down to what is needed, or raise the limit:"
+            f" {FACTOR}={4 * self.factor:g}"
+        )
 
 
 class _Stopped(Exception):
@@ -149,7 +154,11 @@ class _Stopped(Exception):
 
 
 def _factor() -> float:
-    """The factor by which the user multiplies the limits."""
+    """The factor by which the user multiplies the limits; 0 where no process can be started."""
+    name = os.path.basename(sys.executable or "").lower()
+    # A program that embeds Python has no interpreter for another process.
+    if "python" not in name or hasattr(sys, "frozen"):
+        return 0.0
     text = os.environ.get(FACTOR, "1")
     with suppress(ValueError):
         if 0.0 <= (factor := float(text)) <= 1e6:
@@ -157,23 +166,20 @@ def _factor() -> float:
     raise InputError(f"{FACTOR}={shown(text)}: expected a factor of the limits, such as 4, or 0")
 
 
-def _has_interpreter() -> bool:
-    """Whether another interpreter can be started; a program that embeds Python has none."""
-    name = os.path.basename(sys.executable or "").lower()
-    return "python" in name and not hasattr(sys, "frozen")
-
-
 def _limits(path: Path, factor: float) -> ReadingLimits:
     """The limits for a file or a folder by its size."""
     files = path.iterdir() if path.is_dir() else [path]
     size = sum(each.stat().st_size for each in files if each.is_file())
-    memory = int(factor * (LEAST_MEMORY + MEMORY_OF_BYTE * size))
-    return ReadingLimits(memory, int(1 + factor * (LEAST_SECONDS + SECONDS_OF_BYTE * size)), factor)
+    return ReadingLimits(
+        int(factor * (LEAST_MEMORY + MEMORY_OF_BYTE * size)),
+        int(1 + factor * (LEAST_SECONDS + SECONDS_OF_BYTE * size)),
+        factor,
+    )
 
 
 def _ask(reader: str, path: str, options: dict[str, Any], limits: ReadingLimits) -> Any:
     """The answer of another process: whether it succeeded, its value or error, and its warnings."""
-    with _process() as process, _Watch(process, limits) as watch:
+    with _process() as process, _watched(process, limits) as watch:
         assert process.stdin is not None and process.stdout is not None
         try:
             send(process.stdin, [reader, path, options, limits.memory, limits.seconds])
@@ -190,14 +196,13 @@ def _ask(reader: str, path: str, options: dict[str, Any], limits: ReadingLimits)
 @contextmanager
 def _process() -> "Iterator[subprocess.Popen[bytes]]":
     """A fresh interpreter that waits for a request; it ends with the block."""
-    home = str(Path(__file__).parents[2])
-    paths = [*(os.path.abspath(each) for each in sys.path), home]
+    paths = [*map(os.path.abspath, sys.path), str(Path(__file__).parents[2])]
     # Readers unpack into temporary files, which a killed reader leaves behind.
     folder = mkdtemp(prefix="lrf3d-")
     unfinished.add(folder)
     try:
         process = subprocess.Popen(
-            [sys.executable, "-I", "-c", START, json.dumps(paths)],
+            [sys.executable, "-I", "-S", "-c", START, json.dumps(paths)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -240,40 +245,37 @@ def _named(name: object, otherwise: type[Any]) -> type[Any]:
     return found if isinstance(found, type) and issubclass(found, base) else otherwise
 
 
-class _Watch:
-    """A thread that ends a process that takes too much memory or waits forever."""
+@contextmanager
+def _watched(process: "subprocess.Popen[bytes]", limits: ReadingLimits) -> Iterator[Any]:
+    """Let a thread end a process that takes too much memory or waits forever.
 
-    def __init__(self, process: "subprocess.Popen[bytes]", limits: ReadingLimits) -> None:
-        self.process = process
-        self.limits = limits
-        self.most = 0
-        self.reason = ""
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._look, daemon=True)
+    Yields the most memory [bytes] that it took, and why the thread ended it.
+    """
+    seen = SimpleNamespace(most=0, reason="")
+    ended = threading.Event()
 
-    def __enter__(self) -> "_Watch":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._ended.set()
-
-    def _look(self) -> None:
+    def watch() -> None:
         computed: list[str] = []
         since = monotonic()
-        while not self._ended.wait(STEP) and not self.reason:
+        while not ended.wait(STEP) and not seen.reason:
             before = computed
-            computed, memory = _used(self.process.pid)
-            self.most = max(self.most, memory)
+            computed, memory = _used(process.pid)
+            seen.most = max(seen.most, memory)
             if computed != before:
                 since = monotonic()
-            longest = PATIENCE if computed else float(SLOWEST * self.limits.seconds)
-            if memory > self.limits.memory:
-                self.reason = _memory(self.limits)
+            longest = PATIENCE if computed else float(SLOWEST * limits.seconds)
+            if memory > limits.memory:
+                seen.reason = _memory(limits)
             elif monotonic() > since + longest:
-                self.reason = f"reading it waited for {longest:g} s for something that never comes"
-            if self.reason:
-                self.process.kill()
+                seen.reason = f"reading it waited for {longest:g} s for something that never comes"
+            if seen.reason:
+                process.kill()
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield seen
+    finally:
+        ended.set()
 
 
 def _used(number: int) -> tuple[list[str], int]:

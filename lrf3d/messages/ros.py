@@ -7,7 +7,7 @@ left out is zero or empty.
 from collections.abc import Mapping, Sequence
 from math import cos, sin
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,9 +16,11 @@ from lrf3d.geometry.pose import Pose
 from lrf3d.laser import Stamp
 from lrf3d.mapping.tints import object_tints
 from lrf3d.robot.odometry import GRAVITY
-from lrf3d.simulation.run import Run
-from lrf3d.world import World
-from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
+
+# Readers of logs, which know types of messages, need neither runs nor maps.
+if TYPE_CHECKING:
+    from lrf3d.simulation.run import Run
+    from lrf3d.world import World
 
 # The frame of the map, which is that of the world.
 MAP = "map"
@@ -155,7 +157,7 @@ def imu_fields(
     }
 
 
-def beam_truth(run: Run, index: int, laser: int) -> Fields:
+def beam_truth(run: "Run", index: int, laser: int) -> Fields:
     """What each beam of a scan met, a row each: true range [m], wall, object, material, or −1.
 
     The material is its number among those of the world, counted from 0 as the objects have them.
@@ -174,8 +176,10 @@ def beam_truth(run: Run, index: int, laser: int) -> Fields:
     return {"layout": {"dim": layout}, "data": rows.ravel()}
 
 
-def occupancy_grid(world: World, finest: float, stamp: Stamp, path: Path) -> Fields:
+def occupancy_grid(world: "World", finest: float, stamp: Stamp, path: Path) -> Fields:
     """A world as cells of at least a size [m]: 100 where a wall is, 0 where it is free, or −1."""
+    from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
+
     size = cell_size(world, finest)
     cells, (x, y) = map_cells(world, size, path)
     data = np.full(cells.shape, -1, np.int8)

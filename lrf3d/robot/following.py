@@ -86,7 +86,7 @@ def follow_route(
     poses = [follower.pose]
     times = [0.0]
     # After ten times the duration at full speed and a minute for turns, it will never arrive.
-    limit = int((10.0 * path.length / speed + 60.0) / step)
+    limit = int(min((10.0 * path.length / speed + 60.0) / step, MOST_STEPS + 1))
     straight = path.length / speed / step
     needed = straight if most is None else min(straight, float(most - 1) * per_sample)
     for count in range(1, limit + 1):

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from lrf3d.geometry.lines import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.free_cells import FreeCells
@@ -73,6 +72,8 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
         return
     along = np.repeat(directions(ends.reshape(-1, 4)), 2, axis=0)
     outward = along * np.tile([[-1.0], [1.0]], (len(ends) // 2, 1))
+    from scipy.spatial import cKDTree
+
     one, other = cKDTree(ends).query_pairs(WIDEST + OVERSHOOT, output_type="ndarray").T
     apart = one // 2 != other // 2
     one = one[apart]

@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-import shapely
 from scipy.spatial.transform import Rotation
 
 from lrf3d.base.balance import Balance
@@ -163,9 +162,13 @@ class _SdfWalls:
         if kind.tag == "sphere":
             return make.uv_sphere(_numbers(kind.findtext("radius", ""), 1)[0], count=[SIDES, SIDES])
         if kind.tag == "polyline":
-            corners = [_numbers(point.text or "", 2) for point in kind.findall("point")]
-            outline = shapely.Polygon(corners)
-            return make.extrude_polygon(outline, _numbers(kind.findtext("height", ""), 1)[0])
+            low = np.array([[*_numbers(at.text or "", 2), 0.0] for at in kind.findall("point")])
+            high = low + np.array([0.0, 0.0, _numbers(kind.findtext("height", ""), 1)[0]])
+            corners = [low, high, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)]
+            # The sides are enough, since they are what is cut.
+            sides = np.concatenate([np.stack(corners[:3], 1), np.stack(corners[1:], 1)])
+            faces = np.arange(3 * len(sides)).reshape(-1, 3)
+            return trimesh.Trimesh(sides.reshape(-1, 3), faces)
         if kind.tag == "plane":
             return "ground plane"
         return self._loaded(kind, file) if kind.tag == "mesh" else None

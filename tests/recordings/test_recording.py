@@ -155,6 +155,11 @@ def test_a_journal_with_an_invalid_state_of_the_random_numbers_is_refused(state,
         lrf3d.record(simulation(scans=60), tmp_path / "run.npz", resume=True)
 
 
+def test_a_file_that_is_no_journal_is_begun_again(tmp_path):
+    (tmp_path / "run.journal").write_bytes(b'{"a":' * 10_000)
+    assert len(lrf3d.record(simulation(scans=3), tmp_path / "run.npz", resume=True)) == 3
+
+
 def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
     path = tmp_path / "run.npz"
     with pytest.raises(Stop):

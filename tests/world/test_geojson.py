@@ -1,5 +1,6 @@
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.base.errors import Lrf3dNote, MissingLibraryError, WorldError
-from lrf3d.world import load_world
+from lrf3d.world import load_world, save_world
 from lrf3d.world.towns.features import DEFAULT_BUILDING_HEIGHT
 
+TOWN = Path(__file__).parents[2] / "examples/town.geojson"
 FAR = np.array([85000.0, 447500.0])
 
 
@@ -78,6 +80,16 @@ def test_a_hair_between_footprints_is_closed_and_corners_stay(
     assert len(world.segments) == 4
     outer = {tuple(first[0]), tuple(first[3]), tuple(second[1]), tuple(second[2])}
     assert {tuple(corner) for corner in world.segments[:, :2]} == outer
+
+
+def test_a_world_from_degrees_is_written_in_degrees_and_comes_back(tmp_path):
+    town = load_world(TOWN)
+    path = tmp_path / "back.geojson"
+    save_world(town, path)
+    written, given = (json.loads(file.read_text())["features"][0] for file in (path, TOWN))
+    assert written["geometry"]["coordinates"][0] == given["geometry"]["coordinates"][0][0]
+    back = load_world(path)
+    assert (back.segments == town.segments).all() and back.place == town.place
 
 
 def test_a_sharp_corner_survives_the_closing(tmp_path):

@@ -64,6 +64,15 @@ def test_beams_meet_the_walls_where_rays_meet_the_shapes(tmp_path):
     assert circle.area == pytest.approx(np.pi * 0.49, rel=0.01)
 
 
+def test_a_polyline_is_the_walls_between_its_points(tmp_path):
+    corners = [(0, 0), (3, 0), (3, 1), (1, 0.5), (0, 2)]
+    points = "".join(f"<point>{x} {y}</point>" for x, y in corners)
+    world = world_of(tmp_path, model(shape(f"<polyline>{points}<height>1.5</height></polyline>")))
+    rings = shapely.polygonize(shapely.linestrings(world.segments.reshape(-1, 2, 2)))
+    assert rings.geoms[0].equals(shapely.Polygon(corners))
+    assert world.heights == pytest.approx([1.5] * 5)
+
+
 def test_includes_and_meshes_are_found_by_their_folders_and_missing_ones_named(tmp_path):
     folder = tmp_path / "models" / "table"
     folder.mkdir(parents=True)

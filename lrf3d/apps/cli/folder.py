@@ -134,9 +134,10 @@ def _remove(folder: Path, names: Iterable[str], console: Console) -> None:
     home = folder.resolve()
     for name in sorted(names):
         file = folder / name
-        # Results are only plain files in the folder and its subfolders.
+        # Results are only plain files in the folder and its subfolders, whatever a summary lists.
         plain = file.is_file() and not file.is_symlink()
-        if file.parent.resolve() / file.name != home / name or not plain:
+        there = file.parent.resolve() / file.name
+        if there != home / name or home not in there.parents or not plain:
             continue
         file.unlink()
         console.note(f"{file}: removed, as it belonged to the previous run")
@@ -269,7 +270,11 @@ def _entries(path: Path, folder: Path) -> list[str]:
 def new_file(args: Namespace, path: Path, sources: Sequence[str | Path]) -> Iterator[Path]:
     """Yield a temporary path for a file and its companions, which are then moved to ``path``."""
     with unfinished_folder(path) as folder:
-        yield folder / path.name
+        try:
+            yield folder / path.name
+        except Lrf3dError as error:
+            # It names the temporary path.
+            raise type(error)(str(error).replace(str(folder / path.name), str(path))) from None
         made_by = _made_by(args, sources, path.parent)
         made = {file: path.with_name(file.name) for file in sorted(folder.iterdir())}
         for file, there in made.items():

@@ -242,27 +242,18 @@ def _imported(module_name: str, place: str) -> Any:
     # At the end, so that no file of the folder replaces an installed module.
     sys.path.append(str(folder))
     try:
-        if not _is_module_name(plain):
+        if not plain.replace(".", "").isidentifier():
             raise ModuleNotFoundError(name=plain)
         found: Any = import_module(plain)
     except ModuleNotFoundError as error:
         if not f"{plain}.".startswith(f"{error.name}."):
             raise
-        raise InputError(f"{place}: {_not_found(module_name)}") from None
+        raise InputError(
+            f"{place}: no module or file {module_name!r} in {Path.cwd()} or installed"
+        ) from None
     if is_file and Path(found.__file__ or "").resolve() != file.resolve():
         raise InputError(f"{place}: another module is called {plain}; rename the file")
     return found
-
-
-def _not_found(module: str) -> str:
-    """The message on a module, or a ``.py`` file, that is not there."""
-    if module.endswith(".py"):
-        return f"no such file in {Path.cwd()}"
-    return f"no module {module!r} in {Path.cwd()} or installed"
-
-
-def _is_module_name(name: str) -> bool:
-    return all(part.isidentifier() for part in name.split("."))
 
 
 def made(found: Any) -> Any:
@@ -300,7 +291,7 @@ def start(args: Namespace) -> int | None:
     # Commands that need the kernels of casting, mapping or SLAM.
     compiled = ("run", "map", "slam", "sweep", "localise")
     with ExitStack() as stack:
-        console = Console(args.command, args.json, args.quiet, args.verbose, stack)
+        console = Console(args.command, args.json, args.quiet, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
         planar = args.command == "sweep" or getattr(args, "caster", None) == "planar"
         parts = ["slam"] * bool(slam) + ["planar"] * planar

@@ -33,11 +33,14 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
         writable = [Path(given).parent]
         cache = Path(given)
     caches = package / "mapping/robust/__pycache__", cache
-    if any(next(cache.rglob(FILES), None) for cache in caches):
-        return None
-    if not any(os.access(folder, os.W_OK) for folder in writable):
-        return None
-    if "NUMBA_DISABLE_JIT" in os.environ or core_count() < 2 or os.name != "posix":
+    reasons_against = (
+        "NUMBA_DISABLE_JIT" in os.environ,
+        core_count() < 2,
+        os.name != "posix",
+        any(next(cache.rglob(FILES), None) for cache in caches),
+        not any(os.access(folder, os.W_OK) for folder in writable),
+    )
+    if any(reasons_against):
         return None
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))

@@ -12,7 +12,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from copy import deepcopy
 from functools import lru_cache
-from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -181,18 +180,12 @@ def kept_rows(plan: SweepPlan, folder: Path) -> dict[str, Row]:
 
 
 def _fits(row: Row, columns: Row) -> bool:
-    """Whether a row from a file is of a run with these columns, with measures that can be."""
+    """Whether a row from a file is of a run with these columns, with all measures as numbers."""
     measures = {name: each for name, each in row.items() if name not in ("key", *columns)}
     if not (columns.items() <= row.items() and MEASURES.keys() <= measures.keys()):
         return False
-    return all(each is None or _can_be(name, each) for name, each in measures.items())
-
-
-def _can_be(name: str, value: Any) -> bool:
-    """Whether a measure can have a value: shares lie from 0 to 1, an adjusted index from −1."""
-    least = -1.0 if name == "object_purity" else 0.0
-    most = 1.0 if name.endswith(("_precision", "_recall", "_f1", "_purity")) else inf
-    return type(value) in (int, float, bool) and is_finite(value) and least <= value <= most
+    found = [each for each in measures.values() if each is not None]
+    return all(type(each) in (int, float, bool) and is_finite(each) for each in found)
 
 
 @contextmanager

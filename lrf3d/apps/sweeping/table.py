@@ -42,16 +42,13 @@ def mean_of(values: Sequence[float | None]) -> dict[str, float | int | None]:
 
     known = np.array([value for value in values if value is not None])
     count = len(known)
-    mean = None
-    low = None
-    high = None
-    if count:
-        mean = float(known.mean())
-    if mean is not None and count > 1:
-        half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * known.std(ddof=1) / np.sqrt(count))
-        low = mean - half
-        high = mean + half
-    return {"mean": mean, "low": low, "high": high, "runs": count}
+    if not count:
+        return {"mean": None, "low": None, "high": None, "runs": 0}
+    mean = float(known.mean())
+    if count == 1:
+        return {"mean": mean, "low": None, "high": None, "runs": 1}
+    half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * known.std(ddof=1) / np.sqrt(count))
+    return {"mean": mean, "low": mean - half, "high": mean + half, "runs": count}
 
 
 @dataclass(frozen=True, eq=False)

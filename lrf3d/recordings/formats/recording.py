@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lrf3d.base.digest import digest, name_of
 from lrf3d.base.errors import InputError, OutputError, expect
-from lrf3d.base.files import as_path, check_ordinary, locked, opened_own, writing
+from lrf3d.base.files import as_path, check_ordinary, locked, opened, opened_own, writing
 from lrf3d.base.interrupts import Progress, noting, silent, stoppable
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose
@@ -217,7 +217,7 @@ class Journal:
             return
         try:
             self._rng.bit_generator.state = json.loads(rows["rng"][-1])
-        except (ValueError, TypeError, KeyError, OverflowError):
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             raise InputError(
                 f"{self.path}: the state of the random numbers after scan {len(rows)} is"
                 " damaged; leave out --resume to begin again"
@@ -264,9 +264,9 @@ class Journal:
 def _is_of(path: Path, fingerprint: str) -> bool:
     """Whether a file is a journal of a run; false if it is not, an error if of another run."""
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             other = dict(json.loads(file.readline(1 << 16)))
-    except (FileNotFoundError, ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         return False
     parts = json.loads(fingerprint).items()
     if differing := [name for name, value in parts if other.get(name) != value]:

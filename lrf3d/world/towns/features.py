@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 from shapely.geometry import shape
 
 from lrf3d.base.balance import Balance
@@ -318,8 +317,13 @@ def lay_flat(points: Float, centre: Float) -> Float:
 
     Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes.
     """
-    scale = np.radians(1.0) * EARTH_RADIUS * np.array([np.cos(np.radians(centre[1])), 1.0])
-    return np.asarray(_from(points, centre) * scale, dtype=np.float64)
+    return np.asarray(_from(points, centre) * metres_of_degree(centre), dtype=np.float64)
+
+
+def metres_of_degree(centre: Float) -> Float:
+    """Metres of a degree of longitude and of latitude at a centre (2,) [°]."""
+    shares = np.array([np.cos(np.radians(centre[1])), 1.0])
+    return np.asarray(np.radians(1.0) * EARTH_RADIUS * shares, dtype=np.float64)
 
 
 def _from(points: Float, centre: Float) -> Float:
@@ -366,6 +370,8 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     tall = np.array([part.heights.max() for part in alone])
     corners = shapely.get_coordinates(polygons)
     origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+    from scipy.spatial import cKDTree
+
     source = cKDTree(corners - origin)
     number = 0
     local = shapely.transform(polygons, lambda xy: xy - origin)

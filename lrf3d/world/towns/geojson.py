@@ -15,6 +15,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,9 @@ from lrf3d.world.towns.features import (
     feature_of,
     joined_areas,
     laid_flat,
+    lay_flat,
     looks_geographic,
+    metres_of_degree,
     moved,
     shapes_of,
     with_rooms,
@@ -89,6 +92,8 @@ def _placed(
     place = None
     if isinstance(given, list) and len(given) == 2 and is_finite(*given):
         place = float(given[0]), float(given[1])
+        if data.get("units") == "deg":
+            return moved(features, partial(lay_flat, centre=np.array(place))), place
     if data.get("units") == "m" or _is_map(data):
         return features, place
     reference = data.get("crs")
@@ -175,17 +180,30 @@ _FOREIGN = {
 
 
 def write_geojson(world: World, path: Path) -> None:
-    """Write a world as GeoJSON: one feature for each run of walls of one object."""
+    """Write a world as GeoJSON: one feature for each run of walls of one object.
+
+    Coordinates are degrees, as the standard wants them, where these are the same walls.
+    """
+    drawn = world if world.place is None else _in_degrees(world)
+    units = "m" if drawn is world else "deg"
     # Other readers ignore these members, as the standard allows.
-    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": "m"}
+    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": units}
     if world.place is not None:
         members["place"] = world.place
     if world.cameras:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = ",\n".join(json.dumps(_feature(*run)) for run in runs_of(world))
+    features = ",\n".join(json.dumps(_feature(*run)) for run in runs_of(drawn))
     write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
+
+
+def _in_degrees(world: World) -> World:
+    """A world with degrees for metres, if these are the same walls, to the bit; or else itself."""
+    centre = np.array(world.place)
+    degrees = centre + world.segments.reshape(-1, 2) / metres_of_degree(centre)
+    same = lay_flat(degrees, centre).tobytes() == world.segments.tobytes()
+    return replace(world, segments=degrees.reshape(-1, 4)) if same else world
 
 
 def _feature(number: int, looks: dict[str, Any], lines: list[Any], height: Any) -> dict[str, Any]:

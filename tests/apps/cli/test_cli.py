@@ -187,6 +187,7 @@ DIGITS = "9" * 5000
         (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
         (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "not a TOML value"),
         (["sweep", "ROOM", "--vary", f"noise.sigma=0x{DIGITS}"], "thousands of digits"),
+        (["run", "ROOM", "--set", "robot.speed=1e-309"], "drive faster"),
         (["run", "n" * 300 + ".toml"], "too long"),
         (["run", "ROOM", "--out", "n" * 300], "too long"),
         (["run", "ROOM", "--out", "box.toml/out"], "--out"),

@@ -95,13 +95,13 @@ def test_a_report_that_json_cannot_hold_is_refused_in_one_line(folder):
     ("kind", "name", "said"),
     [
         ("mapper", "own_parts", "module:object"),
-        ("mapper", "nowhere:Points", "no module 'nowhere'"),
+        ("mapper", "nowhere:Points", "no module or file 'nowhere'"),
         ("mapper", "own_parts:Point", "did you mean 'Points'?"),
         ("mapper", "own_parts:Straight", "expected a method update"),
         ("controller", "own_parts:Points", "expected a method command"),
         ("noise", "own_parts:number", "expected a function"),
-        ("mapper", "missing.py:Points", "missing.py:Points: no such file in "),
-        ("mapper", "..:x", "no module '..'"),
+        ("mapper", "missing.py:Points", "missing.py:Points: no module or file 'missing.py' in "),
+        ("mapper", "..:x", "no module or file '..'"),
     ],
 )
 def test_what_cannot_be_used_is_reported_in_one_line(folder, kind, name, said):

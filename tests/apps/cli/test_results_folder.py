@@ -32,11 +32,16 @@ def test_a_folder_holds_one_run_and_what_the_next_does_not_write_is_removed(tmp_
     out = tmp_path / "out" / "box"
     (out / "mine.txt").write_text("kept")
     assert (out / "noise.png").exists()
-    (tmp_path / "box.toml").rename(tmp_path / "box.flat.toml")
+    # A summary that somebody wrote lists files elsewhere.
+    listed = json.loads((out / "summary.json").read_text())
+    listed["files"] |= {"a": str(tmp_path / "box.toml"), "b": "../../box.toml"}
+    (out / "summary.json").write_text(json.dumps(listed))
+    (tmp_path / "box.flat.toml").write_text(ROOM)
     ended = lrf3d("run", "box.flat.toml", *run[2:], cwd=tmp_path)
+    assert (tmp_path / "box.toml").exists()
     assert "noise.png: removed" in ended.stderr and not (out / "noise.png").exists()
     files = set(json.loads((out / "summary.json").read_text())["files"].values())
-    assert {path.name for path in out.iterdir()} == {*files, "mine.txt"}
+    assert {path.name for path in out.iterdir()} == {*files, "mine.txt"} - {"../../box.toml"}
 
 
 @pytest.mark.slow

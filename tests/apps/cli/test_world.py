@@ -68,7 +68,7 @@ def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["convert", "city", "city.xyz"], "unknown ending"),
+        (["convert", "city", "city.xyz"], "lrf3d: city.xyz: unknown ending"),
         (["convert", "city", "city.toml", "--resolution", 1], "for a ROS map"),
         (["convert", "city", "city.toml", "--scale", 0], "scale 0.0: expected"),
         (["generate", "maze", "--size", 2, "--out", "m.toml"], "size 2 m"),
