@@ -141,7 +141,7 @@ def test_degrees_are_laid_flat_to_metres(tmp_path):
     assert sorted(lengths(world)[:4]) == pytest.approx([10.0, 10.0, 20.0, 20.0], rel=1e-4)
     assert np.abs(world.bounds.mean(axis=0)).max() < 1.0
     with pytest.raises(WorldError, match="latitude stands before longitude"):
-        read(tmp_path, polygon(np.fliplr(house + [140.0, 0.0]).tolist()))
+        read(tmp_path, polygon(np.fliplr(house + np.array([140.0, 0.0])).tolist()))
 
 
 def test_metres_near_the_origin_are_no_degrees(tmp_path):

@@ -66,8 +66,10 @@ def read_geojson(path: Path, level: str | None = None) -> World:
         balance.used += not feature.left_out
         balance.leave(feature.left_out, bool(feature.left_out))
     if not any(feature.shapes for feature in features if feature.role != "opening"):
-        held = f"; it holds {balance.words()}" if balance.left_out else ""
-        raise WorldError(f"holds no Polygon and no LineString, so there is no wall{held}")
+        raise WorldError(
+            "holds no Polygon and no LineString, so there is no wall; it holds"
+            f" {balance.words() or 'nothing'}"
+        )
     features, place, assumed = _placed(features, data)
     joined = joined_areas(features)
     features, said = with_rooms(features, level, balance)

@@ -329,11 +329,11 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
 
 
 def _feature(tags: Tags, area: Any) -> Feature:
-    address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return Feature(
         tuple(part for part in shapely.get_parts([area]).tolist() if encloses(part)),
         tag_height(tags),
-        tags.get("name") or address,
+        tags.get("name")
+        or f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip(),
         parse_colour(tags.get("building:colour")),
         material=material_of(tags.get("building:material")),
     )
