@@ -43,14 +43,14 @@ FLOOR = 0.3
 def read_mesh(path: Path, cut: float | None = None, scale: float = 1.0) -> World:
     """Read the cut of a mesh, enlarged by a scale, at a height [m] above its floor as walls.
 
-    The floor is z = 0 if the mesh has walls at that height above it, and is found otherwise.
+    The floor is z = 0 if the mesh has walls at that height above it, and if it does not reach below
+    or has a large level area there; it is found otherwise.
     """
     world, balance, said = cut_of_mesh(path, cut, scale)
-    said = "; ".join(filter(None, [_size_doubt(world, scale), said]))
     # Most of a mesh lies above or below its cut, which needs no note.
     for reason in LEVELS:
         balance.all -= balance.left_out.pop(reason, 0)
-    balance.note(path, said)
+    balance.note(path, _size_doubt(world, scale), said)
     return world
 
 
@@ -95,11 +95,10 @@ def cut_of_mesh(
     triangles = scale * np.concatenate([own for _, own in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
     above = CUT if cut is None else number(cut, "cut")
-    floor = 0.0
-    segments, face = level_cut(triangles, above)
-    if not len(segments):
-        floor = floor_of(triangles)
+    for floor in floors_of(triangles):
         segments, face = level_cut(triangles, floor + above)
+        if len(segments):
+            break
     at_floor = f"{above:g} m above the floor, which is found at z = {floor:g} m"
     if not len(segments):
         raise WorldError(f"nothing stands {at_floor}; {_other_cut(triangles, floor)}")
@@ -137,8 +136,12 @@ def cut_of_mesh(
     return world, balance, said.removesuffix("; ")
 
 
-def floor_of(triangles: Float) -> float:
-    """The height [m] of the lowest large level area of triangles (n, 3, 3), or their lowest one."""
+def floors_of(triangles: Float) -> tuple[float, float]:
+    """The heights [m] that may be the floor of triangles (n, 3, 3), the likelier one first.
+
+    One is the lowest large level area, or the lowest corner. The other is z = 0, unless the mesh
+    reaches below and has no such area there: then it may be centred at z = 0.
+    """
     edges = triangles[:, 1:] - triangles[:, :1]
     normals = 0.5 * np.cross(edges[:, 0], edges[:, 1])
     area = np.abs(normals[:, 2])
@@ -147,13 +150,14 @@ def floor_of(triangles: Float) -> float:
     heights, which = np.unique(
         np.round(triangles[level, :, 2].mean(axis=1), 2), return_inverse=True
     )
-    if not len(heights):
-        return float(triangles[..., 2].min())
     areas = np.bincount(which, area[level])
-    large = heights[areas >= FLOOR * areas.max()]
+    large = heights[areas >= FLOOR * areas.max(initial=0.0)]
+    low = float(triangles[..., 2].min())
     # Two level areas less than half a metre apart are the sides of a slab; the upper one is the
     # floor.
-    return float(large[large <= large[0] + CUT][-1])
+    found = float(large[large <= large[0] + CUT][-1]) if len(large) else low
+    ground = low >= -CUT or bool((np.abs(large) <= CUT).any())
+    return (0.0 if ground else found), found
 
 
 def _other_cut(triangles: Float, floor: float) -> str:

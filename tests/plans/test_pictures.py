@@ -294,19 +294,6 @@ def test_a_picture_that_closes_no_room_is_doubted_unless_it_is_a_town_or_an_open
     assert not (doubted(blocks, "blocks") or doubted(room, "room") or doubted(plan, "plan"))
 
 
-@pytest.mark.parametrize("ink", [(110, 110, 110), (90, 100, 130)])
-def test_solid_blocks_in_a_paler_ink_are_furniture(ink, tmp_path):
-    sheet = Sheet()
-    sheet.walls()
-    sheet.box(0.5, 0.5, 2.1, 1.0, fill=ink)
-    sheet.box(6.0, 5.0, 7.0, 6.0, fill=ink)
-    sheet.draw.ellipse([*sheet.at((6.3, 5.7))[0], *sheet.at((6.7, 5.3))[0]], outline=0)
-    world = sheet.read(tmp_path)
-    assert off(world) < 0.06
-    low = world.segments[world.heights < 2.0].reshape(-1, 2) - 1.0
-    assert shapely.multipoints(low).bounds == pytest.approx((0.5, 0.5, 7.0, 6.0), abs=0.04)
-
-
 def test_rooms_with_specks_are_not_walls(tmp_path):
     sheet = Sheet()
     sheet.walls(faces=True)

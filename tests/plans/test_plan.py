@@ -26,17 +26,23 @@ def ring(x1, y1, x2, y2):
     return [(x1, y1), (x2, y1), (x2, y2), (x1, y2), (x1, y1)]
 
 
+# A slanted stroke reaches over the frame.
+FRAME = [
+    *[ring(-5, -3, 14, 10.5), ring(-4.6, -2.6, 13.6, 10.1), ring(9, -2.6, 13.6, -1.5)],
+    [(13.8, 4), (14.8, 4.5)],
+]
 SYMBOLS = {
-    # A slanted stroke reaches over the frame.
-    "frame line": [
-        *[ring(-5, -3, 14, 10.5), ring(-4.6, -2.6, 13.6, 10.1), ring(9, -2.6, 13.6, -1.5)],
-        [(13.8, 4), (14.8, 4.5)],
-    ],
+    "frame line": FRAME,
     "pattern line": [
         *([(0.4 * x, 0.2), (0.4 * x, 3.0)] for x in range(1, 8)),
         *([(0.2, 0.4 * y), (3.0, 0.4 * y)] for y in range(1, 8)),
     ],
-    "outside line": [[(12, 5), (12, 6)], [(11.7, 5.9), (12, 6)], [(12.4, 6.2), (12, 6)]],
+    "outside line": [
+        *FRAME,
+        [(12, 5), (12, 6)],
+        [(11.7, 5.9), (12, 6)],
+        [(12.4, 6.2), (12, 6)],
+    ],
     "annotation line": [
         # Two dimensions side by side with ticks, one with arrows, and their extension lines.
         *([(x - 0.1, 7.9), (x + 0.1, 8.1)] for x in (0, 5, 10)),

@@ -148,9 +148,12 @@ def test_degrees_are_laid_flat_to_metres(tmp_path):
     east, north = 20.0 / (111195.08 * np.cos(np.radians(52.0))), 10.0 / 111195.08
     house = np.array([[0, 0], [east, 0], [east, north], [0, north]]) + np.array([4.36, 52.0])
     other = house + np.array([0.0, 10.0 * north])
-    world = read(tmp_path, polygon(house.tolist()), polygon(other.tolist()))
+    with pytest.warns(Lrf3dNote, match=r"latitude 52\.0005°, longitude 4\.3601°"):
+        world = read(tmp_path, polygon(house.tolist()), polygon(other.tolist()))
     assert sorted(lengths(world)[:4]) == pytest.approx([10.0, 10.0, 20.0, 20.0], rel=1e-4)
     assert np.abs(world.bounds.mean(axis=0)).max() < 1.0
+    with pytest.raises(WorldError, match="latitude stands before longitude"):
+        read(tmp_path, polygon(np.fliplr(house + np.array([140.0, 0.0])).tolist()))
 
 
 def test_metres_near_the_origin_are_no_degrees(tmp_path):

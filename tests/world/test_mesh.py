@@ -4,7 +4,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.base.errors import WorldError
+from lrf3d.base.errors import Lrf3dNote, WorldError
 from lrf3d.world import Material, World, load_world, save_world
 
 FAR = np.array([85_000.0, 447_500.0])
@@ -92,6 +92,12 @@ def test_a_round_tower_keeps_its_sides(tmp_path):
     world = load_world(tmp_path / "tower.stl")
     assert len(world.segments) == 24
     assert np.hypot(*world.segments.reshape(-1, 2).T) == pytest.approx([3.0] * 48, abs=1e-5)
+
+
+def test_a_mesh_about_z_0_stands_on_its_lowest_large_level_area(tmp_path):
+    trimesh.creation.box((4.0, 3.0, 2.6)).export(tmp_path / "room.stl")
+    with pytest.warns(Lrf3dNote, match=r"found at z = -1\.3 m"):
+        assert load_world(tmp_path / "room.stl").heights == pytest.approx([2.6] * 4)
 
 
 def test_a_mesh_that_ends_below_the_cut_says_where_it_is(tmp_path):

@@ -124,9 +124,6 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     floors = _floors(stands & (lightness < 0.5), key, pixels)
     drawn = left_out.without("floor", stands, *floors)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
-    pale = _pale_blocks(walls & drawn, lightness, pixels)
-    walls = walls & ~pale
-    furniture = furniture | pale
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * side
     darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
@@ -214,7 +211,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
     """
     drawn = left_out.without("frame part", drawn, *_frame(drawn, pixels))
     drawn = left_out.without("door symbol", drawn, *_doors(drawn, pixels))
-    dark = _filled(drawn, pixels, left_out)
+    dark = _filled(drawn, pixels)
     solid = _opened(dark, _half_thin(pixels))
     thin = [np.empty((0, 4)), np.empty((0, 4))]
     building = _building(solid, pixels)
@@ -420,32 +417,12 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: LeftOut) -> Bool:
     return np.asarray(np.append(False, ~out & hollow)[parts])
 
 
-def _pale_blocks(dark: Bool, lightness: Any, pixels: float) -> Bool:
-    """The solid blocks that touch no other part and are of a paler ink than walls: furniture."""
-    parts, count = parts_of(dark)
-    sides = sides_of(parts)
-    area = np.bincount(parts.ravel(), minlength=count + 1)[1:]
-    block = (sides.min(axis=1) > 0.3 * pixels) & (sides.max(axis=1) < 3.0 * pixels)
-    block &= area > SOLID * sides.prod(axis=1)
-    # The rim of what is dark is pale.
-    inner = parts * (dark & ~grown(~dark, RIM))
-    held, shade = (
-        np.bincount(inner.ravel(), weights, count + 1)[1:] for weights in (None, lightness.ravel())
-    )
-    block &= shade < (np.quantile(lightness[dark], 0.9) - 0.15) * held if count else False
-    return np.asarray(np.append(False, block)[parts])
-
-
-def _filled(dark: Bool, pixels: float, left_out: LeftOut) -> Bool:
-    """The pixels with the space between the two faces of walls, and without patterns of floors."""
+def _filled(dark: Bool, pixels: float) -> Bool:
+    """The pixels with the space between the two faces of walls."""
     parts, count = label(~dark)
     radius = _radii(dark, parts, count)
-    most = 0.5 * THICKEST * pixels
     radius[[0, *on_border(parts)]] = np.inf
-    area = np.bincount(parts.ravel(), minlength=count + 1)
-    narrow = radius <= most
-    # Tiles and stairs that fill a place are not walls. The space in a wall is long.
-    small = area < 24.0 * np.minimum(radius, 1e6) ** 2
+    narrow = radius <= 0.5 * THICKEST * pixels
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a micromouse maze the corridors are as narrow as walls: fill nothing.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
@@ -456,22 +433,17 @@ def _filled(dark: Bool, pixels: float, left_out: LeftOut) -> Bool:
     by_solid = np.bincount(parts[rim & grown(solid, RIM)], minlength=count + 1)
     share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
     narrow &= (share < 0.2) | (share > 0.8)
-    compact: Bool = (narrow & small)[parts]
-    room = _opened(dark | compact, 0.55 * THICKEST * pixels)
-    pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), RIM)
-    places, number = parts_of(pattern)
-    # One line next to a wall is not a pattern.
-    gaps = np.unique(np.stack([places, parts])[:, pattern & compact], axis=1)[0]
-    many = np.bincount(gaps, minlength=number + 1) >= 5
-    left_out.without("floor pattern", dark, many[places], int(many[1:].sum()))
+    # The space in a wall is long.
+    area = np.bincount(parts.ravel(), minlength=count + 1)
+    long = narrow & (area >= 24.0 * np.minimum(radius, 1e6) ** 2)
     # Of two spaces that are too thick together, the wider one is outside of the wall.
-    thick, _ = parts_of(_opened(dark | (narrow & ~small)[parts], 0.55 * THICKEST * pixels))
-    held = np.unique(np.stack([thick, parts])[:, (thick > 0) & (narrow & ~small)[parts]], axis=1)
+    thick, _ = parts_of(_opened(dark | long[parts], 0.55 * THICKEST * pixels))
+    held = np.unique(np.stack([thick, parts])[:, (thick > 0) & long[parts]], axis=1)
     for place in np.unique(held[0]):
         own = held[1, held[0] == place]
         if len(own) > 1:
             narrow[own[np.argmax(radius[own])]] = False
-    return np.asarray((dark | (narrow[parts] & ~(compact & pattern))) & ~many[places])
+    return np.asarray(dark | narrow[parts])
 
 
 def _half_thin(pixels: float) -> float:

@@ -9,13 +9,11 @@ from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.plans.rules.sheet import as_lines
 from lrf3d.world.pieces import connected, groups, members_of
 
-# Largest height [m] of letters, and of those of titles: on a plan of 1:100, 5 mm and 15 mm.
+# Largest height [m] of letters: on a plan of 1:100, 5 mm.
 LETTER = 0.5
-TITLE = 1.5
 
-# Least number of letters in a word; titles need more, as their letters are as large as furniture.
+# Least number of letters in a word.
 LEAST_LETTERS = 3
-LEAST_IN_TITLE = 5
 
 
 class _LetterParts(NamedTuple):
@@ -43,7 +41,7 @@ def is_lettering(segments: Float, pattern: Bool) -> Bool:
     """Which segments (n, 4) are letters of a word of three or more; the strokes of a letter touch.
 
     Columns and chairs in a row are all alike, and dashes have no width: they are not letters.
-    Titles have large letters of one height. Upright strokes may look like those of a pattern (n,).
+    Upright strokes may look like those of a pattern (n,).
     """
     found = np.zeros(len(segments), dtype=bool)
     if not len(segments):
@@ -55,7 +53,7 @@ def is_lettering(segments: Float, pattern: Bool) -> Bool:
     box = np.full((2, chain.max() + 1, 2), np.inf)
     for corner, sign in zip(box, (1.0, -1.0), strict=True):
         np.minimum.at(corner, chain, sign * ends)
-    loose = ((-box.sum(axis=0)).max(axis=1) < TITLE)[chain[::2]]
+    loose = ((-box.sum(axis=0)).max(axis=1) < LETTER)[chain[::2]]
     if loose.any():
         largest = 0.05 * float(np.ptp(ends, axis=0).max())
         found[loose] = _is_in_words(segments[loose], pattern[loose], largest)
@@ -72,37 +70,32 @@ def _is_in_words(segments: Float, pattern: Bool, largest: float) -> Bool:
     plain = np.array([not pattern[each].all() for each in own])
     parts = _LetterParts(boxes, sides, sides.max(axis=1), strokes, plain, largest)
     text = np.zeros(len(own), dtype=bool)
-    for height, least in ((LETTER, LEAST_LETTERS), (TITLE, LEAST_IN_TITLE)):
-        for row in _rows(parts, height):
-            text[row] |= _is_word(parts, row, least)
+    for row in _rows(parts):
+        text[row] |= _is_word(parts, row)
     # Units and single letters stand next to words.
     while len(more := _next_to(parts, text)):
         text[more] = True
     return text[part]
 
 
-def _rows(parts: _LetterParts, height: float) -> list[Int]:
-    """Rows of parts up to a height [m], close to each other and alike in size."""
-    small = np.flatnonzero(parts.size < min(height, parts.letter))
+def _rows(parts: _LetterParts) -> list[Int]:
+    """Rows of parts as small as letters, close to each other and alike in size."""
+    small = np.flatnonzero(parts.size < min(LETTER, parts.letter))
     # Gaps between letters of a word are shares of the larger one.
     tree = shapely.STRtree(parts.around(small, 0.0))
     one, other = tree.query(parts.around(small, 0.6), predicate="intersects")
     ratio = parts.size[small[one]] / parts.size[small[other]]
-    # In a word, dots and accents are far smaller than letters; the parts of a title are alike.
-    alike = (ratio >= 1.0) & ((ratio < 2.5) | (height < TITLE))
+    # Dots and accents are far smaller than letters.
+    alike = ratio >= 1.0
     return [small[row] for row in members_of(groups(one[alike], other[alike], len(small)))]
 
 
-def _is_word(parts: _LetterParts, row: Int, least: int) -> bool:
-    """Whether a row of parts is a word of at least a number of letters."""
+def _is_word(parts: _LetterParts, row: Int) -> bool:
+    """Whether a row of parts is a word."""
     sure = row[parts.plain[row]]
-    if len(row) < least or len(set(parts.strokes[sure].tolist())) < 2:
+    if len(row) < LEAST_LETTERS or len(set(parts.strokes[sure].tolist())) < 2:
         return False
-    wide = parts.sides[sure].min(axis=1) > 0.3 * parts.size[sure]
-    high = parts.sides[row, 1]
-    middle = float(np.median(high))
-    level = np.abs(high - middle) < 0.1 * middle
-    return bool(wide.any() and (least < LEAST_IN_TITLE or level.mean() > 0.6))
+    return bool((parts.sides[sure].min(axis=1) > 0.3 * parts.size[sure]).any())
 
 
 def _next_to(parts: _LetterParts, text: Bool) -> Int:

@@ -67,15 +67,15 @@ ARROW, TICK, DOT, RING = range(4)
 _Found = tuple[Float, float, Float, int, Int]
 
 
-def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
+def is_annotation(segments: Float, line: Int, mark: Int) -> Bool:
     """Which segments (n, 4) are of annotations; those of the same line (n,) are joined.
 
-    Lines of the same mark (n,) were one line before areas covered parts of it. Strokes of a pattern
-    (n,) may look like ticks. A host is an isolated line that carries markers.
+    Lines of the same mark (n,) were one line before areas covered parts of it. A host is an
+    isolated line that carries markers.
     """
     shortest = 0.25  # Length [m] of the shortest host: shorter lines are strokes of letters.
     found = np.zeros(len(segments), dtype=bool)
-    line = _parted(segments, line)
+    _, line = np.unique(line, return_inverse=True)
     markers = _markers(segments, line)
     hosts = np.flatnonzero(is_alone(line) & (lengths(segments) > shortest))
     if not len(hosts) or not len(markers.place):
@@ -85,18 +85,13 @@ def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     # as in a chain of dimensions, do not count.
     at_end = end < 2
     kinds = np.zeros((len(hosts), 2), dtype=np.int64)
-    clear = np.zeros(len(hosts), dtype=bool)
-    # A host needs a marker that is not of a pattern: hatching alone proves nothing.
-    hatched = np.bincount(markers.owner, pattern[markers.segment]) > 0
-    clear[host[at_end & ~hatched[marker]]] = True
     np.bitwise_or.at(kinds, (host[at_end], end[at_end]), 1 << markers.kind[marker[at_end]])
     tree = cKDTree(segments.reshape(-1, 2))
     loose = _ends_at(tree, segments[hosts].reshape(-1, 2)).reshape(-1, 2) == 1
     # A leader has an arrowhead or a bubble at one end, and at the other another marker or nothing.
     pointed = (kinds & (1 << ARROW | 1 << RING)) > 0
     leads = (pointed & ((kinds > 0) | loose)[:, ::-1]).any(axis=1)
-    broken = _is_broken(segments[hosts], (kinds > 0), loose)
-    chosen = ((kinds > 0).all(axis=1) | leads | broken) & clear
+    chosen = (kinds > 0).all(axis=1) | leads
     found |= np.isin(mark, mark[hosts[chosen]])
     used = np.unique(marker[chosen[host]])
     found[markers.segment[np.isin(markers.owner, used)]] = True
@@ -124,16 +119,6 @@ def is_alone(line: Int) -> Bool:
 def _ends_at(tree: Any, places: Float) -> Int:
     """The number of ends (k,) that meet at places (k, 2)."""
     return np.asarray(tree.query_ball_point(places, MEETING, return_length=True))
-
-
-def _parted(segments: Float, line: Int) -> Int:
-    """The lines (n,) from 0, split where a dimension turns back into its own arrowhead."""
-    turned = np.radians(130.0)  # From a dimension to the barb of its arrowhead.
-    long = lengths(segments)
-    along = directions(segments)
-    back = (along[1:] * along[:-1]).sum(axis=1) < np.cos(turned)
-    uneven = np.minimum(long[1:], long[:-1]) < 0.5 * np.maximum(long[1:], long[:-1])
-    return np.cumsum(np.append(0, (line[1:] != line[:-1]) | (back & uneven)))[: len(line)]
 
 
 def _markers(segments: Float, line: Int) -> _Markers:
@@ -246,25 +231,6 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     return host[fits], marker[fits], out[fits], place[fits]
 
 
-def _is_broken(hosts: Float, marked: Bool, loose: Bool) -> Bool:
-    """Which hosts are a half of a dimension that is broken for its number."""
-    # Upper bound on the halves that are examined, and width [m] of the widest number.
-    most = 5000
-    widest = 2.0
-    half = (marked & loose[:, ::-1]).any(axis=1) & ~marked.all(axis=1)
-    found = np.zeros(len(hosts), dtype=bool)
-    along = directions(hosts)
-    number = np.flatnonzero(half)[:most]
-    free = np.where(marked[number, 0, None], hosts[number, 2:], hosts[number, :2])
-    for one, two in cKDTree(free).query_pairs(widest):
-        gap = free[two] - free[one]
-        wide = np.hypot(*gap) + 1e-9
-        straight = np.abs(along[number[[one, two]]] @ gap) > 0.999 * wide
-        if straight.all():
-            found[number[[one, two]]] = True
-    return found
-
-
 def _extensions(segments: Float, tree: Any, along: Float, places: Float, found: Bool) -> Int:
     """The extension lines among what is not found: they end a little beyond markers.
 
@@ -287,21 +253,12 @@ def _extensions(segments: Float, tree: Any, along: Float, places: Float, found: 
 def is_frame(segments: Float, sheet: bool) -> Bool:
     """Which segments (n, 4) are the frame of a sheet and its title block.
 
-    A frame is a box around all, or all but words, with a plan in it that does not touch it. One
+    A frame is the box around all, or all but words, with a plan in it that does not touch it. One
     more sign must show a sheet: its proportions, a title block at its sides, or `sheet`.
     """
-    framed = np.zeros(len(segments), dtype=bool)
-    while not framed.all():
-        left = np.flatnonzero(~framed)
-        found = _is_outer_frame(segments[left], sheet)
-        if not found.any():
-            break
-        framed[left[found]] = True
-    return framed
-
-
-def _is_outer_frame(segments: Float, sheet: bool) -> Bool:
-    """Which segments (n, 4) are the outermost frame, with the title block that is drawn from it."""
+    found = np.zeros(len(segments), dtype=bool)
+    if not len(segments):
+        return found
     ends = segments.reshape(-1, 2, 2)
     long = lengths(segments)
     near = 2e-3 * np.ptp(ends, axis=(0, 1)).max()
@@ -315,7 +272,7 @@ def _is_outer_frame(segments: Float, sheet: bool) -> Bool:
             drawn = long @ (np.abs(reach.max(axis=1)) < near)
             if sides.min() > 0.0 and (drawn > 0.98 * sides[[1, 0, 1, 0]]).all():
                 return _is_of_box(segments, reach, sides, runs, sheet)
-    return np.zeros(len(segments), dtype=bool)
+    return found
 
 
 def _is_of_box(segments: Float, reach: Float, sides: Float, runs: Bool, sheet: bool) -> Bool:
@@ -383,11 +340,10 @@ def plans_apart(segments: Float) -> Float:
     return np.array([shapely.total_bounds(boxes[label == each]) for each in np.unique(label)])
 
 
-def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
-    """Which segments (n, 4) are of parts next to the plan: a legend, a scale bar, a north arrow.
+def is_aside(segments: Float, named: Bool) -> Bool:
+    """Which segments (n, 4) are of parts next to the plan on a sheet, such as legends.
 
-    Where nothing else shows that a drawing is a sheet, such a part encloses nothing. Segments that
-    their layer names (n,) as walls are of the plan.
+    Segments that their layer names (n,) as walls are of the plan.
     """
     part, hulls, _, whole = _parts(segments, ASIDE)
     area = shapely.area(whole)
@@ -395,18 +351,7 @@ def is_aside(segments: Float, sheet: bool, named: Bool) -> Bool:
         return part < 0
     known = hulls[np.unique(part[named])]
     plan = shapely.convex_hull(shapely.union_all([whole[int(np.argmax(area))], *known]))
-    apart = shapely.disjoint(hulls, plan)
-    if sheet:
-        # Another building may stand there, but none is as narrow as a title bar.
-        narrow = 8.0 * shapely.area(hulls) < shapely.length(hulls) ** 2 / 4.0
-        return np.asarray(apart & (narrow | (shapely.area(hulls) < 0.3 * plan.area)))[part]
-    _, node, met = np.unique(
-        segments.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
-    )
-    owner = np.repeat(part, 2)
-    times = met[node.reshape(-1)]
-    # A symbol has loose ends, and ends where three lines meet; the outline of a wall has neither.
-    loose, star = (np.bincount(owner, each) > 0 for each in (times == 1, times > 2))
-    long = lengths(segments)
-    few = np.array([len(each) > 2 and np.median(long[each]) < MARGIN for each in members_of(part)])
-    return np.asarray(apart & loose & star & few)[part]
+    # Another building may stand there, but none is as narrow as a title bar.
+    narrow = 8.0 * shapely.area(hulls) < shapely.length(hulls) ** 2 / 4.0
+    aside = shapely.disjoint(hulls, plan) & (narrow | (shapely.area(hulls) < 0.3 * plan.area))
+    return np.asarray(aside[part])

@@ -6,7 +6,7 @@ a kind of symbol, write a function that returns which strokes draw it, and enter
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,14 +68,6 @@ class Strokes:
         large = len(self.segments) and np.ptp(self.segments.reshape(-1, 2), axis=0).max() >= SHEET
         return np.asarray(self.left & (self.role == "other") & bool(large))
 
-    @cached_property
-    def pattern(self) -> Bool:
-        """Which strokes (n,) are drawn as a pattern; some of them may be annotations, too.
-
-        It is found once, before annotations are taken out.
-        """
-        return self.among(self.free, is_pattern)
-
     def among(self, chosen: Bool, find: Callable[[Float], Bool]) -> Bool:
         """Which free strokes (n,) a function finds if it is given the chosen ones (n,) alone."""
         found = np.zeros(len(self.segments), dtype=bool)
@@ -118,7 +110,7 @@ def _of_other_layers(strokes: Strokes) -> Bool:
 
 def _annotations(strokes: Strokes) -> Bool:
     free = strokes.free
-    drawn = strokes.line[free], strokes.mark[free], strokes.pattern[free]
+    drawn = strokes.line[free], strokes.mark[free]
     return strokes.among(free, lambda each: is_annotation(each, *drawn))
 
 
@@ -136,9 +128,8 @@ def _frame(strokes: Strokes) -> Bool:
 
 
 def _beside(strokes: Strokes) -> Bool:
-    left = strokes.left
-    sheet = strokes.shows_sheet("annotation line", "frame line")
-    return strokes.among(left, lambda each: is_aside(each, sheet, strokes.role[left] != "other"))
+    left = strokes.left & strokes.shows_sheet("annotation line", "frame line")
+    return strokes.among(left, lambda each: is_aside(each, strokes.role[left] != "other"))
 
 
 # Each rule looks among what the rules before it leave.
@@ -169,7 +160,7 @@ RULES = [
     Rule(
         "pattern line",
         "Tiles and hatching: five or more parallels at one distance.",
-        lambda strokes: strokes.pattern,
+        lambda strokes: strokes.among(strokes.free, is_pattern),
     ),
     Rule("letter stroke", "Words: rows of small parts that differ from each other.", _letters),
     Rule("frame line", "The box around all on a sheet, and its title block.", _frame),

@@ -157,33 +157,42 @@ def with_rooms(
     The outlines of rooms become lines, shared ones only once, with gaps at openings. Without a
     level the storey is the ground floor, or that with most rooms.
     """
-    known = Counter(each for f in features if f.role == "room" for each in f.levels[:1])
-    chosen = level or ("0" if "0" in known or not known else known.most_common(1)[0][0])
-    if level is not None and level not in {each for f in features for each in f.levels}:
-        raise WorldError(f"has no level {shown(level)}; levels are {', '.join(sorted(known)[:20])}")
+    storeys = _storeys(features)
+    known = ", ".join(sorted(storeys)[:20])
+    chosen = level or next(iter(storeys), "0")
+    if level is not None and all(level not in f.levels for f in features):
+        raise WorldError(
+            f"has no level {shown(level)}; levels are {', '.join(sorted(storeys)[:20])}"
+        )
     here = list[Feature]()
     for feature in features:
         # Buildings also name a level, that of their entrance.
-        if feature.levels and chosen not in feature.levels and (feature.role or level):
+        named = feature.levels if feature.role or level else ()
+        if named and chosen not in named:
             balance.used -= 1
-            balance.leave(f"feature of another level: {', '.join(feature.levels[:3])}")
+            balance.leave(f"feature of another level: {', '.join(named[:3])}")
         else:
             here.append(feature)
     rooms = [f for f in here if f.role == "room"]
     openings = [f for f in here if f.role == "opening"]
+    found = [f for f in here if f.role in ("", "wall")]
     if not rooms:
         balance.used -= len(openings)
         balance.leave("opening without a room", len(openings))
-    found = [f for f in here if f.role in ("", "wall")] + _walls_of_rooms(rooms, openings)
-    others = ", ".join(sorted(known)[:20])
-    said = f"level {chosen} of {others} is read; --level chooses" if len(known) > 1 else ""
-    return found, f"{counted(len(rooms), 'indoor room')}; {said}".strip("; ") if rooms else ""
+        return found, ""
+    read = [f"level {chosen} of {known} is read; --level chooses"][: len(storeys) - 1]
+    said = "; ".join([counted(len(rooms), "indoor room"), *read])
+    return found + _walls_of_rooms(rooms, openings), said
+
+
+def _storeys(features: Sequence[Feature]) -> list[str]:
+    """The storeys of rooms: the ground floor comes first, then those with most rooms."""
+    rooms = Counter(each for f in features if f.role == "room" for each in f.levels[:1])
+    return sorted(rooms, key=lambda each: (each != "0", -rooms[each]))
 
 
 def _walls_of_rooms(rooms: list[Feature], openings: list[Feature]) -> list[Feature]:
     """The walls of rooms that touch, as one feature each."""
-    if not rooms:
-        return []
     # A line without area may be a wall that divides a room.
     areas = shapely.make_valid(np.array(shapes_of(rooms), dtype=object))
     outlines = [each.boundary if each.area else each for each in areas]
@@ -224,16 +233,11 @@ def _shapes(geometry: Any, points: bool = False) -> Iterator[Any]:
         if points and part.geom_type == "Point" and not part.is_empty:
             yield part
         if part.geom_type in ("LineString", "Polygon") and not part.is_empty:
-            _check_shape(part, kind)
+            if part.geom_type == "Polygon" and not encloses(part):
+                raise WorldError(f"{kind}: lies on one line and encloses nothing")
+            if not part.length > 0.0:
+                raise WorldError(f"{kind} of no length: expected two different points")
             yield shapely.remove_repeated_points(part)
-
-
-def _check_shape(part: Any, kind: str) -> None:
-    """Check that a polygon encloses something, and that a line has a length."""
-    if part.geom_type == "Polygon" and not encloses(part):
-        raise WorldError(f"{kind}: lies on one line and encloses nothing")
-    if not part.length > 0.0:
-        raise WorldError(f"{kind} of no length: expected two different points")
 
 
 def encloses(polygon: Any) -> bool:

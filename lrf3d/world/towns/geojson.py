@@ -11,7 +11,6 @@ a map of lrf3d walls meet at the corners, and those that touch are one object.
 
 import json
 import re
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
@@ -23,7 +22,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.balance import Balance
-from lrf3d.base.errors import Lrf3dNote, WorldError, missing_extra, shown
+from lrf3d.base.errors import WorldError, missing_extra, shown
 from lrf3d.base.files import own_name, read_text, write_text
 from lrf3d.geometry.lines import is_finite
 from lrf3d.world.cameras import FixedCamera
@@ -65,18 +64,23 @@ def read_geojson(path: Path, level: str | None = None) -> World:
     """
     data = _parse(path)
     features = list(_features(data))
-    balance = Balance("feature", _held(data), sum(not each.left_out for each in features))
+    balance = Balance("feature", len(features))
     for feature in features:
-        balance.leave(feature.left_out or "feature", bool(feature.left_out))
+        balance.used += not feature.left_out
+        balance.leave(feature.left_out, bool(feature.left_out))
     if not any(feature.shapes for feature in features if feature.role != "opening"):
-        held = f"; it holds {balance.words()}" if balance.left_out else ""
-        raise WorldError(f"holds no Polygon and no LineString, so there is no wall{held}")
-    features, place = _placed(features, data, path)
+        raise WorldError(
+            "holds no Polygon and no LineString, so there is no wall; it holds"
+            f" {balance.words() or 'nothing'}"
+        )
+    features, place, assumed = _placed(features, data)
     joined = joined_areas(features)
     features, said = with_rooms(features, level, balance)
-    balance.note(path, said, joined)
-    name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
-    world = world_of_features(features, name, place=place)
+    balance.note(path, assumed, said, joined)
+    name = data.get("name")
+    world = world_of_features(
+        features, name if isinstance(name, str) else own_name(path), place=place
+    )
     free = FreeCells.from_dict(data["free"]) if "free" in data else None
     if _is_map(data):
         return world_of_map(world, free)
@@ -85,9 +89,12 @@ def read_geojson(path: Path, level: str | None = None) -> World:
 
 
 def _placed(
-    features: list[Feature], data: dict[str, Any], path: Path
-) -> tuple[list[Feature], tuple[float, float] | None]:
-    """The features in metres, and the longitude and latitude of (0, 0), where they are known."""
+    features: list[Feature], data: dict[str, Any]
+) -> tuple[list[Feature], tuple[float, float] | None, str]:
+    """The features in metres, the longitude and latitude of (0, 0), if known, and what is assumed.
+
+    Longitude and latitude may be swapped in a file: the place shows it.
+    """
     given = data.get("place")
     place = None
     if isinstance(given, list) and len(given) == 2 and is_finite(*given):
@@ -95,20 +102,18 @@ def _placed(
         if data.get("units") == "deg":
             return moved(features, partial(lay_flat, centre=np.array(place))), place
     if data.get("units") == "m" or _is_map(data):
-        return features, place
+        return features, place, ""
     reference = data.get("crs")
     features, found = in_metres(features, reference)
-    if found is None and reference is None:
-        assumed = "coordinates without a crs, too large for degrees, are taken as metres"
-        wide, high = np.ptp(shapely.get_coordinates(shapes_of(features)), axis=0)
-        size = f"{wide:,.6g} m by {high:,.6g} m"
-        warnings.warn(f"{path}: {assumed}: {size}", Lrf3dNote, stacklevel=3)
-    return features, found or place
-
-
-def _held(data: dict[str, Any]) -> int:
-    """The number of features in a file."""
-    return len(data["features"]) if data.get("type") == "FeatureCollection" else 1
+    if found is not None:
+        where = "longitude first, so around latitude"
+        return features, found, f"{where} {found[1]:.4f}°, longitude {found[0]:.4f}°"
+    wide, high = np.ptp(shapely.get_coordinates(shapes_of(features)), axis=0)
+    assumed = (
+        "coordinates without a crs, too large for degrees, are taken as metres:"
+        f" {wide:,.6g} m by {high:,.6g} m"
+    )
+    return features, place, assumed if reference is None else ""
 
 
 def _features(data: dict[str, Any]) -> Iterator[Feature]:
@@ -236,6 +241,8 @@ def in_metres(
         metre, features = _by_pyproj(features, name, code)
         if metre:
             return moved(features, lambda points: points * metre), None
+    elif not name and looks_geographic(moved(features, np.fliplr)) > looks_geographic(features):
+        raise WorldError("latitude stands before longitude; swap the two in each position")
     elif code not in DEGREES and (name or not looks_geographic(features)):
         return list(features), None
     flat, centre, _ = laid_flat(features)

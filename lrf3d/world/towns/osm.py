@@ -74,10 +74,8 @@ def read_osm(path: Path, *, trees: bool = False, level: str | None = None) -> Wo
     features = [each for each in _buildings(extract, fates) if each.shapes]
     features += [*_lines(extract, fates), *_rooms(extract, fates)]
     if not any(feature.role != "opening" for feature in features):
-        held = _balance(extract, fates, trees).words()
-        raise WorldError(
-            f"holds no whole building, so there is no wall; it holds {held or 'nothing'}"
-        )
+        held = _balance(extract, fates, trees).words() or "nothing"
+        raise WorldError(f"holds no whole building, so there is no wall; it holds {held}")
     features, centre, extent = laid_flat(features)
     # Farther apart the projection is too inaccurate.
     if extent > 2.0:
@@ -198,10 +196,9 @@ def _place(element: Element) -> Place:
 def _balance(extract: _Extract, fates: dict[int, str], trees: bool) -> Balance:
     """The balance of the elements with tags; the total is counted in the file."""
     balance = Balance("element", len(extract.held))
-    nodes = [*extract.points.values()]
     fates |= {id(tags): "" for _, tags in extract.trees.values() if trees}
-    ways = [tags for _, tags in (*extract.ways.values(), *extract.relations.values()) if tags]
-    for tags in nodes + ways:
+    ways = (tags for _, tags in (*extract.ways.values(), *extract.relations.values()))
+    for tags in filter(None, (*extract.points.values(), *ways)):
         key = next((each for each in MAIN if each in tags), next(iter(tags)))
         reason = fates.get(id(tags), key)
         balance.used += not reason
@@ -332,11 +329,11 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
 
 
 def _feature(tags: Tags, area: Any) -> Feature:
-    address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return Feature(
         tuple(part for part in shapely.get_parts([area]).tolist() if encloses(part)),
         tag_height(tags),
-        tags.get("name") or address,
+        tags.get("name")
+        or f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip(),
         parse_colour(tags.get("building:colour")),
         material=material_of(tags.get("building:material")),
     )
