@@ -51,6 +51,7 @@ LAYOUTS = {
     b"ROBOTLASER1": _FAN + _POSE + "robot_x robot_y robot_theta v w safety safety turn " + _END,
     b"RAWLASER1": _FAN + _END,
     b"Laser": "n",
+    b"CMU": "n " + _POSE + "robot_x robot_y robot_theta " + _END,
     b"ODOM": _POSE + "v w acceleration " + _END,
     b"TRUEPOS": _POSE + "odom_x odom_y odom_theta " + _END,
     b"Odometry": _POSE,
@@ -101,7 +102,7 @@ HALF_TURNS = {180, 181, 360, 361}
 WIDE_FANS = (240, 270, 360)
 
 # Messages that do not say how wide their fans are.
-WITHOUT_FAN = (b"FLASER", b"Laser")
+WITHOUT_FAN = (b"FLASER", b"Laser", b"CMU")
 
 # How far the poses of one laser on its robot may differ [m], [rad]: logs round their numbers.
 STEADY = 1e-3
@@ -179,10 +180,8 @@ def _of_cmu(words: list[bytes]) -> list[bytes]:
         return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
     laser = [CENTI * rest[0], CENTI * rest[1], rest[2]]
     ranges = [CENTI * each for each in rest[3:-1]]
-    start, step = front_fan(len(ranges))
-    fan = [0.0, start, pi, step, 0.0, 0.0, 0.0, len(ranges)]
-    found = [*fan, *ranges, 0.0, *laser, *robot, *[0.0] * 5, numbers[-1]]
-    return [b"ROBOTLASER1", *(b"%.9g" % each for each in found), b"", words[-1]]
+    found = [len(ranges), *ranges, *laser, *robot, rest[-1]]
+    return [b"CMU", *(b"%.9g" % each for each in found), b"", words[-1]]
 
 
 def _of_player(words: list[bytes]) -> list[bytes]:
@@ -263,8 +262,6 @@ def _ranges(words: list[bytes]) -> Float:
     except ValueError as error:
         word = str(error).rpartition(": ")[2].lstrip("b")
         raise ValueError(f"reading {word[:40]}, expected a number") from None
-    if (ranges < 0.0).any():
-        raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
     return ranges
 
 
@@ -362,9 +359,10 @@ class _Reading:
         farthest = self._farthest(found)
         ranges = _ranges(found["n"])
         not_numbers = int(np.isnan(ranges).sum())
-        # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
+        # Some drivers write NaN for a beam without a return, and 0 or less for one without a valid
+        # range.
         ranges[~(ranges < farthest)] = inf
-        ranges[ranges == 0.0] = -inf
+        ranges[ranges <= 0.0] = -inf
         pose = self._pose if kind in RAW else _pose(found)
         timed = bool(found.get("time"))
         stamp = _number(found, "time") if timed else UNTIMED * self._counts[laser]

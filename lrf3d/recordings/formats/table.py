@@ -295,9 +295,13 @@ class Table:
         if nanosec is not None:
             seconds = self.values.get("stamp")
             self.units["stamp"] = "ns" if seconds is None else "s"
-            # Stamps with a fraction are complete; a column of nanoseconds repeats the fraction.
-            if seconds is None or not (seconds % 1.0).any():
-                self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
+            # Stamps with a fraction are complete, and so are those in smaller units.
+            if seconds is None:
+                self.values["stamp"] = nanosec
+            elif (usual_step(seconds) or 0.0) > SLOWEST:
+                self.units["stamp"] = ""
+            elif not (seconds % 1.0).any():
+                self.values["stamp"] = seconds + NANO * nanosec
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

@@ -32,6 +32,12 @@ KINDS = {
     "geometry_msgs/msg/PoseStamped": {"pose"},
 }
 
+# Interval [ns] that is assumed between messages without stamps and times of receipt.
+APART = 10_000_000
+
+# Times since 1970 are less than this [s]; larger numbers are nanoseconds.
+LATEST = 1e11
+
 # Names of fields in ROS 1, and their names in ROS 2.
 RENAMED = {"secs": "sec", "nsecs": "nanosec", "nsec": "nanosec"}
 
@@ -43,23 +49,36 @@ def is_messages(path: Path) -> bool:
 
 def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]:
     """The topic, type, time of receipt [ns] and message of each object; bad lines as text."""
-    for line in lines:
-        text = line.strip().rstrip(b",")
-        if text in (b"", b"[", b"]"):
+    for number, value in enumerate(_values(b"".join(lines))):
+        if isinstance(value, bytes):
+            yield "", ODOMETRY, 0, value
             continue
-        try:
-            values = json.loads(text)
-        except (ValueError, RecursionError):
-            yield "", ODOMETRY, 0, text
-            continue
-        for value in values if isinstance(values, list) else [values]:
-            # Other requests of rosbridge, such as subscribe, hold no message.
-            fields = value if isinstance(value, dict) else {}
-            bodies = [each for each in fields.values() if isinstance(each, dict)]
-            if "topic" in fields and bodies:
-                kind = _kind_of(bodies[0])
-                message = _message(bodies[0])
-                yield str(value["topic"]), kind, _received(value, message), message
+        # Other requests of rosbridge, such as subscribe, hold no message.
+        fields = value if isinstance(value, dict) else {}
+        bodies = [each for each in fields.values() if isinstance(each, dict)]
+        if "topic" in fields and bodies:
+            kind = _kind_of(bodies[0])
+            message = _message(bodies[0])
+            received = _received(value, message) or APART * number
+            yield str(value["topic"]), kind, received, message
+
+
+def _values(text: bytes) -> Iterator[Any]:
+    """The values in a text of JSON, which is an array or has one in each line; bad lines as bytes.
+
+    An array that was cut short is read line by line.
+    """
+    with suppress(ValueError, RecursionError):
+        whole = json.loads(text)
+        yield from whole if isinstance(whole, list) else [whole]
+        return
+    for line in text.splitlines():
+        part = line.strip().rstrip(b",")
+        if part not in (b"", b"[", b"]"):
+            try:
+                yield json.loads(part)
+            except (ValueError, RecursionError):
+                yield part
 
 
 def message_of(data: Any, _: str) -> Any:
@@ -80,6 +99,10 @@ def _message(value: Any) -> Any:
     """A message with its fields as attributes, by their names in ROS 2."""
     if isinstance(value, dict):
         fields = {RENAMED.get(str(name), str(name)): _message(each) for name, each in value.items()}
+        if "stamp" in fields and not hasattr(fields["stamp"], "sec"):
+            # A stamp may be null or seconds.
+            sec, nanosec = divmod(_nanoseconds(fields["stamp"] or 0), 1_000_000_000)
+            fields["stamp"] = SimpleNamespace(sec=sec, nanosec=nanosec)
         return SimpleNamespace(**fields)
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return [_message(each) for each in value]
@@ -89,8 +112,13 @@ def _message(value: Any) -> Any:
 def _received(value: dict[str, Any], message: Any) -> int:
     """When a message was received [ns], or its own stamp if that was not recorded."""
     if "log_time" in value:
-        return round(float(value["log_time"]) * 1_000_000_000)
+        return _nanoseconds(value["log_time"])
     with suppress(AttributeError, IndexError, TypeError, ValueError):
         stamp = getattr(message, "transforms", [message])[0].header.stamp
         return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
     return 0
+
+
+def _nanoseconds(time: Any) -> int:
+    """A time [ns] that is a number or a text, in seconds or nanoseconds."""
+    return int(time) if float(time) > LATEST else round(1_000_000_000 * float(time))

@@ -234,8 +234,10 @@ class _Robot:
         own = self._stream.track
         tracks = self._used_tracks()
         for name, track in {self._stream.topic: own, **tracks}.items():
-            if track.is_frozen:
-                return f"the stamps of {name} are all {NANO * track.stamps[0, 0]:g} s"
+            if known := track.stamps_repeat:
+                if known == 1:
+                    return f"the stamps of {name} are all {NANO * track.stamps[0, 0]:g} s"
+                return f"{len(track)} messages of {name} have only {known} different stamps"
         for name, track in tracks.items():
             apart = 0.0 if track.stands else own.ahead() - track.ahead()
             if abs(apart) > CLOCKS_APART:

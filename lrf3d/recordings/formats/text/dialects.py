@@ -134,10 +134,13 @@ def _separated(mark: str | None, text: str) -> list[Words]:
         words = [word.replace(",", ".") for word in words]
     if len(words) <= SHORT:
         words = [{"True": "1", "False": "0"}.get(word, word) for word in words]
-    # Spaces may separate what comes before a list of commas.
-    if len(first := words[0].split() if words else []) > 1 and all(map(is_number, first)):
-        words[:1] = first
-    return [words]
+    return [[each for word in words for each in _spaced(word)]]
+
+
+def _spaced(word: str) -> Words:
+    """The numbers in a word, as in a cell of a whole scan; else the word itself."""
+    parts = word.split()
+    return parts if len(parts) > 1 and all(map(is_number, parts)) else [word]
 
 
 DIALECTS = [

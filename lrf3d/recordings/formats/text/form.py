@@ -102,7 +102,7 @@ def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
     first = numeric[0]
     if all(map(is_number, numeric[-1])) and are_names(first):
         return named(first)
-    before = rows[: rows.index(first)]
+    before = [r for r in rows[: rows.index(first)] if not all(map(is_number, filter(None, r)))]
     alike = [row for row in before if len(row) == len(first)]
     heads = alike or [row for row in before[-1:] if len(row) >= min(len(first), 2)]
     # A row of units has fewer different words than the row of names before it.

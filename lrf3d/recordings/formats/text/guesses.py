@@ -258,8 +258,8 @@ def _goes_round(bearings: Float) -> bool:
 
 
 def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[str, int]:
-    """The columns of a sweep: ranges are next to the bearings, stamps in front."""
-    after = place + 1 if place + 1 in others else others[0]
+    """The columns of a sweep: ranges are next to the bearings, rather after them, stamps first."""
+    after = min(others, key=lambda k: (abs(k - place), k < place))
     found = {"angles": place, "ranges": after}
     if 0 in others and after != 0 and (np.diff(columns[0]) >= 0.0).all():
         found["stamp"] = 0
@@ -272,10 +272,11 @@ def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[
 def _by_pairs(form: Form) -> Layout | None:
     rows = [values_of(words) for words in form.sample if len(words) > 2 * FEWEST_COUNTED]
     for place in range(MOST_BEFORE_COUNT if 2 * len(rows) > len(form.sample) else 0):
-        if all(_are_pairs(row[place:]) for row in rows):
+        ways = (way for way in (1, -1) if all(_are_pairs(row[place:][::way]) for row in rows))
+        if way := next(ways, 0):
             roles = [meaning(name) for name in form.header[:place]]
             roles = roles or [(name, "") for name in LEADING.get(place, "").split()]
-            layout = Layout(paired=True)
+            layout = Layout(paired=way)
             for k, (role, unit) in enumerate(roles):
                 if role:
                     layout.name(role, k, unit)

@@ -39,7 +39,8 @@ class Layout:
         clockwise: Whether the beams go clockwise.
         bearings: The bearings of the beams, if names of columns give them.
         unused: Names of columns that are not used.
-        paired: Whether the columns of ranges hold bearings and ranges alternately.
+        paired: 1 if the columns of ranges hold bearings and ranges alternately, −1 if each range
+            comes before its bearing, else 0.
         skips: Whether lines with a blank column are left out, as they belong to another topic.
     """
 
@@ -51,7 +52,7 @@ class Layout:
     clockwise: bool = False
     bearings: Float | None = None
     unused: Words = field(default_factory=list)
-    paired: bool = False
+    paired: int = 0
     skips: bool = False
 
     def name(self, role: str, place: int, unit: str = "") -> None:
@@ -93,8 +94,9 @@ class Layout:
                 table.intake.refuse(number, error)
                 continue
             if self.paired:
-                bearings.append(found["ranges"][::2])
-                found["ranges"] = found["ranges"][1::2]
+                alternate = found["ranges"][:: self.paired]
+                bearings.append(alternate[::2])
+                found["ranges"] = alternate[1::2]
             if not single and "ranges" in found:
                 ranges.append(found.pop("ranges"))
             for role, values in found.items():
