@@ -340,9 +340,9 @@ def stampless(message):
 
 def test_an_array_of_messages_may_be_indented(tmp_path):
     path = tmp_path / "log.json"
-    lines = text_of(lambda topic, _, message: {"topic": topic, "msg": message}, *scans(0.0, 1.0))
+    lines = text_of(lambda topic, _, message: {"topic": topic, "msg": message}, *scans(1.0, 2.0))
     path.write_text(json.dumps([json.loads(line) for line in lines.split("\n")], indent=1))
-    assert load_log(path).times == pytest.approx([0.0, 1.0])
+    assert load_log(path).times == pytest.approx([1.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -355,7 +355,11 @@ def test_an_array_of_messages_may_be_indented(tmp_path):
             "log_time": str(round(1e9 * time) + 10**18),
             "data": message,
         },
-        lambda topic, time, message: {"topic": topic, "log_time": time, "msg": stampless(message)},
+        lambda topic, time, message: {
+            "topic": topic,
+            "log_time": time + 1,
+            "msg": stampless(message),
+        },
     ],
 )
 def test_lines_of_json_of_several_topics_are_read_as_bags_are(wrap, tmp_path):

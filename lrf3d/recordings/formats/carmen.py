@@ -20,13 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, wrap_angle
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, usual_step, wrap_angle
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
-from lrf3d.recordings.formats.units import MICRO, MILLI
+from lrf3d.recordings.formats.units import LENGTHS, MICRO, MILLI
 from lrf3d.recordings.log import (
+    COARSE,
     LARGEST_RANGE,
     UNTIMED,
     Intake,
@@ -89,9 +90,6 @@ TELEGRAM_AHEAD = 90
 # Numbers of words in a line of Carnegie Mellon's robot data: a pose, or two poses with ranges.
 CMU_WORDS = (5, *range(30, 1100))
 
-# A centimetre [m], the unit of these lines.
-CENTI = 1e-2
-
 # Least number of words of a message of Player.
 PLAYER_WORDS = 15
 
@@ -132,6 +130,8 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
             f"{intake.first_bad}"
         )
     log = reading.log()
+    if poses == "auto" and reading.is_coarse:
+        poses = "odom"
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, intake.path)
 
 
@@ -175,12 +175,12 @@ def _of_cmu(words: list[bytes]) -> list[bytes]:
     """A line of Carnegie Mellon's robot data: poses and ranges in centimetres, the stamp last."""
     numbers = [float(word) for word in words[1:]]
     x, y, theta, *rest = numbers
-    robot = [CENTI * x, CENTI * y, theta]
+    centi = LENGTHS["cm"]
+    robot = [centi * x, centi * y, theta]
     if words[0] == b"O":
         return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
-    laser = [CENTI * rest[0], CENTI * rest[1], rest[2]]
-    ranges = [CENTI * each for each in rest[3:-1]]
-    found = [len(ranges), *ranges, *laser, *robot, rest[-1]]
+    ranges = [centi * each for each in rest[3:-1]]
+    found = [len(ranges), *ranges, centi * rest[0], centi * rest[1], rest[2], *robot, rest[-1]]
     return [b"CMU", *(b"%.9g" % each for each in found), b"", words[-1]]
 
 
@@ -404,6 +404,14 @@ class _Reading:
             source="as logged" if self._placed else "none",
             fans=fans,
         )
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether scans have no poses of their own, and odometry is rare but has their clock."""
+        times = np.array([time for time, _ in self._stamped["odom"]])
+        stamps = [row.scan.time for row in self.rows]
+        raw = all(self._kinds[row.laser][0] in RAW for row in self.rows)
+        return raw and usual_step(times) >= COARSE and times[0] <= np.median(stamps) <= times[-1]
 
     def _other_fans(self) -> tuple[tuple[float, float], ...]:
         """First and last bearings of other fans that scans may have, if messages do not say."""

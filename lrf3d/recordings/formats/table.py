@@ -292,16 +292,14 @@ class Table:
     def times(self) -> Float:
         """Stamps (k,) [s]."""
         nanosec = self.values.pop("nanosec", None)
-        if nanosec is not None:
-            seconds = self.values.get("stamp")
-            self.units["stamp"] = "ns" if seconds is None else "s"
+        seconds = self.values.get("stamp")
+        if seconds is None and nanosec is not None:
+            self.values["stamp"] = nanosec
+            self.units["stamp"] = "ns"
+        elif nanosec is not None and usual_step(seconds) <= SLOWEST:
             # Stamps with a fraction are complete, and so are those in smaller units.
-            if seconds is None:
-                self.values["stamp"] = nanosec
-            elif (usual_step(seconds) or 0.0) > SLOWEST:
-                self.units["stamp"] = ""
-            elif not (seconds % 1.0).any():
-                self.values["stamp"] = seconds + NANO * nanosec
+            self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
+            self.units["stamp"] = "s"
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

@@ -3,7 +3,6 @@
 A file with an object in each line, or an array of objects, enters; messages leave, as from a bag.
 """
 
-import json
 import re
 from collections.abc import Iterator
 from contextlib import suppress
@@ -15,6 +14,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.formats import head_of
 from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.recordings.formats.arrays import json_parts
 
 # Finds the topic of a message in the first bytes of a file.
 TOPIC = re.compile(rb'\s*+\[?\s*+\{[^\0]*?"topic"\s*:\s*"').match
@@ -49,9 +49,12 @@ def is_messages(path: Path) -> bool:
 
 def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]:
     """The topic, type, time of receipt [ns] and message of each object; bad lines as text."""
-    for number, value in enumerate(_values(b"".join(lines))):
-        if isinstance(value, bytes):
-            yield "", ODOMETRY, 0, value
+    parts, read = json_parts(b"".join(lines).decode("utf-8", "replace"))
+    for number, part in enumerate(parts):
+        try:
+            value = read(part)
+        except (ValueError, RecursionError):
+            yield "", ODOMETRY, 0, part
             continue
         # Other requests of rosbridge, such as subscribe, hold no message.
         fields = value if isinstance(value, dict) else {}
@@ -63,27 +66,9 @@ def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]
             yield str(value["topic"]), kind, received, message
 
 
-def _values(text: bytes) -> Iterator[Any]:
-    """The values in a text of JSON, which is an array or has one in each line; bad lines as bytes.
-
-    An array that was cut short is read line by line.
-    """
-    with suppress(ValueError, RecursionError):
-        whole = json.loads(text)
-        yield from whole if isinstance(whole, list) else [whole]
-        return
-    for line in text.splitlines():
-        part = line.strip().rstrip(b",")
-        if part not in (b"", b"[", b"]"):
-            try:
-                yield json.loads(part)
-            except (ValueError, RecursionError):
-                yield part
-
-
 def message_of(data: Any, _: str) -> Any:
     """A message as it was read; raises InputError if the line is not JSON."""
-    if isinstance(data, bytes):
+    if isinstance(data, str):
         raise InputError("not JSON, or cut short")
     return data
 

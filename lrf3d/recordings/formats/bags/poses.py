@@ -14,16 +14,13 @@ from lrf3d.laser import LaserScan
 from lrf3d.recordings.formats.bags.contents import DRIFTING, Contents, ScanStream, edges_of
 from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
 from lrf3d.recordings.formats.units import NANO
-from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.log import COARSE, LaserLog
 
 # Parts that a recording may have; where stamps go back more often, they are useless.
 MOST_PARTS = 20
 
 # Words in the names of topics whose poses are goals or guesses, not those of a robot.
 AIMS = ("goal", "initialpose")
-
-# Interval [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
-COARSE = 0.3
 
 # Least interval of coarse odometry, in intervals of scans.
 COARSE_SCANS = 3.0

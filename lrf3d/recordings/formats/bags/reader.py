@@ -105,7 +105,7 @@ def _read(contents: Contents, topics: set[BagTopic], wanted: Callable[[BagTopic]
             continue
         try:
             message = deserialized[topic.packing](data, topic.kind)
-            contents.take(topic.name, topic.kind, message, received, number)
+            MESSAGES[topic.kind](contents, topic.name, message, received, number)
         except Exception as error:
             # A damaged message may raise any exception.
             intake.refuse(number, _short(error), "message")

@@ -1,7 +1,7 @@
 """Guesses: the ways to find what the columns of a text hold, if no format says so.
 
 The form of a text enters `layout_of`; the first guess of `GUESSES` that fits gives its layout. If
-none fits, the error shows a format to start from: nothing is read silently in a wrong way.
+none fits, the error shows a format that reads it: nothing is read silently in a wrong way.
 """
 
 import re
@@ -108,12 +108,21 @@ def layout_of(form: Form, intake: Intake) -> Layout:
 
 
 def _refusal(form: Form) -> str:
-    """Why nothing was found, and a format to start from."""
-    whole = form.length > SHORT
-    such = "stamp:us, x, y, theta, ranges:mm@25" if whole else "angles:deg@1, ranges:mm@2"
+    """Why nothing was found."""
     places = [k + 1 for k in range(min(form.length, SHORT)) if rises(form.sample, k)]
     rising = f", number {', '.join(map(str, places))} rising as stamps do" if places else ""
-    return f"text of {form.length} columns{rising}; name them by --format, such as '{such}'"
+    return f"text of {form.length} columns{rising}; name them by --format"
+
+
+def formats_for(form: Form) -> list[str]:
+    """Formats that may read a text in which nothing was found."""
+    stamp = "stamp@1, " * rises(form.sample, 0)
+    begin = 1 + bool(stamp)
+    usual = [form.length - beams + 1 for beams in FANS if beams <= form.length + 1 - begin]
+    fan = "" if usual else ", first=-90deg, last=90deg"
+    whole = f"{stamp}ranges@{min(usual, default=begin)}{fan}"
+    specs = [whole] if form.length > SHORT else ["angles@1, ranges@2", "angles@2, ranges@1"]
+    return [spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm")]
 
 
 def by_names(form: Form) -> Layout:
@@ -302,7 +311,8 @@ def _by_length(form: Form) -> Layout | None:
     for names in (stamp, [*stamp, "x", "y", "theta"]):
         place = len(names)
         if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
-            if names == stamp or _are_headings(form, place - 1):
+            last = [words[place - 1] for words in form.sample if len(words) == form.length]
+            if names == stamp or (np.abs(values_of(last)) <= LARGEST_HEADING).all():
                 return _in_order(form, stamp, names != stamp)
     return None
 
@@ -343,11 +353,6 @@ def _counts_up(form: Form, place: int) -> bool:
     usual = np.median(table)
     apart = np.abs(np.log(np.maximum(np.abs(table[-1]), 1e-9) / max(usual, 1e-9)))
     return len(rows) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
-
-
-def _are_headings(form: Form, place: int) -> bool:
-    words = [words[place] for words in form.sample if len(words) == form.length]
-    return bool((np.abs(values_of(words)) <= LARGEST_HEADING).all())
 
 
 GUESSES = [

@@ -61,9 +61,11 @@ class Layout:
         self.units |= {role: unit} if unit else {}
 
     def with_settings(self, other: "Layout") -> "Layout":
-        """This layout with the settings of another one."""
+        """This layout with the settings and units of another one."""
+        settings = {**self.settings, **other.settings}
+        units = {**self.units, **other.units}
         clockwise = self.clockwise or other.clockwise
-        return replace(self, settings={**self.settings, **other.settings}, clockwise=clockwise)
+        return replace(self, settings=settings, units=units, clockwise=clockwise)
 
     def settle(self, table: Table) -> None:
         """Enter the units, settings and bearings that are known into a table."""
