@@ -106,10 +106,6 @@ def _records(run: Run, path: Path, *, local: bool) -> Iterator[Records]:
     """The points of each scan."""
     if not run.cloud_sensors.lidars:
         raise InputError(f"{path}: the run has no lidar; give its world one, [lidar]")
-    return _cast(run, local)
-
-
-def _cast(run: Run, local: bool) -> Iterator[Records]:
     start = float(run.trajectory.times[0])
     for scan in run.lidar_scans:
         rows = records_of(scan, local=local)

@@ -21,7 +21,7 @@ import numpy as np
 from lrf3d.base.balance import Balance
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Records, sealed, wrap_angle
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.messages.clouds import OPTICAL_AXES, POINT_FIELDS
 from lrf3d.recordings.formats.units import NANO, TIMES
@@ -52,9 +52,6 @@ ENOUGH = 30
 # [rad] The step of bearings where it is unknown, and the finest one.
 USUAL_STEP = float(np.radians(0.5))
 FINEST_STEP = float(np.radians(0.05))
-
-# [rad] Bearings that differ by less from one scan to the next are the same: float32 rounds them.
-EQUAL = 1e-5
 
 # Spans of less [rad] between bearings are rounding, or several returns of one pulse.
 SAME = 1e-4
@@ -159,7 +156,6 @@ class CloudScans:
     balance: Balance = field(default_factory=lambda: Balance("point"))
     _ring: int | None = None
     _beams: int = 0
-    _angles: Float | None = None
     _words: str = ""
     _clouds: int = 0
     _still: int = 0
@@ -208,7 +204,7 @@ class CloudScans:
         begins = stamp + round(turning.begins / NANO)
         increment = turning.period / self._beams
         scan = LaserScan(
-            (0.0, 0.0, 0.0), self._shared(angles), found, time=NANO * begins,
+            (0.0, 0.0, 0.0), angles, found, time=NANO * begins,
             time_increment=increment,
         )  # fmt: skip
         return scan, begins
@@ -295,14 +291,6 @@ class CloudScans:
         return Turning(
             start, way, positions + shift, begins - shift / abs(rate), 2.0 * np.pi / abs(rate)
         )
-
-    def _shared(self, angles: Float) -> Float:
-        """The angles of the scan before if they are the same, so that scans share an array."""
-        before = self._angles
-        if before is not None and np.abs(before - angles).max() < EQUAL:
-            return before
-        self._angles = sealed(angles)
-        return angles
 
 
 def step_of(bearings: Float) -> float:

@@ -10,11 +10,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from lrf3d.base.errors import InputError
 from lrf3d.base.formats import head_of
 from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.recordings.formats.arrays import json_parts
+from lrf3d.recordings.formats.bags.files import BagTopic, Packet
+from lrf3d.recordings.log import Intake
+
+# The encoding of messages that are text.
+JSON = "json"
 
 # Finds the topic of a message in the first bytes of a file.
 TOPIC = re.compile(rb'\s*+\[?\s*+\{[^\0]*?"topic"\s*:\s*"').match
@@ -47,14 +51,15 @@ def is_messages(path: Path) -> bool:
     return path.is_file() and bool(TOPIC(head_of(path, BEGINNING)))
 
 
-def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]:
-    """The topic, type, time of receipt [ns] and message of each object; bad lines as text."""
-    parts, read = json_parts(b"".join(lines).decode("utf-8", "replace"))
+def json_messages(intake: Intake) -> Iterator[Packet]:
+    """The topic, time of receipt [ns] and message of each object in a file."""
+    text = b"".join(line for _, line in intake.lines())
+    parts, read = json_parts(text.decode("utf-8", "replace"))
     for number, part in enumerate(parts):
         try:
             value = read(part)
         except (ValueError, RecursionError):
-            yield "", ODOMETRY, 0, part
+            intake.refuse(number + 1, "not JSON, or cut short", "message")
             continue
         # Other requests of rosbridge, such as subscribe, hold no message.
         fields = value if isinstance(value, dict) else {}
@@ -63,14 +68,7 @@ def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]
             kind = _kind_of(bodies[0])
             message = _message(bodies[0])
             received = _received(value, message) or APART * number
-            yield str(value["topic"]), kind, received, message
-
-
-def message_of(data: Any, _: str) -> Any:
-    """A message as it was read; raises InputError if the line is not JSON."""
-    if isinstance(data, str):
-        raise InputError("not JSON, or cut short")
-    return data
+            yield BagTopic.of(str(value["topic"]), kind, JSON), received, message
 
 
 def _kind_of(message: dict[str, Any]) -> str:

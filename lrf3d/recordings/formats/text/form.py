@@ -56,19 +56,16 @@ class Form:
         """Whether a line is of the kind that holds scans."""
         return words[0] == self.word if self.word else len(words) >= self.least
 
-    @property
+    @cached_property
     def length(self) -> int:
         """The usual number of words of a line."""
-        return self._usual[0]
+        return Counter(map(len, self.sample)).most_common(1)[0][0]
 
     @property
     def is_steady(self) -> bool:
         """Whether nearly all lines have the usual number of words."""
-        return self._usual[1] > STEADY * len(self.sample)
-
-    @cached_property
-    def _usual(self) -> tuple[int, int]:
-        return Counter(map(len, self.sample)).most_common(1)[0]
+        usual = sum(len(words) == self.length for words in self.sample)
+        return usual > STEADY * len(self.sample)
 
 
 def form_of(path: Path) -> Form:

@@ -134,7 +134,8 @@ def by_names(form: Form) -> Layout:
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
-        elif role and not _is_known(layout, form, role):
+        # "Scan" next to a column of distances numbers the scans.
+        elif role and (role not in layout.columns or form.header[layout.columns[role]] == "scan"):
             layout.name(role, place, unit)
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
@@ -143,11 +144,6 @@ def by_names(form: Form) -> Layout:
     elif "ranges" in layout.columns:
         _take_one_name(layout, form)
     return layout
-
-
-def _is_known(layout: Layout, form: Form, role: str) -> bool:
-    """Whether a role has a column; "scan" next to a column of distances numbers the scans."""
-    return role in layout.columns and form.header[layout.columns[role]] != "scan"
 
 
 def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
