@@ -106,12 +106,26 @@ def compose(first: Float, second: Float) -> Float:
 
 def between(first: Float, second: Float) -> Float:
     """The second of two poses (…, 3) as seen from the first."""
+    if first.ndim == second.ndim == 1:
+        return _between_two(first.tolist(), second.tolist())
     cos = np.cos(first[..., 2])
     sin = np.sin(first[..., 2])
     dx = second[..., 0] - first[..., 0]
     dy = second[..., 1] - first[..., 1]
     turn = wrap_angle(second[..., 2] - first[..., 2])
     return _poses(cos * dx + sin * dy, cos * dy - sin * dx, turn)
+
+
+def _between_two(first: list[float], second: list[float]) -> Float:
+    """`between` for single poses, as plain numbers: most calls, and arrays take thrice as long."""
+    x, y, heading = first
+    other_x, other_y, other_heading = second
+    cos = float(np.cos(heading))
+    sin = float(np.sin(heading))
+    dx = other_x - x
+    dy = other_y - y
+    turn = wrap_angle(other_heading - heading)
+    return np.array([cos * dx + sin * dy, cos * dy - sin * dx, turn])
 
 
 def _poses(x: Float, y: Float, turn: Float) -> Float:

@@ -7,6 +7,8 @@ are hit or new, and hardly any are passed.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -68,7 +70,7 @@ class Fans(NamedTuple):
     ranges: Float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Key:
     """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
 
@@ -82,6 +84,11 @@ class Key:
     walls: Records
     hits: Records
     fans: Fans
+
+    @cached_property
+    def far(self) -> float:
+        """The distance [m] within which four of five hits lie."""
+        return float(np.quantile(np.hypot(self.hits["x"], self.hits["y"]), 0.8))
 
 
 class ScanConverter:
@@ -103,21 +110,27 @@ class ScanConverter:
         fans, *others = (fan_of(each, self.mount(each), self._noise) for each in scans)
         if others:
             fans = all_fans([fans, *others])._replace(keys=np.zeros(len(scans), np.int64))
-        hits = np.concatenate([points_of(each, self.mount(each)) for each in scans])
-        surface = self.surface(scans)
-        return Key(number, np.zeros(3), surface, thinned(surface), hits, fans)
+        hits = [points_of(each, self.mount(each)) for each in scans]
+        surface = self.surface(scans, hits)
+        return Key(number, np.zeros(3), surface, thinned(surface), np.concatenate(hits), fans)
 
     def mount(self, scan: LaserScan) -> Pose:
         """The pose of a scan's laser on the robot."""
         return self._laser if scan.mount == CENTRE else scan.mount
 
-    def surface(self, scan: LaserScan | Moment) -> Records:
-        """The surface that the scans of a moment show, in the frame of the robot."""
+    def surface(self, scan: LaserScan | Moment, hits: Iterable[Records] = ()) -> Records:
+        """The surface that the scans of a moment show, in the frame of the robot.
+
+        The points that each hit, if given, spare computing them for scans that need no unrolling.
+        """
         scans = (scan,) if isinstance(scan, LaserScan) else scan
         noise = max(self._noise, LEAST_NOISE)
-        return concatenated(
-            surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans
-        )
+        parts = list[Records]()
+        for each, points in zip_longest(scans, hits):
+            still = unrolled(each)
+            known = points if still is each else None
+            parts.append(surface_of_scan(still, self.mount(each), noise, known))
+        return concatenated(parts)
 
 
 def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:

@@ -238,7 +238,7 @@ class Submap:
         shifts = shifts_within(guess, spread, near)
         if self.grid is None or not len(scan.surface) or not len(shifts):
             return []
-        angles = _headings(scan.hits, spread)
+        angles = _headings(scan.far, spread)
         scores = window_scores(thin(scan.hits), self.field, guess, shifts, angles)
         sample = thin(scan.surface)
         found: list[tuple[Float, Float]] = []
@@ -258,13 +258,12 @@ class Submap:
         ]
 
 
-def _headings(hits: Records, spread: Float) -> Float:
+def _headings(far: float, spread: Float) -> Float:
     """The headings (a,) of a window, relative to its middle [rad].
 
     A step moves points far away by a cell; these are 5 to 15 m away.
     """
-    far = np.quantile(np.hypot(hits["x"], hits["y"]), 0.8)
-    step = float(CELL / np.clip(far, 5.0, 15.0))
+    step = CELL / min(max(far, 5.0), 15.0)
     *_, turn = np.sqrt(spread.diagonal())
     turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
     return step * np.arange(-turns, turns + 1, dtype=np.float64)

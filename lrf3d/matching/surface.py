@@ -89,7 +89,14 @@ def range_noise(scan: LaserScan) -> float:
     differences = np.maximum(np.abs(before - middle), np.abs(after - middle))
     known = rough[(differences < apart) & np.isfinite(rough)]
     # The median gives a standard deviation, and a second difference has six times the variance.
-    return float(1.4826 * np.median(known) / np.sqrt(6.0)) if len(known) else 0.0
+    return float(1.4826 * _median(known) / np.sqrt(6.0)) if len(known) else 0.0
+
+
+def _median(values: Float) -> float:
+    """The median of some values; ``np.median`` takes ten times as long for those of a scan."""
+    middle = len(values) // 2
+    ordered = np.sort(values)
+    return float(ordered[middle] if len(values) % 2 else ordered[middle - 1 : middle + 1].mean())
 
 
 def points_of(scan: LaserScan, mount: Pose) -> Records:
@@ -101,9 +108,14 @@ def points_of(scan: LaserScan, mount: Pose) -> Records:
     return points
 
 
-def surface_of_scan(scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE) -> Records:
-    """Convert a scan, by the mount of its laser, to the surface in the frame of the robot."""
-    points = points_of(scan, mount)
+def surface_of_scan(
+    scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE, points: Records | None = None
+) -> Records:
+    """Convert a scan, by the mount of its laser, to the surface in the frame of the robot.
+
+    Its `points_of` are worked out if not given.
+    """
+    points = points_of(scan, mount) if points is None else points
     x, y, _ = mount
     step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
     posts = _posts(points, scan.ranges[scan.hits], scan.angles[scan.hits], step, noise)

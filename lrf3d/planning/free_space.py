@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 import shapely
-from scipy.ndimage import distance_transform_edt, maximum, minimum
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -135,7 +135,9 @@ class Ground:
         places, such as passages, are rooms of their own.
         """
         cores, _ = parts_of(self.wide)
-        nearest = distance_transform_edt(cores == 0, return_distances=False, return_indices=True)
+        nearest = scipy.ndimage.distance_transform_edt(
+            cores == 0, return_distances=False, return_indices=True
+        )
         core = cores[tuple(nearest)].ravel()
         one, other = neighbours(self.passable)
         # Cells beyond a wall may be near to a room, but are not connected with it.
@@ -181,11 +183,11 @@ class Ground:
         wall = self.walls[self.nearest]
         objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
-        owner = minimum(objects, parts, number).astype(int)
-        closed = (owner == maximum(objects, parts, number)) & ~is_open
+        owner = scipy.ndimage.minimum(objects, parts, number).astype(int)
+        closed = (owner == scipy.ndimage.maximum(objects, parts, number)) & ~is_open
         alone = np.bincount(owner[closed], minlength=world.object_count)[owner] == 1
         several = len(np.unique(objects[self.swept])) > 1
-        high = maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
+        high = scipy.ndimage.maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
         building = closed & (high | alone & several)
         indoors = ~self.swept & ~building[parts]
         rooms = len(np.unique(self.nearest[free & indoors]))

@@ -5,7 +5,7 @@ within walls, but also rooms that it does not enter.
 """
 
 import numpy as np
-from scipy.ndimage import binary_dilation, maximum
+import scipy
 
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions
@@ -35,12 +35,12 @@ def true_rooms(ground: Ground, inside: Bool) -> Int:
     reach = groups(one, other, len(number))
     closed = reach != np.argmax(np.bincount(reach, np.where(number > 0, area, 0.0)))
     found = (area >= np.where(closed, 4.0, 2.0)) & (number > 0)
-    found &= maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, ROOMY)
-    entrance = binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
-    found &= maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < ROOMY
+    found &= scipy.ndimage.maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, ROOMY)
+    entrance = scipy.ndimage.binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
+    found &= scipy.ndimage.maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < ROOMY
     # A space within walls of less than half the usual height is furniture.
     heights = ground.world.heights
-    highest = maximum(heights[ground.walls[ground.nearest]], rooms, number)
+    highest = scipy.ndimage.maximum(heights[ground.walls[ground.nearest]], rooms, number)
     return np.flatnonzero(found & (highest >= 0.5 * np.median(heights)))
 
 

@@ -239,8 +239,8 @@ class FrontEnd:
 
     def _half_seen(self, placed: Placed) -> bool:
         """Whether a scan contradicts the wheels, and yet leaves one direction to them."""
-        weakest = weakest_direction(placed.match.information)[1]
-        return self._has_slipped(placed.match, placed.expected) and weakest < WEAK
+        slipped = self._has_slipped(placed.match, placed.expected)
+        return slipped and weakest_direction(placed.match.information)[1] < WEAK
 
     def _evidence(self, placed: Placed) -> float:
         """The evidence for a scan where it was placed; −inf if it was not."""

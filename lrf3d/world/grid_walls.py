@@ -12,15 +12,9 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import (
-    binary_dilation,
-    distance_transform_edt,
-    find_objects,
-    label,
-    maximum_filter,
-)
 
 from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import Bool, Float, Int, lengths
@@ -37,7 +31,7 @@ def parts_of(cells: Bool) -> tuple[Int, int]:
 
     Cells that touch at a corner are connected.
     """
-    parts, count = label(cells, np.ones((3, 3)))
+    parts, count = scipy.ndimage.label(cells, np.ones((3, 3)))
     return np.asarray(parts, dtype=np.int64), int(count)
 
 
@@ -53,7 +47,7 @@ def box_of(cells: Bool, margin: int = 0) -> tuple[slice, slice]:
 
 def sides_of(parts: Any) -> Int:
     """Height and width (count, 2) [pixels] of the box around each part."""
-    boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
+    boxes = [[part.stop - part.start for part in box] for box in scipy.ndimage.find_objects(parts)]
     return np.array(boxes, dtype=np.int64).reshape(-1, 2)
 
 
@@ -70,9 +64,9 @@ def grown(cells: Bool, radius: float) -> Bool:
         # Distances take much time and memory.
         row, column = np.indices((5, 5)) - 2
         near[box] = (
-            binary_dilation(cells[box], row**2 + column**2 <= radius**2)
+            scipy.ndimage.binary_dilation(cells[box], row**2 + column**2 <= radius**2)
             if radius < 3.0
-            else distance_transform_edt(~cells[box]) <= radius
+            else scipy.ndimage.distance_transform_edt(~cells[box]) <= radius
         )
     return near
 
@@ -97,7 +91,7 @@ def walls_of_grid(occupied: Bool) -> Float:
         raise WorldError(f"{found}: a pattern, or noise; clean the picture, or cut it")
     double = _opened(occupied, 2)
     # A slanted wall of two and a half cells has parts of three, about which nothing is thinned.
-    double &= ~maximum_filter(_opened(occupied, 3), 13, mode="constant")
+    double &= ~scipy.ndimage.maximum_filter(_opened(occupied, 3), 13, mode="constant")
     grid = _thinned(occupied, double)
     thick = _opened(grid, 2)
     thin = np.argwhere(grid & ~thick)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
@@ -76,7 +76,11 @@ def _body(scans: Sequence[LaserScan]) -> OwnBody | None:
     for run in np.split(beams, np.flatnonzero(np.diff(beams) > 1) + 1):
         if len(run) and middle[run].max() < FARTHEST:
             near[run] = middle[run] + STILL
-    return OwnBody(angles, maximum_filter1d(near, 2 * GRAZING + 1)) if near.any() else None
+    return (
+        OwnBody(angles, scipy.ndimage.maximum_filter1d(near, 2 * GRAZING + 1))
+        if near.any()
+        else None
+    )
 
 
 def _places(ranges: Float) -> Int:

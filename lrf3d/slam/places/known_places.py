@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from lrf3d.geometry.lines import Bool, Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import between, compose
@@ -126,7 +126,7 @@ class KnownPlaces:
         """Distances of the cells to walls [m]."""
         if not self.occupied.any():
             return np.full(self.occupied.shape, np.inf)
-        return np.asarray(distance_transform_edt(~self.occupied) * self.side)
+        return np.asarray(scipy.ndimage.distance_transform_edt(~self.occupied) * self.side)
 
     @cached_property
     def _scores(self) -> Likelihood:
