@@ -33,9 +33,8 @@ def is_run(name: str) -> bool:
 def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: odometry for bags and runs, whose ``auto`` may be the truth."""
     bags_and_runs = (*by_name("log", "bag").endings, *by_name("log", "run").endings)
-    path = as_path(path)
-    named = str(path).lower().endswith(bags_and_runs)
-    return "odom" if named or path.is_dir() or is_messages(path) else "auto"
+    is_either = as_path(path).is_dir() or str(path).lower().endswith(bags_and_runs)
+    return "odom" if is_either or is_messages(as_path(path)) else "auto"
 
 
 @reading()

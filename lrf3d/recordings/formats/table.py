@@ -292,11 +292,11 @@ class Table:
     def times(self) -> Float:
         """Stamps (k,) [s]."""
         nanosec = self.values.pop("nanosec", None)
-        seconds = self.values.get("stamp")
-        if seconds is None and nanosec is not None:
+        if nanosec is not None and "stamp" not in self.values:
             self.values["stamp"] = nanosec
             self.units["stamp"] = "ns"
-        elif nanosec is not None and usual_step(seconds) <= SLOWEST:
+        elif nanosec is not None and usual_step(self.values["stamp"]) <= SLOWEST:
+            seconds = self.values["stamp"]
             # Stamps with a fraction are complete, and so are those in smaller units.
             self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
             self.units["stamp"] = "s"

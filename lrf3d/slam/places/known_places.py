@@ -220,10 +220,11 @@ class KnownPlaces:
         scored = []
         heading_parts = 16  # Number of parts in which the headings are searched.
         most_peaks = 200  # Number of the best poses of each part that are kept.
-        few = some(hits, ROUGH_HITS)
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
             # Positions that are poor by a part of the hits are not scored by all of them.
-            rough = window_scores(few, self._field, centre, cells, headings).max(axis=0)
+            rough = window_scores(some(hits, ROUGH_HITS), self._field, centre, cells, headings).max(
+                axis=0
+            )
             least = min(len(cells), max(most_peaks, len(cells) // ROUGH_SHARE))
             kept = cells[np.argpartition(rough, len(cells) - least)[len(cells) - least :]]
             scores = window_scores(hits, self._field, centre, kept, headings)
