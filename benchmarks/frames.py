@@ -122,8 +122,6 @@ def frames(film: Film | StockFilm) -> Callable[[int], object]:
     order = cycle(np.linspace(times[0], times[-1], MOMENTS).tolist())
 
     def draw(_: int) -> object:
-        if isinstance(film, Film):
-            film._key = None
         return film.draw(next(order))
 
     return draw

@@ -34,6 +34,7 @@ from lrf3d.recordings import load_run as load_run
 from lrf3d.recordings import record as record
 from lrf3d.recordings import save_run as save_run
 from lrf3d.robot import AckermannDrive as AckermannDrive
+from lrf3d.robot import Attitude as Attitude
 from lrf3d.robot import DifferentialDrive as DifferentialDrive
 from lrf3d.robot import EstimatedTrajectory as EstimatedTrajectory
 from lrf3d.robot import Imu as Imu

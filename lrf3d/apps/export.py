@@ -27,7 +27,7 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     Args:
         run: The run.
         to: Name of the format: ``carmen``, ``mcap``, ``rosbag2``, ``glb`` or ``html``;
-            of the first lidar's points ``ply``, ``pcd``, ``kitti`` or ``npz``.
+            of the first lidar's points ``ply``, ``pcd``, ``las``, ``kitti`` or ``npz``.
         path: The file, or the folder.
         every: Keep every n-th scan, or moment of a page.
 

@@ -179,7 +179,8 @@ def expect(value: object, kind: "Any", name: str) -> None:
     if not isinstance(value, kind):
         names = " or ".join(each.__name__ for each in getattr(kind, "__args__", (kind,)))
         expected = names.replace("NoneType", "None")
-        raise InputError(f"{name} {shown(value)}: expected a {expected}")
+        article = "an" if expected[0] in "AEIOU" else "a"
+        raise InputError(f"{name} {shown(value)}: expected {article} {expected}")
 
 
 def index_of(value: object, count: int, name: str) -> int:
@@ -196,7 +197,7 @@ def index_of(value: object, count: int, name: str) -> int:
 def each_of(values: "Any", kind: type, name: str) -> "Iterator[Any]":
     """Yield the values of an argument that comes from outside, each checked to be of a kind."""
     try:
-        found = iter(values)
+        found = iter([values] if isinstance(values, str) else values)
     except TypeError:
         raise InputError(f"{name} {shown(values)}: expected a list of {kind.__name__}") from None
     for each in found:

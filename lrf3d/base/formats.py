@@ -190,6 +190,10 @@ FORMATS: list[Format] = [
         write="lrf3d.recordings.formats.cloud_files:write_pcd",
     ),
     Format(
+        kind="export", name="las", endings=(".las",), extra="las",
+        write="lrf3d.recordings.formats.cloud_files:write_las",
+    ),
+    Format(
         kind="export", name="kitti", endings=("",),
         write="lrf3d.recordings.formats.cloud_files:write_kitti",
     ),

@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +22,18 @@ from lrf3d.casting.skyline import (
     cast_depth,
     cast_lidar,
     cast_lidars,
+    swept,
 )
-from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records, as_rows, sealed
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    TINY,
+    Bool,
+    Float,
+    Int,
+    Records,
+    as_rows,
+    sealed,
+)
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import (
     DepthCamera,
@@ -222,10 +232,28 @@ class PlanarCaster:
         glass.
         """
         expect(lidar, Lidar, "lidar")
+        lidar = replace(lidar, since=moment.time) if lidar.prisms else lidar
         pose = as_pose(pose)
         ranges, walls = self._layered(lidar, pose, moment)
+        mirrored = None if self.lighting is None else self._mirror(lidar, pose, ranges, walls)
         motion = None if moment.motion is None else sealed(np.array(moment.motion))
-        return LidarScan(pose, lidar, sealed(ranges), sealed(walls), moment.time, motion)
+        found = sealed(ranges), sealed(walls)
+        light = None
+        if isinstance(self.world, World):
+            light = partial(self._intensities, lidar, pose, *found, motion, mirrored)
+        return LidarScan(pose, lidar, *found, moment.time, motion, light)
+
+    def _intensities(
+        self, lidar: Lidar, pose: Pose, ranges: Float, walls: Rows, motion: Float | None,
+        mirrored: tuple[Bool, Float] | None,
+    ) -> Float:  # fmt: skip
+        """The intensities (layers, columns) of a true scan, in which some beams were mirrored."""
+        place = np.array(pose)
+        poses = place[None] if motion is None else swept(lidar, place, motion)
+        found = self._reflections.reflected(lidar, poses, ranges, walls)
+        if mirrored is not None:
+            found[mirrored[0]] = mirrored[1]
+        return sealed(found)
 
     def cast_depth(
         self, camera: DepthCamera, pose: Sequence[float] | Float, moment: Conditions = STILL
@@ -250,13 +278,13 @@ class PlanarCaster:
         place = np.array(pose)
         if isinstance(sensor, DepthCamera):
             return cast_depth(self._standing, sensor, place, moment)
-        ranges, walls = cast_lidar(self._standing, sensor, place, moment)
-        if self.lighting is not None:
-            self._mirror(sensor, pose, ranges, walls)
-        return ranges, walls
+        return cast_lidar(self._standing, sensor, place, moment)
 
-    def _mirror(self, lidar: Lidar, pose: Pose, ranges: Float, walls: Rows) -> None:
-        """Continue, in place, the beams of a still lidar that hit mirrors and glass."""
+    def _mirror(self, lidar: Lidar, pose: Pose, ranges: Float, walls: Rows) -> tuple[Bool, Float]:
+        """Continue, in place, the beams of a still lidar that hit mirrors and glass.
+
+        It returns which they are, and their intensities.
+        """
         assert self.lighting is not None
         turning = np.array(
             [bool(one and (one.mirrors or one.passes)) for one in self.world.materials]
@@ -274,10 +302,22 @@ class PlanarCaster:
         lower = (floor < found) & (floor <= lidar.range_max)
         ranges[chosen] = np.where(lower, floor, found)
         walls[chosen] = np.where(lower | ~np.isfinite(found), -1, lit.walls.ravel())
+        light = np.zeros(ranges.shape)
+        light[chosen] = np.where(lower, 0.0, lit.intensities.ravel())
         if lidar.is_level:
             level = self.cast(lidar.planar, pose)
-            ranges[lidar.slopes == 0.0] = level.ranges
-            walls[lidar.slopes == 0.0] = level.walls
+            flat = lidar.slopes == 0.0
+            ranges[flat] = level.ranges
+            walls[flat] = level.walls
+            light[flat] = level.intensities
+            chosen[flat] = True
+        return chosen, light[chosen]
+
+    @cached_property
+    def _reflections(self) -> "Lighting":
+        from lrf3d.casting.light import Lighting
+
+        return self.lighting or Lighting(self.world)
 
     @cached_property
     def _standing(self) -> StandingWalls:

@@ -14,12 +14,15 @@ from lrf3d.casting.kernels.echoes import (
     SURFACE,
     Lit,
     Receiver,
+    reflect,
 )
-from lrf3d.casting.kernels.light import WallMaterials, light_rays
+from lrf3d.casting.kernels.light import NEAR, WallMaterials, light_rays
 from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
 from lrf3d.casting.kernels.tree import Plain, Tree
-from lrf3d.geometry.lines import Float, Records, lengths
-from lrf3d.laser import LaserRangeFinder
+from lrf3d.casting.skyline import Rows
+from lrf3d.geometry.lines import Float, Records, directions, lengths
+from lrf3d.laser import LaserRangeFinder, Lidar
+from lrf3d.laser.range_finder import turn
 from lrf3d.world import World
 from lrf3d.world.materials import BUILT_IN, PLAIN, Material
 
@@ -37,10 +40,10 @@ class Lighting:
     """Lights the scans of one world."""
 
     def __init__(self, world: World) -> None:
-        of_objects = [one or PLAIN for one in world.materials]
+        of_objects = [one or PLAIN for one in world.materials or [None] * world.object_count]
         rows = {material: row for row, material in enumerate(dict.fromkeys(of_objects))}
         kinds = np.array([rows[material] for material in of_objects], np.int64)[world.objects]
-        surfaces = [(*one.optics, float(one.mirrors)) for one in (*rows, OBSTACLES)]
+        surfaces = [(*one.optics, float(one.mirrors)) for one in (*rows, PLAIN, OBSTACLES)]
         along = world.segments[:, 2:] - world.segments[:, :2]
         bright = np.array([_dullness(one) for one in rows])[kinds]
         dull = along * (bright / lengths(world.segments))[:, None]
@@ -67,6 +70,32 @@ class Lighting:
     ) -> None:  # fmt: skip
         """Light level rays (…, beams), whose ranges among walls and obstacles are known."""
         self._light(lrf, tree, rays, np.empty((0, 2)), lit, (obstacles, own))
+
+    def reflected(self, lidar: Lidar, poses: Float, ranges: Float, walls: Rows) -> Float:
+        """Intensities (layers, columns) of a lidar's beams from poses (columns, 3) or (1, 3).
+
+        They are those of a range finder, by material, angle of incidence and range. Tops are of the
+        material of their walls, the floor is of plaster; of obstacles, whose sides are not known
+        here, the one that is hit faces the laser.
+        """
+        beams = lidar.directions((0.0, 0.0, 0.0))
+        cos: Any = np.cos(poses[:, 2])
+        sin: Any = np.sin(poses[:, 2])
+        dx, dy = turn(beams[..., 0], beams[..., 1], cos, sin)
+        rise = np.abs(beams[..., 2])
+        optics = self._optics
+        # The last row is that of beams that hit no wall, whose index is −1.
+        along = np.vstack([directions(optics.segments), np.zeros(2)])[walls]
+        tops = np.append(optics.heights, 0.0)[walls]
+        kinds = np.append(optics.kinds, -1)[walls]
+        z = lidar.mount[2] + np.where(np.isfinite(ranges), ranges, 0.0) * beams[..., 2]
+        flat = np.abs(z - tops) < NEAR
+        across = np.where(walls < 0, 1.0, np.abs(dx * along[..., 1] - dy * along[..., 0]))
+        cosines = np.where(flat, rise, across)
+        kinds[flat & (walls < 0)] = -2
+        found = np.zeros(ranges.shape)
+        reflect(cosines.ravel(), kinds.ravel(), optics.surfaces, ranges.ravel(), found.ravel())
+        return found
 
     def light_layers(
         self, lrf: LaserRangeFinder, tree: Tree, origin: tuple[float, float, float], beams: Float

@@ -132,6 +132,8 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
                 f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
             )
         self.scenario = scenario = world if isinstance(world, Scenario) else load_scenario(world)
+        if scenario.attitude is not None:
+            raise InputError("drive: pitch and roll are not simulated in environments")
         self.autoreset = AutoresetMode(autoreset)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset}
         self.num_envs = num_envs

@@ -12,7 +12,7 @@ from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import as_pose, compose
 from lrf3d.laser import DepthCamera, Lidar, Noise
-from lrf3d.simulation.clouds import fan_of, measured
+from lrf3d.simulation.clouds import measured
 from lrf3d.simulation.scenario import Scenario
 
 
@@ -50,10 +50,9 @@ class CloudObserver:
         found = {}
         for name, sensor in self._sensors.items():
             seen = np.empty((len(poses), *_shape(sensor)), np.float32)
-            fan = fan_of(sensor)
             for numbers, ranges in self._cast(sensor, poses, times, own):
                 walls = np.zeros(ranges.shape, np.int32)
-                noisy = measured(self._noise, fan, ranges, walls, rng)
+                noisy = measured(self._noise, sensor.planar, ranges, walls, rng)
                 seen[numbers] = noisy.clip(0.0, sensor.range_max, out=noisy)
             found[name] = seen
         return found
@@ -62,8 +61,7 @@ class CloudObserver:
         self, sensor: Lidar | DepthCamera, poses: Float, times: Float, own: Int
     ) -> Iterator[tuple[Int, Float]]:
         """True ranges of some of the robots at a time, with their numbers."""
-        x, y, _, yaw, *_ = sensor.mount
-        places = compose(poses, np.array([x, y, yaw]))
+        places = compose(poses, np.array(sensor.planar.mount))
         if isinstance(sensor, Lidar) and not len(self._crowd):
             yield from self._caster.lidar_batches(sensor, places)
             return

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import (
-    LARGEST_COORDINATE,
     Bool,
     Float,
     Value,
@@ -24,15 +23,15 @@ from lrf3d.geometry.lines import (
     whole_number,
 )
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser.lidar import MOST_BEAMS, RAISED, mounted
-from lrf3d.laser.range_finder import turn
+from lrf3d.laser.lidar import MOST_BEAMS, RAISED, Mounted
+from lrf3d.laser.range_finder import LaserRangeFinder, turn
 
 # [rad] Largest field of view of a pinhole camera.
 WIDEST = math.radians(179.0)
 
 
 @dataclass(frozen=True)
-class DepthCamera(Value):
+class DepthCamera(Mounted):
     """A depth camera, level unless its mount is tilted.
 
     Args:
@@ -66,31 +65,29 @@ class DepthCamera(Value):
     name: str = "camera"
 
     def __post_init__(self) -> None:
-        for side in ("width", "height"):
-            size = whole_number(getattr(self, side), f"depth camera: {side}", most=MOST_BEAMS)
-            object.__setattr__(self, side, size)
+        number(self.fov, "depth camera: fov", "radians", positive=True, most=WIDEST)
+        self._check("depth camera", "width")
+        height = whole_number(self.height, "depth camera: height", most=MOST_BEAMS)
+        object.__setattr__(self, "height", height)
         if self.width * self.height > MOST_BEAMS:
             raise InputError(
                 f"depth camera: {self.width:,} x {self.height:,} pixels: expected at most"
                 f" {MOST_BEAMS:,}"
             )
-        number(self.fov, "depth camera: fov", "radians", positive=True, most=WIDEST)
-        far = number(
-            self.range_max, "depth camera: range_max", positive=True, most=LARGEST_COORDINATE
-        )
-        below = math.nextafter(far, 0.0)
-        number(self.range_min, "depth camera: range_min", "metres below range_max", most=below)
-        object.__setattr__(self, "mount", mounted(self.mount, "depth camera"))
 
     @property
     def focal_length(self) -> float:
         """Focal length [pixels]."""
         return 0.5 * self.width / math.tan(0.5 * self.fov)
 
-    @property
-    def is_level(self) -> bool:
-        """Whether its columns of pixels are upright: neither pitched nor rolled."""
-        return not any(self.mount[4:])
+    @cached_property
+    def planar(self) -> LaserRangeFinder:
+        """A range finder of as many beams as a row has pixels, for noises."""
+        x, y, _, yaw, *_ = self.mount
+        half = 0.5 * self.fov
+        limits = self.range_min, self.range_max
+        mount = Pose(x, y, yaw)
+        return LaserRangeFinder(-half, half, self.width, *limits, mount=mount, name=self.name)
 
     @cached_property
     def lefts(self) -> Float:

@@ -1,9 +1,9 @@
 """Clouds and depth images as ROS 2 messages, and as records of points."""
 
 from collections.abc import Iterable, Iterator
-from math import cos, sin
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lrf3d.geometry.lines import Records
 from lrf3d.laser import DepthCamera, DepthImage, LidarScan, Stamp
@@ -41,13 +41,11 @@ OPTICAL_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def records_of(scan: LidarScan, *, local: bool = True) -> Records:
-    """The points (m,) of a scan, of kind POINT, in the lidar's frame or in the world.
-
-    Their intensity is 0, as it is not simulated.
-    """
+    """The points (m,) of a scan, of kind POINT, in the lidar's frame or in the world."""
     points = scan.points(local=local)
     rows = np.zeros(len(points), POINT)
     rows["x"], rows["y"], rows["z"] = points.T
+    rows["intensity"] = scan.intensities[scan.hits]
     rows["ring"] = scan.rings
     rows["time"] = scan.times
     return rows
@@ -145,15 +143,5 @@ def optical(name: str) -> str:
 
 def quaternion(yaw: float, pitch: float, roll: float) -> dict[str, float]:
     """The quaternion of a roll, then a pitch, then a yaw [rad]."""
-    cy = cos(0.5 * yaw)
-    sy = sin(0.5 * yaw)
-    cp = cos(0.5 * pitch)
-    sp = sin(0.5 * pitch)
-    cr = cos(0.5 * roll)
-    sr = sin(0.5 * roll)
-    return {
-        "x": cy * cp * sr - sy * sp * cr,
-        "y": cy * sp * cr + sy * cp * sr,
-        "z": sy * cp * cr - cy * sp * sr,
-        "w": cy * cp * cr + sy * sp * sr,
-    }
+    turn = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
+    return dict(zip("xyzw", turn.tolist(), strict=True))

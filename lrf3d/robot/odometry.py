@@ -5,6 +5,7 @@ leaves. Between two poses a robot drives an arc.
 """
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -188,6 +189,29 @@ class Odometer:
         return self.pose
 
 
+class Motion(NamedTuple):
+    """A robot at a time [s] and a pose (3,), and how it got there from the last one."""
+
+    time: float
+    pose: Float
+    distance: float = 0.0  # [m] driven so far.
+    turn: float = 0.0  # [rad/s]
+    speed: Float = np.zeros(2)  # Ahead and to the left [m/s].
+    pull: Float = np.zeros(2)  # Accelerations ahead and to the left [m/s²].
+
+    def on_to(self, time: float, pose: Float) -> "Motion":
+        """The motion to a pose (3,) at a later time [s]; at the same time it stays as it is."""
+        gap = time - self.time
+        if gap <= 0.0:
+            return self
+        ahead, left, turn = (twist_of(between(self.pose, pose)) / gap).tolist()
+        speed = np.array([ahead, left])
+        # The speed of this stretch is reached evenly; a turn adds the centripetal part.
+        pull = (speed - self.speed) / gap + turn * np.array([-left, ahead])
+        distance = self.distance + gap * float(np.hypot(ahead, left))
+        return Motion(time, pose, distance, turn, speed, pull)
+
+
 class InertialUnit:
     """An IMU that is carried along: measurements up to now, at its own rate."""
 
@@ -195,8 +219,7 @@ class InertialUnit:
         self._imu = imu
         self._rng = rng
         self._count = 0
-        self._last: tuple[float, Float] | None = None
-        self._speed = np.zeros(2)
+        self._motion: Motion | None = None
         self._bias = np.zeros(3)
 
     def drive(self, time: float, pose: Float) -> Float:
@@ -205,17 +228,11 @@ class InertialUnit:
         Each has a time [s], a turn rate [rad/s], and accelerations ahead and to the left [m/s²].
         """
         imu = self._imu
-        last = self._last
-        self._last = (time, np.array(pose))
-        if last is None:
+        if self._motion is None:
             self._begin = time
+            self._motion = Motion(time, np.array(pose))
             return np.empty((0, 4))
-        gap = time - last[0]
-        ahead, left, turn = (twist_of(between(last[1], self._last[1])) / gap).tolist()
-        speed = np.array([ahead, left])
-        # The speed of this stretch is reached evenly; a turn adds the centripetal part.
-        pull = (speed - self._speed) / gap + turn * np.array([-left, ahead])
-        self._speed = speed
+        self._motion = self._motion.on_to(time, np.array(pose))
         count = int(np.floor((time - self._begin) * imu.rate + 1e-9)) - self._count
         times = self._begin + (self._count + 1.0 + np.arange(count)) / imu.rate
         self._count += count
@@ -224,7 +241,7 @@ class InertialUnit:
         noise, steps = self._rng.normal(size=(2, count, 3))
         biases = self._bias + np.cumsum(steps * walks / np.sqrt(imu.rate), axis=0)
         self._bias = biases[-1] if count else self._bias
-        true = np.array([turn, *pull])
+        true = np.array([self._motion.turn, *self._motion.pull])
         return np.column_stack([times, true + biases + noise * densities * np.sqrt(imu.rate)])
 
 

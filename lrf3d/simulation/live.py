@@ -17,9 +17,10 @@ from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import DepthImage, LaserScan, LidarScan
 from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.robot import Trajectory
+from lrf3d.robot.attitude import Tilting
 from lrf3d.robot.kinematics import able
 from lrf3d.robot.odometry import InertialUnit, OdometryBelief, WheelOdometry
-from lrf3d.simulation.clouds import Clouds
+from lrf3d.simulation.clouds import Clouds, RobotState
 from lrf3d.simulation.driven import STILL, Driven
 from lrf3d.simulation.fleet import places_along
 from lrf3d.simulation.loop import motion_streams
@@ -76,11 +77,12 @@ class LiveRobot(Driven):
         if [*sensors]:
             sensors = replace(sensors, seed=int(self._rng.spawn(1)[0].integers(1 << 62)))
         self._clouds = Clouds(scenario.world, sensors, self._crowd)
-        self._restart_imu()
+        self._attitude = scenario.attitude
+        self._restart_motion()
 
     def clouds(self) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """Measure with each lidar and each depth camera from the robot's current pose."""
-        return self._clouds.at(np.array(self.pose), self.time)
+        return self._clouds.at(RobotState(np.array(self.pose), self.time, self.tilt))
 
     @property
     def speed(self) -> float:
@@ -114,15 +116,22 @@ class LiveRobot(Driven):
     def _put(self, pose: Pose) -> None:
         self._carried_by = self.odometry @ pose.inverse()
         self.place(pose)
-        self._restart_imu()
+        self._restart_motion()
 
-    def _restart_imu(self) -> None:
+    def _restart_motion(self) -> None:
+        self._tilting = Tilting(self._attitude)
+        self._tilt()
         self._carried = None if self._imu is None else InertialUnit(self._imu, self._streams[1])
+
+    def _tilt(self) -> None:
+        """Set the robot's pitch and roll [rad] by its motion up to now."""
+        self.tilt = self._tilting.drive(self.time, np.array(self.pose))
 
     def drive(self, seconds: float, speed: float, turning: float, sideways: float = 0.0) -> None:
         """Drive an exact arc for a time, and rest where the body touches something."""
         last = self.pose
         self.hold(able(self.moves, (speed, sideways, turning)), seconds)
+        self._tilt()
         if self.wheels is None or self.belief is None:
             moved = self._carried_by
             self.odometry = self.pose if moved is None else moved @ self.pose
@@ -136,7 +145,7 @@ class LiveRobot(Driven):
     def scans(self) -> tuple[LaserScan, ...]:
         """Measure with each laser from the robot's current pose."""
         return tuple(
-            sensor.noisy(sensor.cast(np.array(self.pose), self.time), self._rng)
+            sensor.noisy(sensor.cast(np.array(self.pose), self.time, self.tilt), self._rng)
             for sensor in self._sensors
         )
 

@@ -33,13 +33,20 @@ from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping import LineMapper
-from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot import Attitude, EstimatedTrajectory, Trajectory
+from lrf3d.robot.attitude import Tilting
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
-from lrf3d.simulation.clouds import Clouds, sweeps_of
+from lrf3d.simulation.clouds import Clouds, RobotState
 from lrf3d.simulation.mappers import Mapper, OptionalParts
-from lrf3d.simulation.sensor import Caster, Sensor, caster_of, check_duration
+from lrf3d.simulation.sensor import (
+    Caster,
+    Sensor,
+    caster_of,
+    check_duration,
+    motion_along,
+)
 from lrf3d.simulation.steering import ControlledDrive, Controller, Robot, as_drive
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
@@ -56,7 +63,8 @@ class Step:
     There is a scan for each laser. The ``index`` counts from 0; the ``time`` [s] is that of the
     first beams, and the ``pose`` that of the robot then. Where the robot has them, ``odometry``
     (3,) is its pose by the wheels, and ``imu`` (m, 4) what its IMU measured since the step before:
-    times [s], turn rates [rad/s], accelerations ahead and to the left [m/s²].
+    times [s], turn rates [rad/s], accelerations ahead and to the left [m/s²]. The ``attitude`` is
+    the robot's true pitch and roll [rad].
 
     Examples:
         >>> import lrf3d
@@ -75,16 +83,21 @@ class Step:
     odometry: Float = field(repr=False)
     imu: Float = field(repr=False)
     sweeps: Float = field(repr=False)
+    attitude: tuple[float, float] = field(repr=False)
 
     @property
     def lidar_scans(self) -> tuple[LidarScan, ...]:
         """The measured scan of each lidar, cast again on each access."""
-        return tuple(self._simulation.clouds.at(np.array(self.pose), self.time, self.sweeps)[0])
+        return tuple(self._simulation.clouds.at(self._state)[0])
 
     @property
     def depth_images(self) -> tuple[DepthImage, ...]:
         """The measured image of each depth camera, cast again on each access."""
-        return tuple(self._simulation.clouds.at(np.array(self.pose), self.time)[1])
+        return tuple(self._simulation.clouds.at(self._state)[1])
+
+    @property
+    def _state(self) -> RobotState:
+        return RobotState(np.array(self.pose), self.time, self.attitude, self.sweeps)
 
     @property
     def scan(self) -> LaserScan:
@@ -146,6 +159,8 @@ class Simulation:
         lidars: A `Lidar`, or several, whose scans are in ``step.lidar_scans``. They have the noise
             of the first laser, with random numbers of their own.
         depth_cameras: A `DepthCamera`, or several: ``step.depth_images``.
+        attitude: The pitch and roll of the robot, which tilt all its sensors; the mapper takes them
+            to be level. On even ground if not given.
 
     Examples:
         >>> import lrf3d
@@ -178,6 +193,7 @@ class Simulation:
         film: FilmPlan = USUAL_FILM,
         lidars: Lidar | Sequence[Lidar] = (),
         depth_cameras: DepthCamera | Sequence[DepthCamera] = (),
+        attitude: Attitude | None = None,
     ) -> None:
         check_names("on_collision", [on_collision], ON_COLLISION)
         expect(world, World, "world")
@@ -213,6 +229,7 @@ class Simulation:
         # The errors of the wheels and of the IMU.
         expect(odometry, WheelOdometry | None, "odometry")
         expect(imu, Imu | None, "imu")
+        expect(attitude, Attitude | None, "attitude")
         expect(film, FilmPlan, "film")
         self.motion_sensors = odometry, imu
         wheels, inertial = motion_streams(self.rng, odometry, imu)
@@ -223,6 +240,8 @@ class Simulation:
             cloud_sensors = replace(cloud_sensors, seed=seed)
             check_duration(cloud_sensors.sweep, self.drive)
         self.clouds = Clouds(world, cloud_sensors, crowd)
+        self.attitude = attitude
+        self._tilting = Tilting(attitude)
         # The pose by odometry at the last scan, and what the IMU measured before it.
         self.odometry = np.zeros(3)
         self.inertial = np.empty((0, 4))
@@ -236,14 +255,17 @@ class Simulation:
         return self.clouds.sensors
 
     @property
+    def motion_shapes(self) -> dict[str, tuple[int, ...]]:
+        """What a run keeps of the robot's motion at each scan, by the names of its attributes."""
+        lidars = self.cloud_sensors.lidars
+        kinds = {"wheels": (3,), "sweeps": (len(lidars), 3), "attitudes": (2,)}
+        exist = self._odometer, lidars, self.attitude
+        return {name: shape for (name, shape), has in zip(kinds.items(), exist, strict=True) if has}
+
+    @property
     def lrf(self) -> LaserRangeFinder:
         """The first laser."""
         return self.lasers[0]
-
-    @property
-    def sensor(self) -> Sensor:
-        """The first laser among the walls, with its noise."""
-        return self.sensors[0]
 
     @property
     def map(self) -> Any:
@@ -265,14 +287,18 @@ class Simulation:
             else:
                 place = drive.driven.pose
             pose = np.array(place)
-            truth = tuple(sensor.cast(pose, time) for sensor in self.sensors)
+            tilt = self._tilting.drive(time, pose)
+            truth = tuple(sensor.cast(pose, time, tilt) for sensor in self.sensors)
             scans = tuple(
                 sensor.noisy(scan, self.rng)
                 for sensor, scan in zip(self.sensors, truth, strict=True)
             )
-            sweeps = sweeps_of(self.clouds.sensors.lidars, drive, pose, time)
+            sweeps = [
+                motion_along(drive, pose, time, each.scan_duration)
+                for each in self.cloud_sensors.lidars
+            ]
             self.take(scans, pose)
-            measured = self.odometry, self.inertial, sweeps
+            measured = self.odometry, self.inertial, sealed(np.array(sweeps).reshape(-1, 3)), tilt
             yield Step(index, time, place, scans, truth, self, *measured)
 
     def take(self, scans: Sequence[LaserScan], pose: Float) -> None:
@@ -284,6 +310,7 @@ class Simulation:
             self.odometry = sealed(self._odometer.drive(pose))
             if self._mapper.drive is not None:
                 self._mapper.drive(self._odometer.increment)
+        self._tilting.drive(scans[0].time, pose)
         if self._imu is not None:
             self.inertial = sealed(self._imu.drive(scans[0].time, pose))
         begin = perf_counter()

@@ -152,10 +152,8 @@ class Collection(Snapshots):
 
     def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
         super().__init__(simulation, snapshots)
-        wheels = simulation.motion_sensors[0] is not None
-        lidars = len(simulation.clouds.sensors.lidars)
         self._rows = Rows(
-            simulation.world, simulation.lasers, wheels=wheels, room=self._total, lidars=lidars
+            simulation.world, simulation.lasers, simulation.motion_shapes, self._total
         )
 
     def add(self, step: Step) -> None:
@@ -180,13 +178,19 @@ class Collection(Snapshots):
 
 def measured_in(step: Step) -> tuple[Any, ...]:
     """The measurements of a step: the arguments of `fill_row`, from the time on."""
-    return step.time, step.pose, step.scans, step.true_scans, step.odometry, step.sweeps
+    motion = {"wheels": step.odometry, "sweeps": step.sweeps, "attitudes": step.attitude}
+    return step.time, step.pose, step.scans, step.true_scans, motion
 
 
 def row_type(
-    world: World, lasers: Sequence[LaserRangeFinder], wheels: bool = False, lidars: int = 0
+    world: World,
+    lasers: Sequence[LaserRangeFinder],
+    motion: Mapping[str, tuple[int, ...]] = {},
 ) -> np.dtype[Any]:
-    """What a run keeps of each scan: a field for each of the Run's attributes."""
+    """What a run keeps of each scan: a field for each of the Run's attributes.
+
+    Those of the robot's motion have the shapes of `Simulation.motion_shapes`.
+    """
     beams = (sum(each.beams for each in lasers),)
     echoes = lasers[0].echoes
     fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
@@ -199,10 +203,7 @@ def row_type(
             fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
     if any(each.scan_duration for each in lasers):
         fields.append(("motions", np.float64, (len(lasers), 3)))
-    if wheels:
-        fields.append(("wheels", np.float64, 3))
-    if lidars:
-        fields.append(("sweeps", np.float64, (lidars, 3)))
+    fields += [(name, np.float64, shape) for name, shape in motion.items()]
     return np.dtype(fields)
 
 
@@ -213,16 +214,13 @@ def fill_row(
     pose: Pose,
     scans: Sequence[LaserScan],
     true_scans: Sequence[LaserScan],
-    odometry: Float | None = None,
-    sweeps: Float | None = None,
+    motion: Mapping[str, Any] = {},
 ) -> None:
     """Write what a step measured into a row of arrays with the fields of `row_type`."""
     rows["times"][index] = time
     rows["poses"][index] = pose
-    if "wheels" in rows:
-        rows["wheels"][index] = odometry
-    if "sweeps" in rows:
-        rows["sweeps"][index] = sweeps
+    for name in rows.keys() & motion.keys():
+        rows[name][index] = motion[name]
     begin = 0
     for laser, (scan, truth) in enumerate(zip(scans, true_scans, strict=True)):
         beams = slice(begin, begin := begin + len(scan.ranges))
@@ -244,14 +242,12 @@ class Rows:
         self,
         world: World,
         lasers: tuple[LaserRangeFinder, ...],
-        *,
-        wheels: bool = False,
+        motion: Mapping[str, tuple[int, ...]] = {},
         room: int = 1,
-        lidars: int = 0,
     ) -> None:
         self._world = world
         self._lasers = lasers
-        row = row_type(world, lasers, wheels, lidars)
+        row = row_type(world, lasers, motion)
         self._arrays: dict[str, Any] = {
             name: np.empty((room, *row[name].shape), row[name].base) for name in row.names or ()
         }

@@ -24,6 +24,7 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.attitude import LEVEL
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
 from lrf3d.world import World
@@ -33,11 +34,15 @@ from lrf3d.world.pieces import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-    from lrf3d.simulation.clouds import Clouds
+    from lrf3d.simulation.clouds import Clouds, RobotState
 
 # Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
 # some hundredths of a second.
 MAP_SNAPSHOTS = 100
+
+# What a run has of each scan, and what it may have of the robot's motion at each.
+SCANS = ("ranges", "truth", "walls")
+MOTION = ("motions", "wheels", "sweeps", "attitudes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +77,7 @@ class Run(Value, Pictured):
         cloud_sensors: Its lidars and depth cameras. A run keeps no clouds: `lidar` and `depth` cast
             them again, to the last bit.
         sweeps: (k, lidars, 3) motion of the robot during each scan of a lidar; None without any.
+        attitudes: (k, 2) its pitch and roll [rad] at the scans; None on even ground.
 
     Examples:
         >>> import lrf3d
@@ -101,6 +107,7 @@ class Run(Value, Pictured):
     imu: ImuRecord | None = None
     cloud_sensors: CloudSensors = NO_SENSORS
     sweeps: Float | None = None
+    attitudes: Float | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -130,16 +137,16 @@ class Run(Value, Pictured):
             raise InputError(f"run: estimate of {len(self.estimate)} scans; expected {scans}")
 
     def _shapes(self, scans: int, beams: int) -> dict[str, tuple[int, ...]]:
-        """The shapes of the arrays that it has, by the names of its attributes."""
+        """The shapes of `rows`."""
         shape = (scans, beams)
         echoes = shape if self.echoes is None else (*shape, *np.shape(self.echoes)[2:3])
-        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("ranges", "truth", "walls"), shape)
-        shapes |= {name: echoes if "echo" in name else shape for name in self.light}
-        further = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
-        further["sweeps"] = (scans, len(self.cloud_sensors.lidars), 3)
-        return shapes | {
-            name: expected for name, expected in further.items() if getattr(self, name) is not None
-        }
+        motions = [len(self.lasers), 3], [3], [len(self.cloud_sensors.lidars), 3], [2]
+        shapes: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(SCANS, shape), "intensities": shape,
+            **dict.fromkeys(("echoes", "echo_intensities"), echoes),
+            **{name: (scans, *each) for name, each in zip(MOTION, motions, strict=True)},
+        }  # fmt: skip
+        return {name: shapes[name] for name in self.rows}
 
     def __repr__(self) -> str:
         name = f"{self.world.name!r}, " if self.world.name else ""
@@ -158,10 +165,10 @@ class Run(Value, Pictured):
         return (self.lrf, *self.further)
 
     @property
-    def light(self) -> dict[str, Any]:
-        """The intensities and echoes that it has, by the names of its attributes."""
-        light = {name: getattr(self, name) for name in LIGHT}
-        return {name: values for name, values in light.items() if values is not None}
+    def rows(self) -> dict[str, Any]:
+        """The arrays that it has with a row for each scan, by the names of its attributes."""
+        found = {name: getattr(self, name) for name in (*SCANS, *LIGHT, *MOTION)}
+        return {name: values for name, values in found.items() if values is not None}
 
     @property
     def knows_truth(self) -> bool:
@@ -222,20 +229,14 @@ class Run(Value, Pictured):
             raise InputError(f"scans {shown(scans)}: expected some numbers of scans")
         for each in (scans.min(), scans.max()):
             index_of(each, len(self), "scan")
-        light: dict[str, Any] = {name: values[scans] for name, values in self.light.items()}
+        rows: dict[str, Any] = {name: values[scans] for name, values in self.rows.items()}
         part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
-            ranges=self.ranges[scans],
-            truth=self.truth[scans],
-            walls=self.walls[scans],
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
-            motions=None if self.motions is None else self.motions[scans],
-            wheels=None if self.wheels is None else self.wheels[scans],
-            sweeps=None if self.sweeps is None else self.sweeps[scans],
-            **light,
+            **rows,
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
@@ -243,7 +244,8 @@ class Run(Value, Pictured):
 
     def scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The measured scan with an index from 0, of one of the lasers by its number."""
-        return self._scan(index, laser, self.ranges, self.light)
+        light = {name: values for name, values in self.rows.items() if name in LIGHT}
+        return self._scan(index, laser, self.ranges, light)
 
     def _scan(self, index: int, laser: int, ranges: Float, light: Mapping[str, Float]) -> LaserScan:
         """The scan of a laser with its row of ranges, and of light if there is any."""
@@ -290,15 +292,17 @@ class Run(Value, Pictured):
         """
         if not 0 <= number < len(self.cloud_sensors.lidars):
             raise InputError(f"run: lidar {number}: it has {len(self.cloud_sensors.lidars)} lidars")
-        motion = None if self.sweeps is None else self.sweeps[index, number]
-        return self._clouds.lidar(number, *self._moment(index), motion, noisy=noisy)
+        scan: LidarScan = self._clouds.measure(number, self._state(index), noisy=noisy)
+        return scan
 
     def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
         """The image of a depth camera, given by its number, at a scan's index; cast again."""
         count = len(self.cloud_sensors.depth_cameras)
         if not 0 <= number < count:
             raise InputError(f"run: depth camera {number}: it has {count} depth cameras")
-        return self._clouds.depth(number, *self._moment(index), noisy=noisy)
+        number += len(self.cloud_sensors.lidars)
+        image: DepthImage = self._clouds.measure(number, self._state(index), noisy=noisy)
+        return image
 
     @property
     def lidar_scans(self) -> Iterator[LidarScan]:
@@ -307,12 +311,17 @@ class Run(Value, Pictured):
 
     def clouds(self, index: int) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the images of all depth cameras at a scan's index from 0."""
-        sweeps = None if self.sweeps is None else self.sweeps[index]
-        return self._clouds.at(*self._moment(index), sweeps)
+        return self._clouds.at(self._state(index))
 
-    def _moment(self, index: int) -> tuple[Float, float]:
-        """The pose of the robot at a scan, for casters, and the time [s]."""
-        return self.trajectory.poses[index], float(self.trajectory.times[index])
+    def _state(self, index: int) -> RobotState:
+        """Where the robot is at a scan, and how it moves and is tilted, for casters."""
+        from lrf3d.simulation.clouds import RobotState
+
+        path = self.trajectory
+        index = index_of(index, len(self), "scan")
+        tilt = LEVEL if self.attitudes is None else tuple(self.attitudes[index].tolist())
+        sweeps = None if self.sweeps is None else self.sweeps[index]
+        return RobotState(path.poses[index], float(path.times[index]), tilt, sweeps)
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""

@@ -23,7 +23,7 @@ from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar, Noise, Proportiona
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.mapping import LineMapper
 from lrf3d.planning import Side
-from lrf3d.robot import Trajectory, follow_route, following
+from lrf3d.robot import Attitude, Trajectory, follow_route, following
 from lrf3d.robot.following import LOOKAHEAD, SCAN_INTERVAL, SPEED, Patrol
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
@@ -92,6 +92,7 @@ class Scenario(Value):
         lidars: Its lidars, with the noise of the first laser.
         depth_cameras: Its depth cameras.
         robot: How it moves by the commands of a controller, or live; a Unicycle if not given.
+        attitude: The pitch and roll along its drive; on even ground if not given.
 
     Examples:
         >>> import lrf3d
@@ -128,11 +129,13 @@ class Scenario(Value):
     lidars: tuple[Lidar, ...] = ()
     depth_cameras: tuple[DepthCamera, ...] = ()
     robot: Robot | None = None
+    attitude: Attitude | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
             ("world", World), ("lrf", LaserRangeFinder), ("mapper", Mapping), ("film", FilmPlan),
             ("odometry", WheelOdometry | None), ("imu", Imu | None), ("name", str),
+            ("attitude", Attitude | None),
         ):  # fmt: skip
             expect(getattr(self, name), kind, f"scenario: {name}")
         for name in ("speed", "scan_interval", "lookahead", "radius"):
@@ -344,7 +347,8 @@ class Scenario(Value):
             noise=noises, mapper=usual if mapper is None else mapper, film=scenario.film,
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
             radius=scenario.radius, outline=scenario.outline, on_collision=checks,
-            lidars=scenario.lidars, depth_cameras=scenario.depth_cameras, **settings,
+            lidars=scenario.lidars, depth_cameras=scenario.depth_cameras,
+            attitude=scenario.attitude, **settings,
         )  # fmt: skip
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> tuple[Any, Mapper]:
@@ -435,6 +439,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigmas = noise.get("sigma", SIGMA)
     sensors = motion_sensors(file, tables)
+    with file.at("drive"):
+        sensors |= drive_of(**in_radians(tables["drive"]))
     lidars, cameras = (cloud_sensors(file, name, chosen.get(name, {})) for name in SENSORS)
     with file.at("mapper"):
         LineMapper(**tables["mapper"])
@@ -452,6 +458,5 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             lidars=lidars,
             depth_cameras=cameras,
             name=own_name(file.path, file.world.name),
-            robot=drive_of(**in_radians(tables["drive"])) if tables["drive"] else None,
             **robot,
         )

@@ -7,6 +7,7 @@ that move as well. By default all beams are sent at once, among walls alone.
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,11 +19,13 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, Records
 from lrf3d.geometry.pose import Pose, as_pose, between
-from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
+from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Lidar, Noise
 from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.robot import Trajectory
+from lrf3d.robot.attitude import LEVEL
 from lrf3d.world import World
 
 
@@ -76,11 +79,8 @@ class Sensor:
         self._rays = self.caster if isinstance(self.caster, PlanarCaster) else None
         if self._rays is None and self._lit:
             self._rays = PlanarCaster(world)
-        # The path, if the robot moves on while it scans, and its legs, if they are known.
+        # The path, if the robot moves on while it scans.
         self._path = path if lrf.time_increment else None
-        self._legs: Records | None = None
-        if isinstance(self._path, Trajectory):
-            self._legs = moves_of(self._path.times, self._path.poses)
         check_duration(lrf.scan_duration, path)
 
     def without(self, own: int) -> "Sensor":
@@ -115,16 +115,25 @@ class Sensor:
         near = (ranges < self.lrf.range_min) & (ranges > -np.inf)
         return np.where(near, -np.inf, ranges) if near.any() else ranges
 
-    def cast(self, pose: Float, time: float) -> LaserScan:
+    def cast(self, pose: Float, time: float, attitude: tuple[float, float] = LEVEL) -> LaserScan:
         """The true scan that begins at a time [s], where the robot is at a pose (3,).
+
+        The attitude is its pitch and roll [rad]: beams of a tilted robot also meet the floor.
 
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
         the scan of the caster, bit for bit. Obstacles have the index −1; in a world with materials
         they are of dark cloth.
         """
         lrf = self.lrf
+        if any(attitude):
+            return self._tilted(pose, time, attitude)
         if self._path is None and not self._lit:
             return self._among(lrf.placed(pose), time)
+        return self._beam_by_beam(pose, time)
+
+    def _beam_by_beam(self, pose: Float, time: float) -> LaserScan:
+        """The scan along a path, or with light of obstacles."""
+        lrf = self.lrf
         place = as_pose(lrf.placed(pose))
         motion = None
         if self._path is None:
@@ -132,10 +141,7 @@ class Sensor:
             times = np.array([time])
         else:
             times = time + lrf.delays
-            if self._legs is None:
-                poses = self._path.at(times)
-            else:
-                poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+            poses = poses_on(self._path, pose, times)
             motion = between(poses[0], poses[-1])
             poses = lrf.placed(poses)
         if self._rays is not None:
@@ -148,6 +154,24 @@ class Sensor:
             for name in ("ranges", "walls", *LIGHT)
         ]  # fmt: skip
         return LaserScan.unchecked(lrf, place, *arrays).at_time(time, motion)
+
+    def _tilted(self, pose: Float, time: float, attitude: tuple[float, float]) -> LaserScan:
+        """The scan of a robot that is pitched and rolled [rad], and believes to be level."""
+        if not isinstance(self.caster, PlanarCaster):
+            raise InputError(f"attitude: {shown(self.caster)} casts level beams only")
+        lidar = Lidar.of(self.lrf, attitude)
+        motion = None
+        if self._path is not None:
+            motion = motion_along(self._path, pose, time, self.lrf.scan_duration)
+        moment = Conditions(time, motion, self._crowd)
+        scan = self.caster.cast_lidar(lidar, lidar.planar.placed(pose), moment)
+        place = as_pose(self.lrf.placed(pose))
+        rows: list[Any] = [scan.ranges[0], scan.walls[0].astype(np.int64)]
+        if self.world.materials:
+            light = scan.intensities[0]
+            faint = light < self.lrf.threshold
+            rows = [np.where(faint, np.inf, rows[0]), np.where(faint, -1, rows[1]), light]
+        return LaserScan.unchecked(self.lrf, place, *rows).at_time(time, motion)
 
     def _one_by_one(
         self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
@@ -183,6 +207,28 @@ class Sensor:
         walls = scan.walls.copy()
         self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
         return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
+
+
+def motion_along(path: Any, pose: Float, time: float, duration: float) -> Float:
+    """The motion (3,) along a path from a pose (3,) at a time [s], during a scan [s]."""
+    if not duration:
+        return np.zeros(3)
+    poses = poses_on(path, pose, np.array([time, time + duration]))
+    return between(poses[0], poses[1])
+
+
+def poses_on(path: Any, pose: Float, times: Float) -> Float:
+    """Poses (n, 3) on a path at times (n,) [s], with the robot at a pose (3,) at the first."""
+    if not isinstance(path, Trajectory):
+        found: Float = path.at(times)
+        return found
+    return poses_along(legs_of(path), times, np.array(as_pose(pose)))
+
+
+@lru_cache(8)
+def legs_of(path: Trajectory) -> Records:
+    """The moves along a trajectory, which all sensors of its robot share."""
+    return moves_of(path.times, path.poses)
 
 
 def check_duration(duration: float, path: "Trajectory | Moving | None") -> None:

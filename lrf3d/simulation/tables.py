@@ -8,6 +8,7 @@ leave.
 import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +23,7 @@ from lrf3d.laser.lidar import mounted
 from lrf3d.laser.noise import SIGMA
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping.mapper import LineMapper
-from lrf3d.robot import AckermannDrive, DifferentialDrive, OmniDrive, Unicycle
+from lrf3d.robot import AckermannDrive, Attitude, DifferentialDrive, OmniDrive, Unicycle
 from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.world import schema
 from lrf3d.world.cameras import FilmPlan
@@ -62,7 +63,7 @@ def noise_of(lrf: LaserRangeFinder, **errors: Any) -> Noise:
 DRIVES = ("unicycle", "differential", "ackermann", "omni")
 
 
-def drive_of(
+def robot_of(
     kind: Annotated[str, DRIVES] = "unicycle",
     track: float = 0.5,
     wheel_radius: float = 1.0,
@@ -76,6 +77,24 @@ def drive_of(
         return AckermannDrive(wheelbase, steering)
     return OmniDrive() if kind == "omni" else Unicycle()
 
+
+def drive_of(**values: Any) -> dict[str, Any]:
+    """What a table says of the drive: how the robot moves, and how it is tilted."""
+    tilt = {key: values.pop(key) for key in TILT if key in values}
+    found = {"robot": robot_of(**values)} if values else {}
+    return {**found, "attitude": Attitude(**tilt)} if tilt else found
+
+
+# What tilts a robot, and the rows [m, °, °] of a profile.
+TILT = [each.name for each in fields(Attitude)]
+tilts = rows("distance", "pitch", "roll")
+
+# The keys of the table of the drive.
+DRIVE: Mapping[str, Converter] = {
+    **schema.keys_of(robot_of),
+    **dict.fromkeys((f"{name}_deg" for name in TILT[:-1]), schema.in_degrees),
+    "profile": lambda found, key: tilts(found, key) * [1.0, *np.radians([1.0, 1.0])],
+}
 
 # The keys of the table of the robot.
 ROBOT: Mapping[str, Converter] = {
@@ -105,7 +124,7 @@ def mount_of(found: Any, key: str) -> tuple[float, ...]:
     """A mount x, y, z [m], and perhaps yaw, pitch, roll [°]."""
     given = found if isinstance(found, list) else []
     turns = [math.radians(each) if is_finite(each) else each for each in given[3:]]
-    return mounted([*given[:3], *turns], key)
+    return mounted([*given[:3], *turns] or found, key)
 
 
 def lidar_of(preset: str = "", **values: Any) -> Lidar:
@@ -148,7 +167,7 @@ def depth_camera_of(**values: Any) -> DepthCamera:
 SENSORS: Mapping[str, Callable[..., Any]] = {"lidar": lidar_of, "depth_camera": depth_camera_of}
 
 # The keys of tables that are not those of what is made of them.
-KEYS = {"robot": ROBOT, "lidar": LIDAR, "depth_camera": DEPTH_CAMERA}
+KEYS = {"robot": ROBOT, "drive": DRIVE, "lidar": LIDAR, "depth_camera": DEPTH_CAMERA}
 
 
 def keys_of_table(name: str) -> Mapping[str, Converter]:
@@ -161,7 +180,7 @@ def keys_of_table(name: str) -> Mapping[str, Converter]:
         keys: dict[str, Converter] = dict.fromkeys((key for kind in NOISES for key in kind), number)
         # Of several standard deviations the maps are compared.
         return {**keys, "sigma": several(number, "sigmas", alone=True)}
-    keys = schema.keys_of(drive_of if name == "drive" else TABLES[name])
+    keys = schema.keys_of(TABLES[name])
     if name == "mapper":
         # It is that of the noise.
         del keys["sigma"]

@@ -109,7 +109,7 @@ def _doubt_degrees(angles: Any, what: str) -> None:
         warnings.warn(f"{found}; for radians write {np.degrees(angle):.4g}", Lrf3dWarning, 2)
 
 
-def _in_degrees(found: Any, key: str) -> float:
+def in_degrees(found: Any, key: str) -> float:
     """An angle in degrees."""
     angle = _BY_TYPE[float](found, key)
     _doubt_degrees(angle, f"{key}: the angle")
@@ -207,7 +207,7 @@ def keys_of(make: Callable[..., Any]) -> dict[str, Converter]:
         kind, *notes = get_args(parameter.annotation) or (parameter.annotation,)
         choices = [each for each in notes if not isinstance(each, type | str)]
         if "rad" in notes:
-            keys[f"{name}_deg"] = _in_degrees
+            keys[f"{name}_deg"] = in_degrees
         else:
             keys[name] = text(*choices[0]) if choices else _BY_TYPE[kind]
     return keys

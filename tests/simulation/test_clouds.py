@@ -41,6 +41,10 @@ def scene(tmp_path: Path) -> lrf3d.Scenario:
     return lrf3d.load_scenario(path)
 
 
+# A wall ahead, higher than any beam.
+ROOM = lrf3d.World([[9, -50, 9, 50]], heights=[50.0])
+
+
 def test_a_run_casts_again_what_its_steps_measured(scene: Any, tmp_path: Path) -> None:
     noise = Chain([DropOuts(0.05), ConstantNoise(0.01)])
     measured = [
@@ -77,9 +81,11 @@ def test_a_rolling_lidar_sees_walls_from_where_each_column_was(scene: Any) -> No
     np.testing.assert_allclose(x[rows], 9.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("to", ["ply", "pcd", "kitti", "npz"])
+@pytest.mark.parametrize("to", ["ply", "pcd", "las", "kitti", "npz"])
 def test_clouds_are_written_for_other_programs(scene: Any, tmp_path: Path, to: str) -> None:
     run = scene.run(rng=0, scans=3)
+    if to == "las":
+        laspy = pytest.importorskip("laspy")
     path = tmp_path / {"kitti": "sequence"}.get(to, f"points.{to}")
     lrf3d.export_run(run, to, path)
     counts = [int(scan.hits.sum()) for scan in run.lidar_scans]
@@ -97,6 +103,8 @@ def test_clouds_are_written_for_other_programs(scene: Any, tmp_path: Path, to: s
                 for points, pose in zip(scans, poses, strict=True)
             ]
         )
+    elif to == "las":
+        found = np.asarray(laspy.read(path).xyz)
     else:
         data = path.read_bytes()
         end = b"DATA binary\n" if to == "pcd" else b"end_header\n"
@@ -104,7 +112,36 @@ def test_clouds_are_written_for_other_programs(scene: Any, tmp_path: Path, to: s
         assert f" {sum(counts)} ".encode() in head
         rows = np.frombuffer(body, "<f4,<f4,<f4,<f4,<u2,<f4")
         found = np.column_stack([rows[f"f{k}"] for k in range(3)])
-    np.testing.assert_allclose(found, world, atol=1e-4)
+    np.testing.assert_allclose(found, world, atol=1e-4 if to != "las" else 1e-3)
+
+
+def test_intensities_are_those_of_range_finders() -> None:
+    walls = [[3, -9, 3, 9], [-2, -9, -2, 9], [-9, 4, 9, 5], [1, -3, 2, -3]]
+    materials = ["metal", "brick", "glass", "mirror"]
+    caster = lrf3d.EmbreeCaster(lrf3d.World(walls, range(4), materials=materials))
+    lidar = lrf3d.Lidar([-0.8, 0.0, 0.1], columns=90)
+    pose = (0.1, 0.2, 0.3)
+    scan = caster.cast_lidar(lidar, pose)
+    flat = caster.cast(lidar.planar, pose)
+    np.testing.assert_array_equal(scan.intensities[1], flat.intensities)
+    lit = caster.light_layers(lidar.planar, pose, [0.1])
+    both = scan.hits[2] & np.isfinite(lit.ranges[0])
+    np.testing.assert_allclose(scan.intensities[2, both], lit.intensities[0, both], rtol=1e-9)
+    # The floor is of plaster, and 0.8 is its share.
+    down = scan.walls[0] < 0
+    assert down.any() and np.isfinite(scan.ranges[0]).all()
+    assert scan.intensities[0, down].max() == pytest.approx(0.8 * np.sin(0.8) ** 3 / 0.5**2)
+
+
+def test_a_rosette_fills_its_field_of_view_over_time() -> None:
+    lidar = lrf3d.Lidar.preset("Mid-40", name="ahead", mount=(0, 0, 10, 0, 0.2, 0))
+    run = lrf3d.simulate(ROOM, [(0, 0, 0), (0, 0, 0)], lidars=lidar, rng=0)
+    first, second = run.lidar_scans
+    ways = first.lidar.directions((0, 0, 0))[0]
+    axis = [np.cos(0.2), 0.0, -np.sin(0.2)]
+    assert np.degrees(np.arccos(ways @ axis).max()) == pytest.approx(19.2, abs=0.01)
+    np.testing.assert_allclose(first.points()[:, 0], 9.0, atol=1e-9)
+    assert np.abs(first.points() - second.points()).max() > 1.0
 
 
 def test_a_run_without_a_lidar_has_no_clouds(tmp_path: Path) -> None:
@@ -113,6 +150,8 @@ def test_a_run_without_a_lidar_has_no_clouds(tmp_path: Path) -> None:
         lrf3d.export_run(run, "ply", tmp_path / "points.ply")
     with pytest.raises(lrf3d.InputError, match="0 lidars"):
         run.lidar(0)
+    with pytest.raises(lrf3d.InputError, match="scan 9: expected"):
+        lrf3d.simulate(ROOM, [(0, 0, 0)], lidars=lrf3d.Lidar([0.0])).lidar(9)
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         # The robot did not drive between the poses.
         summary["drive"]["length_m"] = 0.0
     files, pictures = _map_files(run, output.path)
-    pictures |= _pictures(run, scenario, args, console)
+    pictures |= _pictures(runs, scenario, args, console)
     if len(runs) > 1:
         summary["noise_levels"] = [
             {"sigma_m": level, "segments": len(each.map), "objects": each.map.object_count}
@@ -124,10 +124,13 @@ def _map_files(
 
 
 def _pictures(
-    run: Run, scenario: Scenario, args: Namespace, console: Console
+    runs: list[Run], scenario: Scenario, args: Namespace, console: Console
 ) -> dict[str, Drawing]:
-    """The picture of the world of a run, and its film."""
+    """The picture of the world of a run, and its film, in which all noise levels are seen."""
+    run = runs[0]
     shown = drawn_part(run)
+    levels = [f"noise σ = {level:g} m" for level in args.sigma or scenario.sigmas]
+    columns = dict(zip(levels, runs, strict=True)) if len(runs) > 1 else None
 
     def draw(path: Path) -> None:
         scan = shown.scan(0)
@@ -135,7 +138,8 @@ def _pictures(
 
     pictures: dict[str, Drawing] = {"world picture": ("world.png", draw)}
     if args.video:
-        pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, console)
+        film = partial(write_film, run, args=args, console=console, columns=columns)
+        pictures["video"] = "run.mp4", film
     return pictures
 
 
@@ -223,6 +227,7 @@ def _run_fleet(
             progress=progress, noise=measuring()[0], caster=args.caster,
             odometry=scenario.odometry, imu=scenario.imu, lidars=scenario.lidars,
             depth_cameras=scenario.depth_cameras,
+            attitude=scenario.attitude,
         )  # fmt: skip
     runs = [replace(run, film=scenario.film) for run in runs]
     common = {
@@ -248,7 +253,7 @@ def _run_fleet(
     output.finish(
         {**common, "robots": robots},
         files,
-        pictures | _pictures(runs[0], scenario, args, console),
+        pictures | _pictures(runs[:1], scenario, args, console),
         rows=[*rows, ("time", f"{common['seconds']:.1f} s")],
         following=["view" if args.video else "render", output.path / "robot1"],
         kept=f"the runs are kept in {output.path}",

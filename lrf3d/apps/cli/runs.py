@@ -81,10 +81,9 @@ def write_film(
     path: Path,
     args: Namespace,
     console: Console,
-    *,
-    part: tuple[float | None, float | None] = (None, None),
+    **parts: Any,
 ) -> dict[str, Any]:
-    """Write the film of a run, and return its figures."""
+    """Write the film of a run, or of a part of it or several, and return its figures."""
     from lrf3d.studio.render.video import render_video
 
     ending = path.suffix.lower()
@@ -106,7 +105,8 @@ def write_film(
             if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
                 console.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
-        render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
+        look |= {**parts, "progress": note}
+        render_video(run, path, fps=rate, workers=args.workers, **look)
     figures = {"size": list(look["size"]), "renderer": look["renderer"]}
     return {"frames": len(stamps), **figures, "seconds": perf_counter() - began}
 

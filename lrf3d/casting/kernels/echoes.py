@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower, record
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.compiling import borrower, compiled, record
+from lrf3d.geometry.lines import Float, Int, Records
 
 # [m] Distance up to which intensities do not depend on the distance.
 CLOSEST = 0.01
@@ -133,6 +133,17 @@ def intensity(bright: float, distance: float, near_field: float) -> float:
     if near_field > 0.0:
         value *= math.expm1(-2.0 * (away / near_field) ** 2) / math.expm1(-2.0 / near_field**2)
     return value
+
+
+@compiled
+def reflect(cosines: Float, kinds: Int, surfaces: Records, ranges: Float, found: Float) -> None:
+    """Fill the intensities (n,) of beams that end at surfaces of some kinds."""
+    for i in range(len(ranges)):
+        cos = cosines[i]
+        surface = surfaces[kinds[i]]
+        mirrored, _ = shares(cos, surface)
+        sin = math.sqrt(max(0.0, 1.0 - cos * cos))
+        found[i] = intensity(brightness(cos, sin, surface, mirrored), ranges[i], 0.0)
 
 
 @borrower

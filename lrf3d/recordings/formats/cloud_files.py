@@ -1,4 +1,4 @@
-"""Clouds of a run as files: PLY and PCD of all points in the world, KITTI and arrays scan by scan.
+"""Clouds of a run as files: PLY, PCD and LAS of all points, KITTI and arrays scan by scan.
 
 A run with a lidar enters; its scans are cast again one by one, so that memory holds only one. Only
 the points of the first lidar are written, with times since the start of the run.
@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from lrf3d.base.errors import InputError, OutputError
+from lrf3d.base.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.base.files import replacing, unfinished_folder, writing
 from lrf3d.geometry.lines import Records
+from lrf3d.laser import LidarScan
 from lrf3d.messages.clouds import POINT, records_of
 from lrf3d.recordings.formats.npz import write_npz
 from lrf3d.simulation.run import Run
@@ -51,7 +53,7 @@ def _write_all(run: Run, path: Path, head: str) -> None:
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         file.write(head.format(count=0).encode())
         count = 0
-        for rows in scans:
+        for _, rows in scans:
             file.write(rows.astype(PACKED).tobytes())
             count += len(rows)
         file.seek(0)
@@ -66,34 +68,47 @@ def write_kitti(run: Run, path: Path) -> None:
         folder = place / path.name
         (folder / "velodyne").mkdir(parents=True)
         poses = []
-        for number, rows in enumerate(_records(run, path, local=True)):
+        for number, (scan, rows) in enumerate(_records(run, path, local=True)):
             points = np.column_stack([rows[name] for name in ("x", "y", "z", "intensity")])
             points.astype("<f4").tofile(folder / "velodyne" / f"{number:06}.bin")
-            poses.append(_matrix(run, number))
+            _, _, z, _, pitch, roll = scan.lidar.mount
+            axes = Rotation.from_euler("ZYX", [scan.pose.theta, pitch, roll]).as_matrix()
+            poses.append(np.column_stack([axes, [scan.pose.x, scan.pose.y, z]]))
         np.savetxt(folder / "times.txt", run.trajectory.times - run.trajectory.times[0], "%.9f")
         np.savetxt(folder / "poses.txt", np.array(poses).reshape(-1, 12), "%.12g")
         folder.rename(path)
 
 
-def _matrix(run: Run, number: int) -> np.ndarray:
-    """The pose (3, 4) of the lidar in the world at a scan."""
-    lidar = run.cloud_sensors.lidars[0]
-    x, y, theta = lidar.planar.placed(run.trajectory.poses[number]).tolist()
-    axes = np.eye(3)
-    _, _, z, _, pitch, roll = lidar.mount
-    for (one, other), angle in (((1, 2), roll), ((2, 0), pitch), ((0, 1), theta)):
-        cos = np.cos(angle)
-        sin = np.sin(angle)
-        axes[[one, other]] = (
-            cos * axes[one] - sin * axes[other],
-            sin * axes[one] + cos * axes[other],
-        )
-    return np.column_stack([axes, [x, y, z]])
+def write_las(run: Run, path: Path) -> None:
+    """Write all points in the world to a LAS file, in millimetres, by laspy."""
+    try:
+        import laspy
+    except ImportError:
+        raise MissingLibraryError(f"{path}: LAS needs laspy: pip install 'lrf3d[las]'") from None
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 1e-3)
+    header.offsets = np.append(np.floor(run.trajectory.poses[0, :2]), 0.0)
+    header.add_extra_dim(laspy.ExtraBytesParams("ring", np.uint16))
+    scans = _records(run, path, local=False)
+    with (
+        replacing(path) as unfinished,
+        unfinished.open("wb") as file,
+        laspy.open(file, mode="w", header=header, closefd=False) as writer,
+    ):
+        for _, rows in scans:
+            points = laspy.ScaleAwarePointRecord.zeros(len(rows), header=header)
+            points.x, points.y, points.z = (rows[name].astype(np.float64) for name in "xyz")
+            # By the standard the largest intensity is 65,535: a white wall at 1 m, or brighter.
+            points.intensity = np.minimum(rows["intensity"], 1.0) * 65535.0
+            points.gps_time = rows["time"]
+            points.ring = rows["ring"]
+            points.return_number[:] = points.number_of_returns[:] = 1
+            writer.write_points(points)
 
 
 def write_arrays(run: Run, path: Path) -> None:
     """Write points in the lidar's frame as arrays, with the first row of each scan."""
-    scans = list(_records(run, path, local=True))
+    scans = [rows for _, rows in _records(run, path, local=True)]
     rows = np.concatenate(scans)
     arrays = {name: np.ascontiguousarray(rows[name]) for name in POINT.names or ()}
     arrays["starts"] = np.cumsum([0, *map(len, scans)])
@@ -102,13 +117,12 @@ def write_arrays(run: Run, path: Path) -> None:
     write_npz(path, arrays)
 
 
-def _records(run: Run, path: Path, *, local: bool) -> Iterator[Records]:
-    """The points of each scan."""
+def _records(run: Run, path: Path, *, local: bool) -> Iterator[tuple[LidarScan, Records]]:
+    """The scans, and the points of each."""
     if not run.cloud_sensors.lidars:
         raise InputError(f"{path}: the run has no lidar; give its world one, [lidar]")
-    start = float(run.trajectory.times[0])
+    start = 0.0 if local else float(run.trajectory.times[0])
     for scan in run.lidar_scans:
         rows = records_of(scan, local=local)
-        if not local:
-            rows["time"] += scan.time - start
-        yield rows
+        rows["time"] += 0.0 if local else scan.time - start
+        yield scan, rows

@@ -151,11 +151,13 @@ def fingerprint_of(simulation: Simulation) -> str:
         "dynamic obstacles": bodies,
         "seed": _rng_state(simulation.rng).decode(),
         "scans": simulation.scans,
-        "caster": type(simulation.sensor.caster).__name__,
+        "caster": type(simulation.sensors[0].caster).__name__,
         "noise": [name_of(sensor.noise) for sensor in simulation.sensors],
         "mapper": name_of(simulation.mapper),
         "odometry and IMU": [each and name_of(each) for each in simulation.motion_sensors],
     }
+    if simulation.attitude is not None:
+        parts["attitude"] = simulation.attitude
     if [*simulation.clouds.sensors]:
         parts["lidars and depth cameras"] = simulation.clouds.sensors.as_dict()
     return json.dumps({name: digest(part)[:16] for name, part in parts.items()}, sort_keys=True)
@@ -165,9 +167,7 @@ class Journal:
     """A journal, open for appending; the rows of one of the same run may be kept."""
 
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
-        wheels = simulation.motion_sensors[0] is not None
-        lidars = len(simulation.clouds.sensors.lidars)
-        fields = row_type(simulation.world, simulation.lasers, wheels, lidars)
+        fields = row_type(simulation.world, simulation.lasers, simulation.motion_shapes)
         self.path = path
         self._rng = simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(

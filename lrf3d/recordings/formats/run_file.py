@@ -26,7 +26,7 @@ from lrf3d.recordings.formats.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
-from lrf3d.simulation.run import Run
+from lrf3d.simulation.run import MOTION, Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.materials import material_of, material_value
@@ -39,9 +39,6 @@ VERSION = 2
 
 # What a file holds of each map snapshot, in the order of `LineMap.of_codes`.
 _MAP = ("segments", "objects", "points", "codes")
-
-# What a file holds of the robot's motion at each scan, where it is known.
-_MOTION = ("motions", "wheels", "sweeps")
 
 # What a file holds of an estimated trajectory.
 _ESTIMATE = tuple(each.name for each in fields(EstimatedTrajectory))
@@ -61,10 +58,8 @@ def save_run(run: Run, path: str | Path) -> None:
     """
     expect(run, Run, "run")
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
-    rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
-    rows |= {name: getattr(run, name) for name in _MOTION if getattr(run, name) is not None}
     maps = dict(zip(run.snapshot_scans, run.maps, strict=True))
-    write_npz(path, run_arrays(run, rows, maps, run.imu))
+    write_npz(path, run_arrays(run, rows | run.rows, maps, run.imu))
 
 
 def run_arrays(
@@ -232,7 +227,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         FilmPlan(**settings["film"]),
         estimate,
         radius=settings.get("radius", RADIUS),
-        **{name: arrays[name] for name in (*LIGHT, *_MOTION) if name in arrays},
+        **{name: arrays[name] for name in (*LIGHT, *MOTION) if name in arrays},
         imu=imu,
         further=tuple(further),
         cloud_sensors=CloudSensors.from_dict(settings["sensors"])

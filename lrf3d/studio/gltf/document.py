@@ -158,7 +158,9 @@ class Document:
             rows[:, :3] = _linear(np.clip(rows[:, :3], 0.0, 1.0))
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
-            columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
+            # Beyond its edges a texture goes on as it is there.
+            places = np.clip(texture.reshape(-1, 2), 0.0, 1.0)
+            columns["TEXCOORD_0"] = np.round(np.iinfo(np.uint16).max * places).astype(np.uint16)
         if joints is not None:
             # A corner may follow four nodes; it follows one.
             own = joints.reshape(-1)

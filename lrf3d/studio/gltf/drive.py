@@ -20,11 +20,10 @@ from lrf3d.studio.gltf.stage import add_stage
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.camera import Look, SmoothPath
 from lrf3d.studio.scene.cameras import behind
-from lrf3d.studio.scene.clouds import thinned, with_cloud
 from lrf3d.studio.scene.glass import Panes
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, outlines
 from lrf3d.studio.scene.moments import Scene
-from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines
+from lrf3d.studio.scene.shapes import Lines, Points, Seen, level_lines, together
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 # A look that nothing is made larger for, to be seen from far away.
@@ -149,7 +148,9 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         assert isinstance(hits, Points) and isinstance(beams, Lines)
         cloud = marks.get("clouds")
         if isinstance(cloud, Points):
-            hits = with_cloud(hits, thinned(cloud, _CLOUD_POINTS))
+            step = slice(None, None, 1 + len(cloud.places) // _CLOUD_POINTS)
+            few = cloud.places[step], cloud.colours[step], cloud.sides[step]
+            hits = together([hits, Points(*few, cloud.size, cloud.pixels)])
         node = document.node(f"scan {number * every}", group)
         document.show(node, begin, end)
         fans.append((node, *_slender(beams)))

@@ -24,7 +24,7 @@ from lrf3d.studio.scene.stage.stage import Stage
 _STEPS = 12
 
 # Side of the squares in which the ground is lit [cells].
-_COARSE = 4
+_COARSE = 6
 
 # Least surety with which something was seen that is lit.
 _LEAST_SURE = 0.05

@@ -21,7 +21,7 @@ from lrf3d.studio.scene.stage.stage import Stage
 
 # The shaders that the page draws with, which it compiles when they are first used.
 _PROGRAMS = (
-    "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
+    "walls", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
     "ground:PLAN", "ground:MIRRORED", "sky", "soft", "lines", "points",
     "points:GLOW_ROUND",
 )  # fmt: skip

@@ -297,7 +297,7 @@ def _legend(colour: tuple[float, ...]) -> str:
 def _scene_camera(seen: Seen, view: Look) -> dict[str, Any]:
     return {
         **_camera(seen.lens),
-        **{name: getattr(seen, name) for name in ("clock", "glass", "dusk", "robot", "cut")},
+        **{name: getattr(seen, name) for name in ("clock", "dusk", "cut")},
         "target": _numbers(view.target),
     }
 

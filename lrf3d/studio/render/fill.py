@@ -259,8 +259,8 @@ def expose(
     height: float,
     tones: Float,
     most: float,
-) -> float:
-    """Light a colour by the laser, as ``common.glsl`` does; returns how lit it is.
+) -> None:
+    """Light a colour by the laser, as ``common.glsl`` does.
 
     In the dark, it is as bright as the plain surface. It gets at most a given share of light.
     """
@@ -276,14 +276,13 @@ def expose(
         cool = seen[k] * tones[3, k] * (1.0 - EMBER_SHARE[0] * hot)
         lit = cool + EMBER[k] * hot * (EMBER_SHARE[1] + EMBER_SHARE[2] * shown)
         seen[k] = dark + share * (lit - dark)
-    return float(on)
 
 
 @compiled
 def shade(
     ways: Single, hits: NDArray[np.int32], fixed: Float, surfaces: Surfaces, laser: LaserLight
-) -> tuple[Single, Single, Single]:
-    """Colours (n, 3), inverse depths and exposures (n,) of what rays (n, 3) from an eye meet.
+) -> tuple[Single, Single]:
+    """Colours (n, 3) and inverse depths (n,) of what rays (n, 3) from an eye meet.
 
     The hits (n,) are numbers of triangles, or −1. The fixed values are the eye (3,), the number of
     pixels in a metre at a distance of one, and the density of the air.
@@ -295,7 +294,6 @@ def shade(
     clock = laser.clock
     colours = np.empty((len(ways), 3), np.float32)
     near = np.zeros(len(ways), np.float32)
-    lit = np.ones(len(ways), np.float32)
     value = np.empty(9)
     when = np.empty(4)
     tint = np.empty(4)
@@ -328,7 +326,7 @@ def shade(
             bright = grey(seen)
             sure = min(2.0 * when[1], 1.0)
             most = surfaces.top + wall * (1.0 - surfaces.top)
-            lit[n] = expose(seen, bare, when, clock, value[2], tones, most)
+            expose(seen, bare, when, clock, value[2], tones, most)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
             found = min(max(_CLIMB_EDGE * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
             if found > 0.0:
@@ -355,7 +353,7 @@ def shade(
         far = (away * fixed[4]) ** 2
         for k in range(3):
             seen[k] += far / (1.0 + far) * (tones[0, k] - seen[k])
-    return colours, near, lit
+    return colours, near
 
 
 @compiled

@@ -8,6 +8,7 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.look import PLAN_BACK, SIZE, WHITE, scale
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
-from lrf3d.studio.scene.shapes import Label, Pixels
+from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
@@ -54,11 +55,11 @@ _STRIP_FROM = 1.2
 # Least side of the inset, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
 
-# Time after the end in which light still fades and colours climb [s of the film].
-_SETTLED = 4.0
-
 # Height of a line in letters.
 _LINE = 1.36
+
+# What stands between texts of a row.
+_APART = "   "
 
 # Size of all lines but the first, in that of the first.
 _LESSER = 0.8
@@ -125,6 +126,8 @@ class FilmOptions:
     layers: Collection[str] = LAYERS
     # A goal to be marked on the ground.
     goal: Goal | None = None
+    # What the picture is called.
+    title: str = ""
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -210,6 +213,7 @@ class Film:
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
+        self._title = chosen.title
         width, height = chosen.size
         strip = width > _STRIP_FROM * height
         self._window = self.scene.inset_view(upright=strip)
@@ -222,18 +226,12 @@ class Film:
         self._shows_inset = shown
         # Width of the strip [pixels], in which nothing else is drawn.
         self._strip = shown * strip * (wide + 2 * gap)
-        self._key: object = None
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self._view(time)
-        key = min(moment.now, self.timeline.end + _SETTLED * self.timeline.playback), view.key
-        if key == self._key:
-            # Nothing has moved: the last picture is this one.
-            return self._picture
-        self._key = key
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # The strip leaves as soon as the map is not whole any more, and the map before it.
         out = round((1.0 - view.inset) * self._strip)
@@ -249,10 +247,12 @@ class Film:
             self._picture[top : top + high, left : left + wide] = plan
             _lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            _lay_label(
-                self._picture,
-                panel.panel(self.run, moment, view, self.timeline.playback, full=self._full),
-            )
+            label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
+            if self._title:
+                first, *_ = label.colours
+                text = self._title, *label.text
+                label = label._replace(text=text, colours=(first, *label.colours))
+            _lay_label(self._picture, label)
         return self._picture
 
     def _view(self, time: float) -> Look:
@@ -318,6 +318,13 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
 
 
+def _rows(label: Label) -> list[tuple[Any, ...]]:
+    """Text and colours of the rows of a label: what names colours stands in one row."""
+    lines = enumerate(zip(label.text, label.colours, strict=True))
+    groups = groupby(lines, lambda each: -1 if each[1][0].startswith(NAMED) else each[0])
+    return [tuple(zip(*(line for _, line in group), strict=True)) for _, group in groups]
+
+
 @lru_cache(maxsize=16)
 def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
@@ -325,15 +332,13 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
     """
     gap = round(_GAP * _scale_of(size))
-    letters = [_scale_of(size) * label.size]
     left = round(_INDENT * gap)
-    letters += [_LESSER * letters[0]] * (len(label.text) - 1)
-    wide = max(
-        _font(100).getlength(line) * high / 100
-        for line, high in zip(label.text, letters, strict=True)
-    )
-    fits = min(1.0, (size[0] - 2 * left) / max(wide, 1.0))
-    heights = [int(fits * high) for high in letters]
+    rows = _rows(label)
+    letters = _scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
+    lengths = [_font(100).getlength(_APART.join(words)) / 100 for words, _ in rows]
+    wide = max(float((letters * lengths).max()), 1.0)
+    fits = min(1.0, (size[0] - 2 * left) / wide)
+    heights = (fits * letters).astype(int).tolist()
     high = sum(round(_LINE * each) for each in heights)
     if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
@@ -343,11 +348,14 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     kept = 256.0 * (1.0 - shade[..., None])
     picture = Image.new("RGB", shape)
     cover = Image.new("L", shape)
-    place = left, shape[1] - round(_FOOT * gap) - high
-    for line, colour, each in zip(label.text, label.colours, heights, strict=True):
-        for layer, fill in ((picture, colour), (cover, 255)):
-            ImageDraw.Draw(layer).text(place, line, font=_font(each), fill=fill)
-        place = place[0], place[1] + round(_LINE * each)
+    top = shape[1] - round(_FOOT * gap) - high
+    for (words, colours), each in zip(rows, heights, strict=True):
+        place = left
+        for one, colour in zip(words, colours, strict=True):
+            for layer, fill in ((picture, colour), (cover, 255)):
+                ImageDraw.Draw(layer).text((place, top), one, font=_font(each), fill=fill)
+            place += round(_font(each).getlength(one + _APART))
+        top += round(_LINE * each)
     covered = np.asarray(cover)[..., None] / WHITE
     return (
         (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],

@@ -32,7 +32,7 @@ def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
     # Shaders know constants of the look by their names.
     named = sorted(set(re.findall(r"\b[A-Z][A-Z_]+\b", common + own)))
     values = {each: getattr(look, each) for each in named if hasattr(look, each)}
-    values |= {"COOL": setting.cool, "NIGHT_HIGH": setting.night, "TOP_LIT": setting.top}
+    values |= {"COOL": setting.cool, "TOP_LIT": setting.top}
     for constant, value in values.items():
         parts = np.ravel(value).tolist()
         kind = f"vec{len(parts)}" if len(parts) > 1 else "float"
@@ -46,7 +46,7 @@ def exposed(day: Any, on: Any, height: Any, setting: Setting) -> Float:
     How lit they are (…), and how high they lie [m].
     """
     dark = look.NIGHT_LOW + (day @ look.GREY)[..., None] * np.subtract(
-        setting.night, look.NIGHT_LOW
+        look.NIGHT_HIGH, look.NIGHT_LOW
     )
     share = on * np.maximum(1.0 - look.FALL * height, look.LEAST_FALL)
     return np.asarray(dark + share[..., None] * (day * setting.cool - dark))

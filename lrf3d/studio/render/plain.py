@@ -1,4 +1,4 @@
-"""The plain renderer, for machines without OpenGL: triangles, and rays of Embree past clear ones.
+"""The plain renderer, for machines without OpenGL: triangles, and rays of Embree past mirrors.
 
 It draws the same values as OpenGL does, with one sample a pixel, and nothing of what
 shaders add to them, such as shine.
@@ -32,22 +32,12 @@ from lrf3d.studio.scene.shapes import (
     single,
 )  # fmt: skip
 from lrf3d.studio.scene.stage.stage import Stage
-from lrf3d.studio.scene.timeline import smoothed
 
 # Offset of translucent faces towards the eye from what they lie on [m].
 _LIFTED = 0.02
 
 # Depth at which what reaches behind the eye is cut off [m]: a little past the near plane.
 _CUT = 1.01 * NEAR
-
-# Largest number of openings and panes in a ray.
-_MOST_LAYERS = 6
-
-# Share of the opening round the robot, at its rim, in which it closes softly.
-_CLOSES = 0.45
-
-# Least distance along which the opening is a cone [m].
-_CONE = 0.1
 
 # Least depth that is divided by [m].
 _LEAST_DEPTH = 1e-3
@@ -84,7 +74,7 @@ class PlainRenderer:
             self._corners,
             *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
-            np.array([look.HAZE, look.ZENITH, setting.night, setting.cool]),
+            np.array([look.HAZE, look.ZENITH, look.NIGHT_HIGH, setting.cool]),
             setting.top,
             np.inf,
         )
@@ -93,7 +83,6 @@ class PlainRenderer:
         self._laser = fill.LaserLight(
             times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
         )
-        self._night = np.array(setting.night)
         self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -109,8 +98,9 @@ class PlainRenderer:
             self._surfaces = self._surfaces._replace(corners=corners, cut=seen.cut)
             self._rays = TriangleRays(single(corners[..., :3]))
         tones = self._surfaces.tones
-        tones[2] = self._night + seen.dusk * np.subtract(look.DUSK, self._night)
-        canvas = self._look(seen, lens, ways, None)
+        night = np.array(look.NIGHT_HIGH)
+        tones[2] = night + seen.dusk * (look.DUSK - night)
+        canvas = self._look(lens, ways, None)
         for reflection in reflections(seen, self._mirrors):
             self._reflect(seen, reflection, canvas, ways)
         for _, body in seen.bodies:
@@ -146,11 +136,8 @@ class PlainRenderer:
             found = np.dstack([canvas.colours, cover.colours[..., :1]])
         self._laser = self._laser._replace(tints=found)
 
-    def _look(self, seen: Seen, lens: Lens, ways: Single, starts: Single | None) -> _Framebuffer:
-        """What rays of directions (n, 3) see of what stands, from the eye or from their starts.
-
-        What was never seen, where it is glass, and what hides the robot let rays pass.
-        """
+    def _look(self, lens: Lens, ways: Single, starts: Single | None) -> _Framebuffer:
+        """What rays of directions (n, 3) see of what stands, from the eye or from their starts."""
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         if starts is None:
             met = np.full(self._size[::-1], -1, np.int32)
@@ -159,40 +146,9 @@ class PlainRenderer:
             hits = met.ravel()
         else:
             hits = self._rays.first(starts, ways)
-        found, depth, lit = fill.shade(ways, hits, fixed, self._surfaces, self._laser)
-        if seen.glass or seen.robot:
-            self._look_through(seen, lens, ways, hits, (found, depth, lit))
+        found, depth = fill.shade(ways, hits, fixed, self._surfaces, self._laser)
         shape = self._size[::-1] if len(ways) == self._picture[..., 0].size else (len(ways), 1)
         return _Framebuffer(found.reshape(*shape, 3), depth.reshape(shape))
-
-    def _look_through(
-        self, seen: Seen, lens: Lens, ways: Single, hits: Any, met: tuple[Single, Single, Single]
-    ) -> None:
-        """Continue rays through openings and glass; changes the colours and depths they met."""
-        fixed = np.array([*lens.eye, lens.focus, lens.thick])
-        found, depth, lit = met
-        rest = np.arange(len(ways))
-        left = np.ones(len(ways), np.float32)
-        colours = found
-        near = depth
-        for _ in range(_MOST_LAYERS):
-            solid = _solid(seen, lens, ways[rest], near, lit)
-            passes = np.flatnonzero((hits >= 0) & (solid < 1.0))
-            if not len(passes):
-                break
-            rest = rest[passes]
-            colours = colours[passes]
-            solid = solid[passes, None]
-            starts = single(lens.eye + (1.0 / near[passes] + _LIFTED)[:, None] * ways[rest])
-            hits = self._rays.first(starts, ways[rest])
-            behind, near, lit = fill.shade(ways[rest], hits, fixed, self._surfaces, self._laser)
-            # What was met shines through as much as it is solid, what lies behind as the rest.
-            ghost = colours + seen.glass * (np.array(look.HAZE, np.float32) - colours)
-            shown = solid * ghost + (1.0 - solid) * behind
-            found[rest] += left[rest, None] * (shown - colours)
-            left[rest] *= 1.0 - solid[:, 0]
-            colours = behind
-            depth[rest] = near
 
     def _reflect(
         self, seen: Seen, reflection: Reflection, canvas: _Framebuffer, ways: Single
@@ -206,7 +162,7 @@ class PlainRenderer:
         chosen = np.flatnonzero(mirrored)
         turned = single(ways[chosen] @ reflection.turn[:3, :3])
         starts = single(places[chosen] + MIRROR_GAP * turned)
-        shown = self._look(seen._replace(robot=None), reflection.lens, turned, starts)
+        shown = self._look(reflection.lens, turned, starts)
         whole = _Framebuffer(np.zeros_like(canvas.colours), np.full_like(canvas.near, _NEAREST))
         whole.colours.reshape(-1, 3)[chosen] = shown.colours.reshape(-1, 3)
         whole.near.ravel()[chosen] = shown.near.ravel()
@@ -315,20 +271,6 @@ def _before_eye(triangles: Float, lens: Lens) -> Float:
         shown = [(a, left, right)] if ahead == 1 else [(left, b, c), (left, c, right)]
         found += [np.stack(corners, axis=1) for corners in shown]
     return np.concatenate(found)
-
-
-def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> Single:
-    """The opacity (n,) of what rays (n, 3) meet, by its inverse depth (n,) and exposure (n,)."""
-    if seen.glass:
-        return np.where(lit < 0.5, np.float32(1.0 - seen.glass * look.GHOST_STRENGTH), 1.0)
-    toward = np.array(seen.robot) - lens.eye
-    reach = float(np.linalg.norm(toward))
-    places = ways / np.maximum(near, look.TINY)[:, None]
-    along = places @ (toward / reach)
-    off = np.linalg.norm(places - along[:, None] * toward / reach, axis=1)
-    wide = off / np.maximum(along, _CONE) / look.PEEP
-    rise = np.clip((wide - (1.0 - _CLOSES)) / _CLOSES, 0.0, 1.0)
-    return single(1.0 - look.VEIL_SHARE * ((1.0 - smoothed(rise)) * (along < reach - 1.0)))
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from lrf3d.geometry.lines import Float, Int, Single, quad_indices
 from lrf3d.studio.render.buffers import (
@@ -46,24 +47,18 @@ class Renderer:
 
     def __init__(self, stage: Stage, size: tuple[int, int], samples: int) -> None:
         make_current()
-        self._size = size
+        # With samples the picture is drawn larger, and pixels are averaged.
+        self._finer = max(1, samples // 2)
+        self._size = self._finer * size[0], self._finer * size[1]
         self._setting = stage.structures.setting
         self._buffers: dict[str, Buffer] = {}
-        # With samples there is a second pair of targets, whose depth a shader can read.
-        self._frame, self._targets = _framebuffer(size, 0)
-        self._sampled: int | None = None
-        self._samples_taken: list[int] = []
+        self._frame, self._targets = _framebuffer(self._size)
         self._smooths = samples == 1
-        if samples > 1:
-            self._sampled, self._samples_taken = _framebuffer(size, samples)
-            self._resolving = self._filled(
-                "resolve", np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
-            )
         self._programs: dict[str, ShaderProgram] = {}
-        self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
-        self._limit = 0, 0, *size
-        self._bright = np.zeros((size[1], size[0]), np.int16)
-        self._scale = look.scale(size, look.LEAST_SCALE)
+        self._picture: Pixels = np.zeros((*self._size[::-1], 4), np.uint8)
+        self._limit = 0, 0, *self._size
+        self._bright = np.zeros(self._size[::-1], np.int16)
+        self._scale = self._finer * look.scale(size, look.LEAST_SCALE)
         self._camera = CameraBlock()
         self._parts = _Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
@@ -96,30 +91,28 @@ class Renderer:
         make_current()
         self._light |= {"clock": seen.clock, "dusk": seen.dusk}
         self._draw_tints(seen.tints)
-        self._limit = 0, 0, seen.columns or self._size[0], self._size[1]
+        self._limit = 0, 0, self._finer * seen.columns or self._size[0], self._size[1]
         self._begin()
         for reflection in reflections(seen, self._mirrors):
             self._reflect(seen, reflection)
         self._camera.fill(seen.lens, *self._size)
         self._draw_bodies(seen)
-        opened = seen.glass > 0.0 or seen.robot is not None
-        self._draw_walls(seen, seen.lens, ":SOLID" if opened else "")
+        self._draw_walls(seen, seen.lens, "")
         self._draw_ground("ground")
         self._draw_sky(seen.lens)
-        if opened:
-            self._draw_walls(seen, seen.lens, ":VEIL")
-        self._flatten()
         for name, mark in seen.marks:
-            self._draw_mark(name, mark, seen.lens.focus)
+            self._draw_mark(name, mark, self._finer * seen.lens.focus)
         if seen.inset is not None:
             self._draw_inset(seen.inset)
-        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)
         GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
         if self._smooths:
             smooth_edges(self._picture, self._picture.copy(), self._bright)
-        return self._picture
+        raw = "raw", "RGBX", 0, 1
+        return np.array(
+            Image.frombuffer("RGBX", self._size, self._picture, *raw).reduce(self._finer)
+        )
 
     def close(self) -> None:
         """Free what the driver holds; the context stays."""
@@ -132,14 +125,11 @@ class Renderer:
         for texture in (self._pavement, self._times, self._tints):
             texture.delete()
         self._camera.delete()
-        frames = [each for each in (self._frame, self._tinting, self._sampled) if each is not None]
-        GL.glDeleteFramebuffers(len(frames), frames)
+        GL.glDeleteFramebuffers(2, [self._frame, self._tinting])
         GL.glDeleteRenderbuffers(len(self._targets), self._targets)
-        if self._samples_taken:
-            GL.glDeleteTextures(self._samples_taken)
 
     def _begin(self) -> None:
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._sampled or self._frame)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glScissor(*self._limit)
         GL.glViewport(0, 0, *self._size)
@@ -240,18 +230,9 @@ class Renderer:
         if not np.array_equal(parts, self._chosen):
             self._chosen = parts
             self._walls.choose(self._parts.choose(parts))
-        veil = variant == ":VEIL"
-        # What is lit is seen from both sides at the end.
-        how = {"blend": veil, "solid": not veil, "cull": veil or not seen.glass}
-        uniforms |= {"glass": seen.glass, "cut": seen.cut, "robot": seen.robot or (0.0, 0.0, 0.0)}
-        if veil and seen.robot and not seen.glass:
-            # What is open is a circle round the robot.
-            x, y, _, depth = seen.lens.matrix @ [*seen.robot, 1.0]
-            half = 1.5 * look.PEEP * seen.lens.focus
-            corner = (0.5 + 0.5 * np.array([x, y]) / depth) * self._size - half
-            GL.glScissor(*map(int, [*corner, 2.0 * half, 2.0 * half]))
-        self._paint(f"walls{variant}", self._walls, **how, **self._light, **uniforms)
-        GL.glScissor(*self._limit)
+        self._paint(
+            f"walls{variant}", self._walls, cull=True, cut=seen.cut, **self._light, **uniforms
+        )
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
@@ -270,7 +251,7 @@ class Renderer:
             GL.glDepthFunc(GL.GL_LEQUAL)
 
     def _draw_inset(self, plan: Inset) -> None:
-        left, top, wide, high = plan.box
+        left, top, wide, high = (self._finer * side for side in plan.box)
         GL.glDisable(GL.GL_DEPTH_TEST)
         GL.glEnable(GL.GL_SCISSOR_TEST)
         for place in (GL.glScissor, GL.glViewport):
@@ -280,26 +261,7 @@ class Renderer:
         self._camera.fill(plan.lens, wide, high)
         self._draw_ground("ground:PLAN", blend=True, solid=False)
         for name, mark in plan.marks:
-            self._draw_mark(name, mark, plan.lens.focus)
-
-    def _flatten(self) -> None:
-        """Draw all so far, and go on with one sample a pixel: what follows has its own soft edges.
-
-        Translucent layers cost some times as much on several samples a pixel. With one sample
-        nothing is sent off here: software OpenGL would write all pixels and read them again, which
-        takes a tenth of the time of a frame.
-        """
-        if self._sampled is None:
-            return
-        # One pass over both colours and depths takes three quarters of the time of blitting them.
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
-        for unit, texture in enumerate(self._samples_taken):
-            GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
-            GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, texture)
-        GL.glActiveTexture(GL.GL_TEXTURE0)
-        GL.glDepthFunc(GL.GL_ALWAYS)
-        self._paint("resolve", self._resolving, colours=0, depths=1)
-        GL.glDepthFunc(GL.GL_LEQUAL)
+            self._draw_mark(name, mark, self._finer * plan.lens.focus)
 
 
 class _Parts:
@@ -339,24 +301,18 @@ class _Parts:
         return self._quads[chosen].ravel()
 
 
-def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
-    """A framebuffer, and the buffers of its colour and its depth; textures, if with samples."""
+def _framebuffer(size: tuple[int, int]) -> tuple[int, list[int]]:
+    """A framebuffer, and the buffers of its colour and its depth."""
     frame = GL.glGenFramebuffers(1)
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    made = (GL.glGenTextures if samples else GL.glGenRenderbuffers)(2).tolist()
+    made = GL.glGenRenderbuffers(2).tolist()
     for each, kind, place in zip(
         made,
         (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24),
         (GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT),
         strict=True,
     ):
-        if samples:
-            texture = GL.GL_TEXTURE_2D_MULTISAMPLE
-            GL.glBindTexture(texture, each)
-            GL.glTexImage2DMultisample(texture, samples, kind, *size, True)
-            GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, texture, each, 0)
-        else:
-            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, each)
-            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
-            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, each)
+        GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, each)
+        GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
+        GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, each)
     return frame, made

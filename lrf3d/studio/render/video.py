@@ -1,7 +1,8 @@
 """Films of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ def render_video(
     fps: float = 25.0,
     workers: int | None = None,
     part: tuple[float | None, float | None] = (None, None),
+    columns: Mapping[str, Run] | None = None,
     progress: Progress = silent,
     **options: Any,
 ) -> None:
@@ -48,6 +50,8 @@ def render_video(
         fps: Frames a second; a .gif can have up to 50, a .webp up to 200.
         workers: Number of processes; as many as there are cores if not given.
         part: From when to when the run is shown [s]; from its start, to its end if not given.
+        columns: The same drive under other conditions, by their names, the run among them; all are
+            shown side by side.
         progress: Called with frames done and frames in all, as the film grows.
         options: ``size``, width and height [pixels] (1280, 720), both even for .mp4;
             ``playback``, seconds of the run in a second of the film; ``view``, the camera:
@@ -83,7 +87,16 @@ def render_video(
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
-    job = Job(run, np.concatenate([times[examples], times]), chosen, stage_of(run), MARKS)
+    drawn = [(run, chosen, stage_of(run))]
+    if columns:
+        width, height = chosen.size
+        size = width // len(columns) // 2 * 2, height
+        layers = frozenset(chosen.layers) - {"inset"}
+        look = replace(chosen, size=size, layers=layers)
+        drawn = [
+            (each, replace(look, title=name), stage_of(each)) for name, each in columns.items()
+        ]
+    job = Job(drawn, np.concatenate([times[examples], times]), MARKS)
 
     def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
         for done, picture in enumerate(pictures, 1):

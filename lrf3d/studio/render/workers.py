@@ -40,12 +40,13 @@ _WAIT = 0.1
 
 
 class Job(NamedTuple):
-    """Pictures to draw, at times (frames,) of a run [s]; its stage is painted once for all."""
+    """Pictures to draw, at times (frames,) of a run [s].
 
-    run: Run
+    Runs stand side by side, each with its options; their stages are painted once for all.
+    """
+
+    columns: list[tuple[Run, FilmOptions, Stage]]
     times: Float
-    options: FilmOptions
-    stage: Stage
     marks: dict[str, Callable[..., Mark | None]]
 
 
@@ -127,9 +128,12 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
     try:
         job: Job = pickle.loads(Path(job_file).read_bytes())
         MARKS.update(job.marks)
-        film = Film(job.run, stage=job.stage, **asdict(job.options))
+        films = [Film(run, stage=stage, **asdict(look)) for run, look, stage in job.columns]
+        for film in films:
+            # All are seen from one place.
+            film.camera = films[0].camera
         for time in job.times[int(number) :: int(count)].tolist():
-            end.send(np.ascontiguousarray(film.draw(time)[:, :, :3]))
+            end.send(np.hstack([film.draw(time)[:, :, :3] for film in films]))
     except BrokenPipeError:
         # Nobody else is left to tidy up.
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)

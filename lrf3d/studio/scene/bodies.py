@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 # Colour of shadows and of the rim of a dart.
-_DARK = (0.02, 0.03, 0.05)
+_DARK = rgb("#05080d")
 
 # Width of the soft edge of a body's shadow [m].
 _SHADOW_EDGE = 0.35
@@ -72,16 +72,10 @@ _OBSTACLE_COLOURS = np.array(
     [rgb(code, 2) for code in ("#217a8c", "#755c9e", "#999433", "#a8475c")]
 )
 
-# Height of the dark foot of an obstacle [m].
-_FOOT = 0.10
-
-# Largest height of that foot, in the obstacle's.
-_FOOT_SHARE = 0.2
-
 # Least half size of an obstacle from above, in darts, so that it can be seen.
 _LEAST = 0.3
 
-# Factor of the colour of an obstacle's foot, and of the dart on its top.
+# Factor of the colour of an obstacle in the dart on its top.
 _DARKER = 0.35
 
 # Share of its own colour in the top of an obstacle, the rest of which is white.
@@ -250,7 +244,7 @@ class Obstacles:
 
 
 def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
-    """An outline (n, 2) of a height [m] with a top of triangles (t, 3, 2), on a dark foot.
+    """An outline (n, 2) of a height [m] with a top of triangles (t, 3, 2).
 
     The top is pale; a dart on it says which way is ahead.
     """
@@ -258,18 +252,15 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         outline = outline[::-1]
     after = np.roll(outline, -1, axis=0)
     outward = -directions(np.hstack([outline, after])) @ LEFT
-    foot = min(_FOOT, _FOOT_SHARE * height)
     up = np.array([0.0, 0.0, 1.0])
     sides = np.stack([outline, after, after, outline, after, outline], axis=1).reshape(-1, 2)
     outward = np.insert(np.repeat(outward, 6, axis=0), 2, 0.0, axis=1)
     dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
     parts = []
-    dark = _DARKER * colour
     for corners, levels, normals, paint in (
-        (sides, np.array([0.0, 0.0, foot, 0.0, foot, foot]), outward, dark),
-        (sides, np.array([foot, foot, height, foot, height, height]), outward, colour),
+        (sides, np.array([0.0, 0.0, height, 0.0, height, height]), outward, colour),
         (top.reshape(-1, 2), np.full(3, height), up, (1.0 - _TOP_COLOUR) + _TOP_COLOUR * colour),
-        (dart, np.full(6, height + _DART_LIFT), up, dark),
+        (dart, np.full(6, height + _DART_LIFT), up, _DARKER * colour),
     ):
         places = np.column_stack([corners, np.resize(levels, len(corners))])
         lit = _lit(paint, np.broadcast_to(normals, places.shape))

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-import shapely
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from lrf3d.geometry.lines import LEFT, Float
-from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.look import TINY, Rig
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
@@ -71,9 +70,7 @@ class Look:
         shows_map: Whether the map is laid over the scene.
         inset: How far the map is also shown next to it, 0…1: it slides in and out.
         cuts: Whether the walls of rooms are cut level, so that one looks into them.
-        glass: How far what was never seen has become glass, 0…1.
         dusk: How far the dark has become dusk, 0…1.
-        opens: Whether what hides the robot is opened.
         shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
     """
 
@@ -86,22 +83,8 @@ class Look:
     shows_map: bool = False
     inset: float = 1.0
     cuts: bool = False
-    glass: float = 0.0
     dusk: float = 0.0
-    opens: bool = False
     shot: str = ""
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """What distinguishes this look from others of its camera."""
-        return (
-            self.eye.tobytes(),
-            self.target.tobytes(),
-            self.field,
-            self.glass,
-            self.inset,
-            self.shot,
-        )
 
     @property
     def away(self) -> float:
@@ -221,16 +204,14 @@ class CameraPath(NamedTuple):
 
         The walls of rooms are all low, as they are cut.
         """
-        tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)
+        tops = structures.tops
         steeps = self.steeps.copy()
         aways = self.aways.copy()
         way = self.eyes()[:, :2] - robots
         for aside in (-_ASIDE, 0.0, _ASIDE):
             ends = robots + way + aside * way @ LEFT
-            ways = shapely.linestrings(np.stack([robots, ends], axis=1))
-            number, wall = structures.tree.query(ways, predicate="intersects")
-            cuts = shapely.intersection(ways[number], structures.tree.geometries[wall])
-            gap = shapely.distance(shapely.points(robots[number]), cuts)
+            number, wall, share = structures.crossed(robots, ends)
+            gap = share * np.hypot(*(ends - robots)[number].T)
             needed = np.arctan2(tops[wall] - _BODY, gap)
             low = tops[wall] <= _LOW
             np.maximum.at(steeps, number[low], np.minimum(needed[low], _STEEPEST))

@@ -40,7 +40,7 @@ _FREE_ABOVE = 0.05
 _FREE_BELOW = 0.06
 
 # The same share where the text is a card.
-CARD = 0.10
+CARD = 0.16
 
 # Share of what is left of the picture that the world fills.
 _FILL = 0.94
@@ -177,7 +177,7 @@ def overview(
         side = min(tracks, key=lambda track: float(track.aways.min())).turns
         return _fit(corners, times, side + drift * passed, *shape)
 
-    return PathCamera(track, {"cuts": True, "shot": "whole"})
+    return PathCamera(track, {"cuts": True, "dusk": 0.5, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> PathCamera:

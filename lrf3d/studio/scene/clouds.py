@@ -1,4 +1,4 @@
-"""What lidars hit, as points coloured by height; a few thousand of them.
+"""What lidars hit, as points coloured by height or intensity; a few thousand of them.
 
 The scans of lidars enter; points in the film's frame leave, where each column of beams was sent
 from. Layers stay whole, so that walls light up band by band.
@@ -9,12 +9,13 @@ from collections.abc import Iterable
 import numpy as np
 
 from lrf3d.casting.skyline import swept
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import TINY, Float
 from lrf3d.laser import LidarScan
-from lrf3d.studio.scene.shapes import Points, single, together
+from lrf3d.studio.scene.look import rgb
+from lrf3d.studio.scene.shapes import Points, single
 
 # Colours of points from the floor to the top.
-HEIGHT_COLOURS = np.array([[0.16, 0.30, 0.75], [0.10, 0.75, 0.72], [1.0, 0.80, 0.35]])
+HEIGHT_COLOURS = np.array([rgb(code) for code in ("#294dbf", "#1abfb8", "#ffcc59")])
 
 # Largest height with a colour of its own [m]: streets are higher.
 TOP = 4.0
@@ -30,17 +31,23 @@ PIXELS = (1.8, 4.5)
 
 
 def draw_clouds(
-    scans: Iterable[LidarScan], origin: Float, most: int, heights: tuple[float, float]
+    scans: Iterable[LidarScan], origin: Float, most: int, high: float, by: str = "range"
 ) -> Points | None:
-    """Points between two heights [m], of some beams of each scan, with the film's origin (2,)."""
-    parts = [_points(scan, most) for scan in scans]
+    """Points below a height [m], of some beams of each scan, with the film's origin (2,).
+
+    They are coloured by their height, or by their intensity.
+    """
+    parts = [_points(scan, most, by) for scan in scans]
     if not parts:
         return None
-    places = np.concatenate(parts) - [*origin, 0.0]
-    low, high = heights
-    places = places[(low < places[:, 2]) & (places[:, 2] < high)]
-    steps = np.linspace(0.0, min(TOP, high), len(HEIGHT_COLOURS))
-    colours = [np.interp(places[:, 2], steps, channel) for channel in HEIGHT_COLOURS.T]
+    rows = np.concatenate(parts)
+    rows = rows[rows[:, 2] < high]
+    places = rows[:, :3] - [*origin, 0.0]
+    # Intensities span four powers of ten, as those of hits of range finders do.
+    top = min(TOP, high)
+    share = 1.0 + 0.25 * np.log10(rows[:, 3]) if by == "intensity" else places[:, 2] / top
+    steps = np.linspace(0.0, 1.0, len(HEIGHT_COLOURS))
+    colours = [np.interp(share, steps, channel) for channel in HEIGHT_COLOURS.T]
     colours.append(np.ones(len(places)))
     sides = np.zeros((len(places), 2))
     return Points(
@@ -48,22 +55,8 @@ def draw_clouds(
     )
 
 
-def with_cloud(hits: Points, cloud: Points | None) -> Points:
-    """Hits of range finders and of lidars as one mark."""
-    joined: Points = hits if cloud is None else together([hits, cloud])
-    return joined
-
-
-def thinned(points: Points, most: int) -> Points:
-    """About as many points as asked for, evenly chosen."""
-    step = slice(None, None, 1 + len(points.places) // most)
-    return points._replace(
-        places=points.places[step], colours=points.colours[step], sides=points.sides[step]
-    )
-
-
-def _points(scan: LidarScan, most: int) -> Float:
-    """Points (n, 3) in the world of some layers and columns of a scan."""
+def _points(scan: LidarScan, most: int, by: str) -> Float:
+    """Points in the world of some layers and columns of a scan, with their intensities (n, 4)."""
     lidar = scan.lidar
     pose = np.array(scan.pose)
     still = scan.motion is None or not np.any(scan.motion)
@@ -78,4 +71,5 @@ def _points(scan: LidarScan, most: int) -> Float:
     cos: Float = np.cos(theta)
     sin: Float = np.sin(theta)
     places = place_x + cos * x - sin * y, place_y + sin * x + cos * y, lidar.mount[2] + z
-    return np.stack(places, axis=2)[scan.hits[layers, columns]]
+    light = np.maximum(scan.intensities[layers, columns], TINY) if by == "intensity" else z
+    return np.stack([*places, light], axis=2)[scan.hits[layers, columns]]

@@ -41,9 +41,6 @@ _APART = 0.3
 # Width of the line from where odometry led to where the loop puts the robot [pixels of 720 lines].
 _WIDTH = 4.0
 
-# Opacity that these lines keep.
-_KEPT = 0.35
-
 
 class Drift(NamedTuple):
     """How odometry drifts off the estimate of a run, and the loops that remove it."""
@@ -115,13 +112,18 @@ class Drift(NamedTuple):
         return Soft(dart.corners[2:], colours)
 
     def trail(self, time: float, fade: float) -> Lines:
-        """The path by odometry up to a time [s], paler with age."""
-        return trail_lines(self.keys, time, fade, GHOST_COLOUR)
+        """The path by odometry since the loop that closed last before a time [s]."""
+        past = self.times[self.times <= time]
+        since = self.keys.times > past.max(initial=-1.0)
+        return trail_lines(
+            DriveKeys(*(each[since] for each in self.keys)), time, fade, GHOST_COLOUR
+        )
 
     def closings(self, time: float, lasting: float) -> Lines:
-        """Lines along which loops have moved the robot by a time [s], bright for some time [s]."""
-        past = self.times <= time
-        fresh = np.clip(1.0 - (time - self.times[past]) / lasting, _KEPT, 1.0)
+        """Lines along which loops have just moved the robot at a time, fading in a time [s]."""
+        age = (time - self.times) / lasting
+        past = (age >= 0.0) & (age < 1.0)
+        fresh = 1.0 - age[past]
         starts, ends = np.hsplit(self.jumps[past], 2)
         opacities = np.column_stack([fresh, fresh])
         return level_lines(

@@ -17,9 +17,6 @@ _ASPECTS = (0.22, 1.6), (1.0, 4.0)
 # Factor of the extent of the world that leaves a rim.
 _RIM = 1.04
 
-# Extent from which on a world has a further rim of a metre on each side [m]: a room needs less.
-_WIDE_RIM = 40.0
-
 # Width in lengths of the longest scale bar.
 _BARS = 3.0
 
@@ -44,7 +41,7 @@ class InsetView(NamedTuple):
         """
         low = places.min(axis=0)
         high = places.max(axis=0)
-        wide, tall = _RIM * (high - low) + 2.0 * np.minimum(1.0, (high - low) / _WIDE_RIM)
+        wide, tall = _RIM * (high - low)
         turned = bool(upright and wide > tall)
         if turned:
             wide, tall = tall, wide

@@ -48,20 +48,10 @@ WALL_LIGHT = (0.72, 0.24, 0.80)
 GREY = (0.3, 0.55, 0.15)
 
 # Colour of walls: off-white clay, so that strong colours belong to the laser and the map.
-CLAY = np.array([0.90, 0.885, 0.86])
+CLAY = np.array(rgb("#e6e2db"))
 
 # Share that their own colours have in those of the houses of a town.
 OWN_SHARE = 0.25
-
-# Least brightness of the clay of an object, in that of clay.
-_LEAST_BRIGHT = 0.94
-
-# By how much the brightness of clay varies from object to object.
-_VARIED = 0.10
-
-# Inverse of the plastic number: its multiples are far apart for neighbours, and so is brightness:
-# two houses of one colour do not look the same.
-_PLASTIC = 0.7548776662
 
 # Colour of what is far away.
 HAZE = rgb("#0e1420")
@@ -69,8 +59,14 @@ HAZE = rgb("#0e1420")
 # Colour of the sky overhead.
 ZENITH = rgb("#0a0e17")
 
+# Distance at which half of what is seen is haze [m].
+HAZY = 190.0
+
 # What black becomes where no beam has been: a model at night.
 NIGHT_LOW = rgb("#0a0f18")
+
+# What white becomes there.
+NIGHT_HIGH = rgb("#232f44")
 
 # What white becomes at the end where no beam has been: the model stands in dusk.
 DUSK = rgb("#66799f")
@@ -115,17 +111,11 @@ CLIMB = 14.0
 # Height of the bright front of that colour [m].
 FRONT = 1.6
 
-# Radius of the opening round the robot in what hides it, as a share of the distance.
-PEEP = 0.10
-
-# Share of the walls that is left out in the opening.
-VEIL_SHARE = 0.80
-
 # Opacity of a scan's light on the ground at the robot.
 LAMP = 0.28
 
 # What mirrors leave of light: they are slightly blue.
-REFLECTED = (0.70, 0.78, 0.90)
+REFLECTED = rgb("#b3c7e6")
 
 # Colour of the edges of houses.
 OUTLINE = rgb("#6f8fc4")
@@ -148,9 +138,6 @@ PALE_FROM = 0.4
 # Brightness of a body everywhere, and how much brighter it is facing the sun, and facing up.
 BODY_LIGHT = (0.70, 0.30, 0.06)
 
-# Share of opacity that walls that were never seen lose as they turn to glass, of haze's colour.
-GHOST_STRENGTH = 0.86
-
 # Height at which the walls of rooms are cut, as architects draw them [m]: just above the bands of
 # the map.
 SECTION = 0.8
@@ -172,7 +159,7 @@ TRAIL_COLOUR = rgb("#ffb35a")
 TRAIL_HEIGHT = 0.015
 
 # Colour of the estimated trail.
-ESTIMATE_COLOUR = (0.93, 0.09, 0.60)
+ESTIMATE_COLOUR = rgb("#ed1799")
 
 # Opacity of the ellipses that the estimate leaves behind.
 ESTIMATE_FADED = 0.45
@@ -193,7 +180,7 @@ INSET_WHOLE = 1400.0
 INSET_FOLLOWED = 110.0
 
 # Colour of the robot: strong, and that of nothing else.
-ROBOT = (0.98, 0.46, 0.06)
+ROBOT = rgb("#fa750f")
 
 # Outline (4, 2) of the robot as seen from above, heading along x.
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
@@ -215,12 +202,8 @@ class Rig(NamedTuple):
 class Setting(NamedTuple):
     """Settings that differ between the streets of a town and the rooms of a house."""
 
-    # What white becomes where no beam has been.
-    night: Colour
     # Factors of the colours of what a beam has met.
     cool: Colour
-    # Distance at which half of what is seen is haze [m].
-    haze: float
     # Range at which drawn beams have faded to nothing [m]: farther ones would tint the street.
     beams: float
     # Side of a cell of the first-seen times [m].
@@ -233,7 +216,7 @@ class Setting(NamedTuple):
     pixel: float
     # How far the ground's picture, and with it light on the ground, reaches past walls [m].
     margin: float
-    # Brightness of a street, or of the land round a house, 0…255.
+    # Brightness of a street, or of the tiles of a floor, 0…255.
     land: int
     # How far the loss of light next to walls reaches [m].
     shade: float
@@ -243,22 +226,20 @@ class Setting(NamedTuple):
     chase: Rig
     # The camera that goes round the robot.
     orbit: Rig
-    # The camera that looks down on the robot's first scan.
-    wave: Rig
     # How steeply an overview looks down [rad]: more into rooms, so that near walls hide less.
     steep: float
 
 
 TOWN = Setting(
-    night=rgb("#263349"), cool=(1.02, 1.10, 1.24), haze=190.0, beams=42.0, cell=0.25,
+    cool=(1.02, 1.10, 1.24), beams=42.0, cell=0.25,
     before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2, top=0.0,
-    chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3), wave=Rig(44.0, 62.0),
+    chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3),
     steep=float(np.radians(42.0)),
 )  # fmt: skip
 ROOMS = Setting(
-    night=rgb("#1f2a3e"), cool=(0.74, 0.82, 0.95), haze=120.0, beams=14.0, cell=0.08,
-    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=96, shade=0.25, top=0.62,
-    chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0), wave=Rig(11.0, 60.0),
+    cool=(0.74, 0.82, 0.95), beams=14.0, cell=0.08,
+    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=150, shade=0.25, top=0.62,
+    chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0),
     steep=float(np.radians(56.0)),
 )  # fmt: skip
 
@@ -273,9 +254,7 @@ MATERIAL_COLOURS = {
 
 def object_colours(world: World, *, indoor: bool) -> Float:
     """Colours (objects, 3) of a world's objects: their own, their material's, or clay."""
-    numbers = np.arange(world.object_count)
-    bright = _LEAST_BRIGHT + _VARIED * np.mod(numbers * _PLASTIC, 1.0)
-    chosen = np.tile(CLAY, (len(numbers), 1)) * bright[:, None]
+    chosen = np.tile(CLAY, (world.object_count, 1))
     given = np.full((world.object_count, 3), np.nan)
     rows = min(len(world.colours), world.object_count)
     given[:rows] = world.colours[:rows]

@@ -21,7 +21,7 @@ from lrf3d.studio.scene.stage.structures import FARTHEST, SIGHT_DISTANCE, Struct
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, interpolated
 
 # Colours of hit points from near to far.
-RANGE_COLOURS = np.array([[1.0, 0.95, 0.80], [1.0, 0.74, 0.42], [0.95, 0.50, 0.22]])
+RANGE_COLOURS = np.array([look.rgb(code) for code in ("#fff2cc", "#ffbd6b", "#f28038")])
 
 # Intensity at which hit points have the last colour, where intensities are shown; at 1 they have
 # the first, and between colours change evenly with the logarithm.

@@ -15,8 +15,8 @@ from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
-from lrf3d.studio.scene.camera import AIM, Look
-from lrf3d.studio.scene.clouds import draw_clouds, with_cloud
+from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
 from lrf3d.studio.scene.glass import Panes, glass_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
@@ -82,29 +82,8 @@ _LASER_TINTS = np.array(
 # Time in which the trail fades to its lasting opacity [s of the film].
 _TRAIL_FADE = 15.0
 
-# Time in which hits fade [s of the film].
-_HITS_FADE = 2.5
-
-# Number of scans whose hits are seen to fade.
-_OLD_SCANS = 8
-
-# Opacity of hits when the next scan has come.
-_HITS_STRENGTH = 0.8
-
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
-
-# Number of points of one that fades, in which the rings on the floor would be specks.
-_OLD_CLOUD_POINTS = 800
-
-# Height up to which points are on the floor [m]: the noise of ranges is a few centimetres.
-_ON_FLOOR = 0.05
-
-# Diameter of hits of earlier scans [m].
-_HIT_SIZE = 0.05
-
-# Their smallest and largest diameter [pixels of 720 lines].
-_HIT_PIXELS = (2.0, 4.0)
 
 # Width of a robot [m].
 _ROBOT_SIZE = 0.75
@@ -154,8 +133,6 @@ class Scene:
         self._beams = Latest()
         self._clouds = Latest()
         self._trails = Latest()
-        self._hits = Latest(2 * _OLD_SCANS)
-        self._recent = Latest()
 
     def seen(
         self, moment: Moment, view: Look, size: tuple[int, int], layers: Collection[str] = LAYERS
@@ -168,7 +145,6 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if (layer in layers or layer in MARKS) and mark is not None
         )
-        x, y, _ = pose.tolist()
         seen = Seen(
             lens,
             (
@@ -178,9 +154,7 @@ class Scene:
             marks,
             self.exposure.clock(moment.now, self.timeline.playback),
             tints=self._snapshot(moment).tints if "map" in layers else None,
-            glass=view.glass,
             dusk=view.dusk,
-            robot=(x, y, AIM) if view.opens else None,
         )
         return seen._replace(cut=look.SECTION) if self._is_cut(view) else seen
 
@@ -194,7 +168,7 @@ class Scene:
             matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, _PAST_GROUND * eye_height)),
             eye=view.eye,
             focus=float(0.5 * tall / np.tan(0.5 * view.field)),
-            thick=1.0 / max(self.structures.setting.haze, _CLEAR * view.away),
+            thick=1.0 / max(look.HAZY, _CLEAR * view.away),
             slack=_SLACK,
             nearer=_WALL_NEARER,
         )
@@ -225,7 +199,6 @@ class Scene:
             ("beams", "beams", beams),
             ("beams", "glass beams", self._glass_beams(moment)),
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            ("points", "recent", self._recent_hits(moment, view)),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -293,13 +266,12 @@ class Scene:
         """What lidars hit at the newest scan; None without lidars."""
         if not moment.scanning:
             return None
-        heights = -np.inf, self._cut(view)
-        key = moment.scan, moment.time if self.live else None, heights
-        return self._clouds.of(key, partial(self._drawn_clouds, key[0], _CLOUD_POINTS, heights))
+        key = moment.scan, moment.time if self.live else None, self._cut(view)
+        return self._clouds.of(key, partial(self._drawn_clouds, moment.scan, key[2]))
 
-    def _drawn_clouds(self, number: int, most: int, heights: tuple[float, float]) -> Points | None:
+    def _drawn_clouds(self, number: int, cut: float) -> Points | None:
         scans, _ = self.run.clouds(number)
-        return draw_clouds(scans, self.origin, most, heights)
+        return draw_clouds(scans, self.origin, _CLOUD_POINTS, cut, self.run.film.points_by)
 
     def _cut(self, view: Look) -> float:
         """The height above which nothing is drawn [m]."""
@@ -335,34 +307,6 @@ class Scene:
         scan = replace(scan, pose=np.array(scan.pose) - self._frame)
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
         return glass_beams(self.structures, scan, apex, self._height)
-
-    def _recent_hits(self, moment: Moment, view: Look) -> Points:
-        times = self.run.trajectory.times
-        lasting = _HITS_FADE * self.timeline.playback
-        last = moment.scan if moment.scanning else moment.mapped + 1
-        first = min(int(np.searchsorted(times, moment.time - lasting)), last)
-        step = 1 + (last - first) // _OLD_SCANS
-        chosen = tuple(number for number in range(first, last) if number % step == 0)
-        cut = self._cut(view)
-        hits, counts = self._recent.of((chosen, cut), partial(self._hits_together, chosen, cut))
-        left = np.clip(1.0 - (moment.time - times[list(chosen)]) / lasting, 0.0, 1.0)
-        colours = hits.colours.copy()
-        colours[:, 3:] = np.repeat(_HITS_STRENGTH * left, counts)[:, None]
-        return hits._replace(colours=colours)
-
-    def _hits_together(self, chosen: tuple[int, ...], cut: float) -> tuple[Points, list[int]]:
-        places, colours, sides = (np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
-        none = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
-        each = [self._hits.of((n, cut), partial(self._hits_of, n, cut)) for n in chosen]
-        hits: Points = together([none, *each])
-        return hits, [len(one.places) for one in each]
-
-    def _hits_of(self, number: int, cut: float) -> Points:
-        hits = self._drawn_beams(number, self.run.trajectory.poses[number])[1]
-        # A drive that goes on casts only the clouds of now.
-        if self.live:
-            return hits
-        return with_cloud(hits, self._drawn_clouds(number, _OLD_CLOUD_POINTS, (_ON_FLOOR, cut)))
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""

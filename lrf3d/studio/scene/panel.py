@@ -41,9 +41,6 @@ _REFLECTION_TIME = 4.0
 # Least number of dropped walls that it mentions.
 _DROPPED = 3
 
-# Share of glass at the end of a story from which on its card is seen.
-_CARD_FROM = 0.9
-
 # Seconds in a minute; times of ten minutes and more are said in minutes.
 _MINUTE = 60.0
 
@@ -148,7 +145,7 @@ def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    if view.shot == "end" and view.glass >= _CARD_FROM:
+    if view.shot == "end":
         return _CARDS.of(run, partial(_card, run, playback))
     head = _caption(run, moment, view.shot, playback)
     if full:
@@ -234,7 +231,7 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry alone  {off:.2f} m off", GHOST_COLOUR))
     if moment.mapped >= 0 and any(counts_at_glass(run)):
-        found += [("━ a beam through the glass", THROUGH_COLOUR), ("━ one back", BACK_COLOUR)]
+        found += [("━ a beam through glass", THROUGH_COLOUR), ("━ one back from it", BACK_COLOUR)]
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
 
 

@@ -123,6 +123,10 @@ class Points(NamedTuple):
     glows: bool = True
 
 
+# What a line of text that names a colour begins with.
+NAMED = "━"
+
+
 class Label(NamedTuple):
     """Lines of text in the lower left corner, of which the first is the largest."""
 
@@ -179,12 +183,8 @@ class Seen(NamedTuple):
     # What time it is, and how fast that passes: see `Exposure.clock`.
     clock: tuple[float, float] = (0.0, 1.0)
     tints: Tints | None = None
-    # How far what was never seen has become glass, 0…1.
-    glass: float = 0.0
     # How far the dark has become dusk, 0…1.
     dusk: float = 0.0
-    # The robot, where what hides it is opened.
-    robot: tuple[float, float, float] | None = None
     # Height that walls are cut at [m].
     cut: float = UNCUT
     inset: Inset | None = None

@@ -4,25 +4,23 @@ For each shot, the position is chosen from which the robot is visible and most o
 lit.
 """
 
-from collections.abc import Iterator
 from functools import cache
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, overview
-from lrf3d.studio.scene.look import SECTION, TINY, Rig
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, Shot, plan_shots
+from lrf3d.studio.scene.look import TINY, Rig
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
 # Position of the camera in the opening, while all is dark.
-_DARK = Rig(2.9, 13.0, shift=-0.25)
+_DARK = Rig(2.9, 13.0, shift=-0.1)
 
 # Angle by which that camera turns round the robot [rad].
 _DARK_TURN = 0.7
@@ -37,7 +35,7 @@ _RISEN = 0.6
 # streets over the houses next to the robot.
 _INTO_STREETS = np.radians(25.0)
 
-# Largest distance of shots from above, as a share of the overview's.
+# Largest distance of the camera of a shot, as a share of the overview's.
 _SHARE = 0.6
 
 # Number of directions from which a shot of the robot may be taken.
@@ -50,7 +48,7 @@ _SWAY = np.radians(9.0)
 _END_DRIFT = np.radians(2.0)
 
 # Number of moments at which a candidate shot is rated.
-_JUDGED = 5
+_JUDGED = 7
 
 # Columns and rows of rays that sample the light in a picture.
 _RAYS = (12, 7)
@@ -61,52 +59,37 @@ _FARTHEST = 300.0
 # Share of the rise in which the map next to the picture leaves.
 _LEAVES = 0.4
 
-# Weights of the rating, in which a fully lit picture counts 1. Penalty for hiding the robot all the
-# time.
-_HIDDEN = 3.0
-
-# Penalty for a picture of which less than half is lit.
+# Weights of the rating, in which a fully lit picture counts 1. Penalty for a picture of which less
+# than half is lit.
 _DARK_HALF = 0.8
 
 # Bonus for a picture full of walls that are in the map, which have their colours.
 _MAPPED = 1.2
 
-# Bonus for the nearest camera.
-_NEAR = 0.25
-
-# Distances from which the first scan may be seen, as shares of the largest.
-_ABOVE = (0.5, 0.7, 1.0)
-
-# Bonus for the farthest of them, from which more is seen.
-_FAR = 0.3
+# Bonus for the nearest camera of a shot, and for the farthest of the opening.
+_FAVOURED = 0.25
 
 # How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
 _DUSK = 0.5
 
-# Time in which parts that were never seen become transparent, at the end [s of the film].
-_GLASSY = 1.2
-
-# Least transparency at the end: above 0, lit walls are drawn from both sides, from the first
-# picture.
-_FIRST_GLASS = 1e-3
-
 
 class _Rigs(NamedTuple):
-    """Camera distances [m], or as shares of the overview's, and downward angles [degrees]."""
+    """Camera distances [m], and downward angles [degrees]."""
 
     aways: tuple[float, ...]
-    shares: tuple[float, ...]
     steeps: tuple[float, ...]
 
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
-    "chase": _Rigs((5.0, 9.0), (), (20.0, 30.0)),
-    "close": _Rigs((12.0, 20.0), (), (28.0, 40.0, 55.0)),
+    "opening": _Rigs((22.0, 31.0, 44.0), (62.0,)),
+    "chase": _Rigs((5.0, 9.0), (20.0, 30.0)),
+    "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
 }
 _ROOMS = {
-    "chase": _Rigs((3.0, 4.5), (), (28.0, 40.0)),
-    "close": _Rigs((4.5,), (0.3, 0.45), (38.0, 52.0)),
+    "opening": _Rigs((5.5, 8.0, 11.0), (60.0,)),
+    "chase": _Rigs((3.0, 4.5), (28.0, 40.0)),
+    "close": _Rigs((4.5, 6.5), (38.0, 52.0)),
 }
 
 
@@ -148,17 +131,14 @@ class Story:
                 shot.end - self._timeline.start, TINY
             )
             dusk = _DUSK * float(_eased(share))
-            return track.look(time, cuts=True, opens=share > 0.0, dusk=dusk, shot="wave")
+            return track.look(time, cuts=True, dusk=dusk, shot="wave")
         if shot.name == "end":
-            passed = (time - shot.start) / self._timeline.playback
-            glass = max(float(_eased(passed / _GLASSY)), _FIRST_GLASS)
-            return track.look(time, cuts=True, glass=glass, dusk=1.0, inset=0.0, shot="end")
+            return track.look(time, cuts=True, dusk=1.0, inset=0.0, shot="end")
         # The rise shows the whole world: the map next to it leaves, and the dark with it.
         rises = (time - shot.start) / max(shot.end - shot.start, TINY) * (shot.name == "rise")
         return track.look(
             time,
             cuts=True,
-            opens=True,
             dusk=_DUSK + (1.0 - _DUSK) * float(_eased(rises)),
             inset=1.0 - float(_eased(rises / _LEAVES)),
             shot=shot.name,
@@ -178,10 +158,11 @@ class Story:
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
             return self._between(self._held(before, times), whole, share)
-        tracks = list(self._tracks(shot, times, aspect))
-        near = min(track.aways[0] for track in tracks) / np.array([t.aways[0] for t in tracks])
-        moments = np.linspace(times[0], times[-1], _JUDGED)
-        return self._best(tracks, moments, aspect, _NEAR * near)
+        places = interpolated(times, self._path.times, self._path.places)
+        sway = np.linspace(-_SWAY, _SWAY, count)
+        middle = np.interp(0.5 * (times[0] + times[-1]), self._path.times, self._path.headings)
+        path = SmoothPath(times, places, middle + sway)
+        return self._best(shot.name, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
     def _opening(self, times: Float, aspect: float) -> CameraPath:
         """The camera path of the opening: the robot in the dark, then its first scan from above."""
@@ -195,21 +176,10 @@ class Story:
         places = poses[:, :2] - timeline.origin
         path = SmoothPath(times, places, turns)
         dark = CameraPath.along(path, turns, _DARK).past_walls(self._structures, places)
-        wave = self._structures.setting.wave
-        farthest, *_ = self._whole.track(aspect).aways
-        away = min(wave.away, _SHARE * float(farthest))
-        above = self._best_above(path, wave._replace(away=away), aspect)
+        # What the first scan has lit is best seen when its wave has passed, and from far away.
+        above = self._best("opening", path, np.linspace(timeline.start, times[-1], _JUDGED), aspect)
         risen = _eased((passed - _RISES * begin) / (_RISEN * end - _RISES * begin))
         return self._between(dark, above, risen)
-
-    def _best_above(self, path: SmoothPath, rig: Rig, aspect: float) -> CameraPath:
-        """The camera path that shows most of the first scan's light from above, from far away."""
-        moments = np.linspace(0.5 * path.times[-1] + 0.5 * self._timeline.start, path.times[-1], 3)
-        tracks = [
-            CameraPath.along(path, path.headings + turn, rig._replace(away=share * rig.away))
-            for turn, share in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _ABOVE)
-        ]
-        return self._best(tracks, moments, aspect, _FAR * np.tile(_ABOVE, _SIDES))
 
     def _held(self, track: CameraPath, times: Float) -> CameraPath:
         """The last view of a track, held relative to the robot at later times (k,)."""
@@ -217,34 +187,36 @@ class Story:
         places = interpolated(times, self._path.times, self._path.places)
         return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
 
-    def _best(
-        self, tracks: list[CameraPath], moments: Float, aspect: float, bonus: Float
-    ) -> CameraPath:
-        """The best camera path: the robot is visible, and most of the picture is lit."""
+    def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> CameraPath:
+        """The best camera path of a shot: the robot is visible, and most of the picture is lit.
+
+        The candidates look at a path from each side, and turn as its headings do.
+        """
+        rigs = (_ROOMS if self._structures.indoor else _TOWN)[shot]
+        farthest = float(self._whole.track(aspect).aways.min())
+        tracks = [
+            CameraPath.along(
+                path, path.headings + turn, Rig(min(away, _SHARE * farthest), steep, shift=0.1)
+            )
+            for turn, away, steep in product(
+                2.0 * np.pi * np.arange(_SIDES) / _SIDES, rigs.aways, rigs.steeps
+            )
+        ]
+        aways = np.array([track.aways[0] for track in tracks])
+        favoured = aways / aways.max() if shot == "opening" else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
         hidden = self._hides(moments, eyes).mean(axis=1)
-        lit = np.array([self._lit(track, moments, aspect) for track in tracks])
-        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden + bonus
-        return tracks[int(np.argmax(worth))]
-
-    def _tracks(self, shot: Shot, times: Float, aspect: float) -> Iterator[CameraPath]:
-        """All candidate camera paths of a shot: they slowly circle the robot, from each side."""
-        rigs = (_ROOMS if self._structures.indoor else _TOWN)[shot.name]
-        farthest = float(self._whole.track(aspect).aways.min())
-        aways = [*rigs.aways, *(share * farthest for share in rigs.shares)]
-        places = interpolated(times, self._path.times, self._path.places)
-        sway = np.linspace(-_SWAY, _SWAY, len(times))
-        middle = np.interp(0.5 * (times[0] + times[-1]), self._path.times, self._path.headings)
-        for side, away, steep in product(range(_SIDES), aways, rigs.steeps):
-            turns = middle + np.pi + 2.0 * np.pi * side / _SIDES + sway
-            path = SmoothPath(times, places, turns)
-            yield CameraPath.along(path, turns, Rig(away, steep, shift=-0.1))
+        # Of those that show the robot the most.
+        chosen = np.flatnonzero(hidden == hidden.min())
+        lit = np.array([self._lit(tracks[k], moments[::2], aspect) for k in chosen.tolist()])
+        worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
+        return tracks[int(chosen[np.argmax(worth)])]
 
     def _hides(self, moments: Float, eyes: Float) -> Bool:
         """Whether walls hide the robot at moments (m,) from eyes (k, m, 3); bools (k, m)."""
         robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
-        bodies = np.insert(robots, 2, AIM, axis=1)
-        ends = np.broadcast_to(bodies, eyes.shape).reshape(-1, 3)
+        feet = np.insert(robots, 2, 0.0, axis=1)
+        ends = np.broadcast_to(feet, eyes.shape).reshape(-1, 3)
         number, _ = self._blocked(eyes.reshape(-1, 3), ends)
         hides = np.zeros(len(ends), bool)
         hides[number] = True
@@ -252,14 +224,8 @@ class Story:
 
     def _blocked(self, eyes: Float, ends: Float) -> tuple[Int, Float]:
         """Which lines of sight from eyes to ends (n, 3) walls block, and at which share of each."""
-        structures = self._structures
-        ways = shapely.linestrings(np.stack([eyes[:, :2], ends[:, :2]], axis=1))
-        number, wall = structures.tree.query(ways, predicate="intersects")
-        tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)[wall]
-        met = shapely.intersection(ways[number], structures.tree.geometries[wall])
-        gap = shapely.distance(shapely.points(eyes[number, :2]), met)
-        share = gap / np.maximum(shapely.length(ways)[number], TINY)
-        blocks = tops > eyes[number, 2] + share * (ends - eyes)[number, 2]
+        number, wall, share = self._structures.crossed(eyes[:, :2], ends[:, :2])
+        blocks = self._structures.tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
         number = number[blocks]
         share = share[blocks]
         nearest = np.lexsort([share, number])

@@ -39,7 +39,6 @@ def test_what_is_left_out_could_not_be_seen(large_run, view):
         some = film.draw(time).astype(int)
         drawn = film.renderer._walls.count
         parts.seen = lambda matrix, eye: every
-        film._key = None
         assert np.abs(some - film.draw(time)).max() == 0
         # From above, all of it is seen.
         assert view == "top" or drawn < 0.5 * film.renderer._walls.count
@@ -58,17 +57,6 @@ def test_a_mirror_shows_nothing_of_the_frame_before():
     film.close()
     assert np.abs(first - later).max() > 50
     assert np.array_equal(later, drawn(run, 2.5, view="chase"))
-
-
-@needs_gl
-def test_a_frame_in_which_nothing_changed_is_not_drawn_again():
-    film = Film(room_run(stops=True), size=SIZE, view="top", samples=0)
-    drawn, draw = [], film.renderer.draw
-    film.renderer.draw = lambda seen: drawn.append(1) or draw(seen)
-    for time in (1.0, 1.0, 1.2, 99.0, 100.0):
-        film.draw(time)
-    assert len(drawn) == 3
-    film.close()
 
 
 @pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])

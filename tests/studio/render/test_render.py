@@ -106,7 +106,6 @@ def test_hit_points_do_not_show_through_a_thin_wall_and_do_in_front_of_it(render
     for film in films:
         # From outside, at the wall that the robot looks at from inside.
         film.camera = Outside(run.world.origin)
-        film._key = None
     assert np.array_equal(*(film.draw(0.0) for film in films))
 
 
@@ -135,7 +134,6 @@ def test_a_wall_of_a_room_does_not_hide_the_robot_that_the_eye_follows(renderer)
         film.scene.robot = PosedFaces(
             Faces(*(each[:0] for each in film.scene.robot.faces)), np.eye(4)
         )
-        film._key = None
         counts.append((np.abs(film.draw(0.0) - picture).max(axis=2) > 30).sum())
         film.close()
     assert counts[1] > 0.4 * counts[0] > 20

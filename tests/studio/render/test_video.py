@@ -47,6 +47,22 @@ def test_a_film_has_its_frames_in_order_from_all_workers(tmp_path):
     assert os.listdir(tmp_path) == ["run.mp4"]
 
 
+@needs_gl
+def test_runs_stand_side_by_side_each_under_its_name(tmp_path):
+    run = room_run()
+    columns = {"one": run, "another name": run}
+    path = tmp_path / "both.mp4"
+    video.render_video(
+        run, path, size=(260, 120), fps=1, view="top", workers=1, columns=columns, part=(1.0, 1.0)
+    )
+    (picture,) = read(path)[2]
+    assert picture.shape == (120, 260, 3)
+    one, other = picture.astype(int).reshape(120, 2, 130, 3).swapaxes(0, 1)
+    off = np.abs(one - other).max(axis=2)
+    # All but the names are the same.
+    assert off[:60].mean() < 5.0 and off[60:].max() > 80 and one.max() > 150
+
+
 def film_by(worker, path, monkeypatch):
     """Draw a film by a worker that is a script."""
     script = path.with_name("worker")

@@ -23,15 +23,18 @@ def run():
 def test_points_lie_where_each_column_of_a_driving_lidar_met_walls_and_floor(run):
     origin = np.array([1.0, 2.0])
     scans, _ = run.clouds(2)
-    points = draw_clouds(scans, origin, 10_000, (-np.inf, np.inf))
+    points = draw_clouds(scans, origin, 10_000, np.inf)
     x, y, z = np.add(points.places, [*origin, 0.0]).T
     off = np.abs([x, x - 9, y, y - 7, z]).min(axis=0)
     assert len(off) > 500 and off.max() < 1e-5
     floor = np.abs(z) < 1e-6
     assert np.allclose(points.colours[floor, :3], HEIGHT_COLOURS[0])
+    lit = draw_clouds(run.clouds(2)[0], origin, 10_000, np.inf, "intensity")
+    assert np.array_equal(lit.places, points.places)
+    assert not np.allclose(lit.colours[floor, :3], HEIGHT_COLOURS[0])
     scans, _ = run.clouds(2)
-    few = draw_clouds(scans, origin, 200, (0.1, 0.8))
-    assert 0 < len(few.places) < 400 and few.places[:, 2].min() > 0.1
+    few = draw_clouds(scans, origin, 200, 0.8)
+    assert 0 < len(few.places) < 400 and few.places[:, 2].max() < 0.8
 
 
 def test_scenes_and_glb_files_show_clouds_only_of_robots_with_a_lidar(run):
@@ -42,4 +45,3 @@ def test_scenes_and_glb_files_show_clouds_only_of_robots_with_a_lidar(run):
         view = Look(np.array([0, 0, 9.0]), np.zeros(3), 1.0, (0.0, 1.0, 0.0))
         marks = dict(scene.seen(scene.timeline.moment(0.5), view, (64, 36)).marks)
         assert ("clouds" in marks) == there
-        assert len(marks["recent"].places) > 0

@@ -11,7 +11,7 @@ from test_render import city_run, room_run
 import lrf3d
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
-from lrf3d.studio.scene.cameras import First, chase, top
+from lrf3d.studio.scene.cameras import chase, top
 from lrf3d.studio.scene.look import MATERIAL_COLOURS, object_colours
 from lrf3d.studio.scene.marks import (
     CORNERS,
@@ -171,18 +171,6 @@ def test_an_estimate_without_covariances_has_no_ellipses():
     assert estimate_words(run, 4)[1] == ("estimate", "0.50 m off")
     drawn = DrawnEstimate.from_timeline(Timeline(run))
     assert not len(drawn.rings(1.0).starts) and drawn.outlines().shape == (0, CORNERS, 2)
-
-
-def test_the_last_scans_stay_as_points_that_fade_and_are_few_in_a_fast_film():
-    run = city_run(seconds=10.0)
-    for playback, chosen in ((1.0, range(28, 40, 2)), (4.0, range(0, 40, 6))):
-        scene = Scene(Timeline(run, playback=playback))
-        moment = scene.timeline.moment(8.05)
-        look = First(scene.timeline, scene.structures).look(8.05, 1.5)
-        recent = dict(scene.seen(moment, look, (64, 36)).marks)["recent"]
-        assert len(recent.places) == np.isfinite(run.ranges[[*chosen]]).sum() > 100
-        first, last = recent.colours[[0, -1], 3]
-        assert 0.0 < first < last < 0.8
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (320, 240)])

@@ -15,9 +15,9 @@ from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.timeline import Timeline
 
 
-def said(run, shot="chase", *, time=1.0, glass=0.0, playback=1.0, full=False):
+def said(run, shot="chase", *, time=1.0, playback=1.0, full=False):
     """The lines of a panel."""
-    view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot, glass=glass)
+    view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot)
     return panel(run, Timeline(run).moment(time), view, playback, full=full).text
 
 
@@ -50,7 +50,7 @@ def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
 @pytest.mark.parametrize("make", [city_run, room_run])
 def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
     run = make()
-    found, rest = said(run, "end", glass=1.0)
+    found, rest = said(run, "end")
     assert rest.endswith(counted(run.map.object_count, "object"))
     # The sentence of the console and the summary.
     assert found == found_words(score_run(run).as_dict())

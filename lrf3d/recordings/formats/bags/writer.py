@@ -193,7 +193,11 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
         sure = (covariances[number], twists[number])
         yield "/odom", stamp, odometry(stamp, measured, speed.tolist(), covariances=sure)
         truth = Pose(*run.trajectory.poses[number].tolist())
-        yield "/ground_truth", stamp, odometry(stamp, truth, speed.tolist(), frame=MAP)
+        exact = odometry(stamp, truth, speed.tolist(), frame=MAP)
+        if run.attitudes is not None:
+            turn = clouds.quaternion(truth.theta, *run.attitudes[number].tolist())
+            exact["pose"]["pose"]["orientation"] = turn
+        yield "/ground_truth", stamp, exact
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             topic = scan_topic(run, lrf)
             yield topic, stamp, scan.as_ros(lrf.name, scan_time=step)

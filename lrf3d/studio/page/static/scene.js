@@ -229,12 +229,9 @@ export class Scene {
     for (const mirror of this.mirrors) this.reflect(reflection(mirror, camera), box);
     this.see(camera, box);
     this.paintBodies("faces");
-    // What is lit is seen from both sides at the end, what is not becomes glass; else what hides the robot is open.
-    const opened = camera.glass || camera.robot;
-    this.paintWalls(opened ? ":SOLID" : "", camera);
+    this.paintWalls("", camera);
     this.paintGround("ground");
     this.paint("sky", marks.sky, { ray_from_corner: [...new DOMMatrix(camera.matrix).inverse().toFloat64Array()] });
-    if (opened) this.paintWalls(":VEIL", camera);
     for (const mark of this.shown(false)) if (mark.kind !== "faces") this.paintMark(mark);
     if (plan) this.paintPlan();
     this.stale = false;
@@ -294,10 +291,7 @@ export class Scene {
   }
 
   paintWalls(variant, uniforms) {
-    const blend = variant === ":VEIL";
-    // What is lit is seen from both sides at the end.
-    const how = { cull: blend || !uniforms.glass, blend };
-    this.paint(`walls${variant}`, this.marks.walls, { ...uniforms, ...this.laser }, how);
+    this.paint(`walls${variant}`, this.marks.walls, { ...uniforms, ...this.laser }, { cull: true });
   }
 
   paintMark(mark) {

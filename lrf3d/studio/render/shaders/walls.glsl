@@ -1,11 +1,6 @@
-// Walls and roofs. Some are seen through: what was never seen becomes glass at the end, and what
-// hides the robot is open. Then SOLID ones are drawn, and after all else the rest as a VEIL. What is
-// not needed is left out: each value takes time for each pixel.
+// Walls and roofs. What is not needed is left out: each value takes time for each pixel.
 uniform float cut;          // height that walls are cut at [m]
 uniform vec2 clock;         // what time it is [lengths of the run], and the film's seconds in one
-#if defined(SOLID) || defined(VEIL)
-#define OPENED
-#endif
 #ifdef VERTEX
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 colour;
@@ -17,7 +12,7 @@ out vec4 foot;              // places in the picture of times, and in that of th
 out float height;           // [m]
 out float along;            // where on its wall this is [m]
 flat out vec3 wall;         // length and height of that [m], and what it shows
-#if defined(OPENED) || defined(MIRRORED)
+#ifdef MIRRORED
 out vec3 from_eye;
 #endif
 void main() {
@@ -28,7 +23,7 @@ void main() {
     height = place.z;
     along = skin.x;
     wall = skin.yzw;
-#if defined(OPENED) || defined(MIRRORED)
+#ifdef MIRRORED
     from_eye = place - eye;
 #endif
     gl_Position = view_projection * vec4(place, 1.0);
@@ -39,26 +34,12 @@ in vec4 foot;
 in float height;
 in float along;
 flat in vec3 wall;
-#if defined(OPENED) || defined(MIRRORED)
+#ifdef MIRRORED
 in vec3 from_eye;
 #endif
 uniform sampler2D times;
 uniform sampler2D tints;
 out vec4 colour;
-#ifdef OPENED
-uniform float glass;        // how far what was never seen has become glass
-uniform vec3 robot;
-// How much is left of what is so lit: in a cone of even size in the picture the robot is seen.
-float opacity(float on) {
-    if (glass > 0.0) return on < 0.5 ? 1.0 - glass * GHOST_STRENGTH : 1.0;
-    vec3 toward = robot - eye;
-    float reach = length(toward);
-    float along = dot(from_eye, toward) / reach;
-    float off = length(from_eye - along / reach * toward) / max(along, 0.1);
-    return 1.0 - VEIL_SHARE * (1.0 - smoothstep(0.55 * PEEP, PEEP, off)) * step(along, reach - 1.0);
-}
-#endif
-
 // How much of a pixel lies within half a width of the middle of a strip [m].
 float strip(float off, float half_width, float pixel) {
     return clamp(0.5 + (half_width - abs(off)) / pixel, 0.0, 1.0);
@@ -155,15 +136,6 @@ void main() {
     float since = age(when, clock);
     // Walls that are cut are filled, as architects draw them, once what is beside them is seen.
     float on = mix(TOP_LIT, 1.0, paint.a) * lit(when, since);
-    float left = 1.0;
-#ifdef OPENED
-    left = opacity(on);
-#ifdef VEIL
-    if (left >= 1.0) discard;
-#else
-    if (left < 1.0) discard;
-#endif
-#endif
     float keeps = 1.0;      // How far it takes the colour of the map.
     vec3 day = on > 0.0 ? dressed(paint.rgb, keeps) : paint.rgb;
     vec3 seen = exposed(day, paint.rgb, on, since, height);
@@ -178,9 +150,6 @@ void main() {
 #ifdef MIRRORED
     seen *= REFLECTED;
 #endif
-#ifdef VEIL
-    seen = mix(seen, HAZE, glass);
-#endif
-    colour = vec4(seen, left);
+    colour = vec4(seen, 1.0);
 }
 #endif

@@ -60,7 +60,7 @@ _LEAST_LENGTH = 1e-3
 _SOFT = 1.3
 
 # Standard deviation by which the rim of what was seen is smoothed [cells].
-_RIM = 0.8 * _SOFT
+_RIM = 2.0
 
 # Factor by which the smoothed rim is steeper.
 _RIM_STEEP = 1.6

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from PIL import Image, ImageChops, ImageDraw, ImageFilter
+from PIL import Image, ImageDraw, ImageFilter
 
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import LEFT, Float, Int, Single, directions, lengths
@@ -18,7 +18,7 @@ from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
 from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
-from lrf3d.studio.scene.stage.structures import Structures, filled_between
+from lrf3d.studio.scene.stage.structures import Structures
 
 # What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. For the
 # wall of a room, add 1 if its first end is free, and 2 if its last one is.
@@ -66,32 +66,14 @@ _BLUR = 0.6
 # Brightness of pavements, 0…255.
 _PAVED = 134
 
-# Brightness of the tiles of a floor, 0…255.
-_TILE = 178
-
 # Brightness of the joints between tiles, 0…255.
-_JOINT = 160
+_JOINT = 134
 
 # Share of light that is lost next to walls.
 _SHADED = 0.45
 
 # Standard deviation of that loss, in its reach.
 _SHADE_SLOPE = 0.25
-
-# Share of the picture, at its edges, in which the ground fades into the land around.
-_FADE = 0.06
-
-# Largest width of the openings in walls that a floor closes, by half [m].
-_HOLE = 4.0
-
-# Distance that a floor goes past its walls [m].
-_RIM = 0.1
-
-# Radius of the floor round the path of a robot where there are no rooms [m].
-_AROUND_PATH = 1.6
-
-# Largest number of places of a path that have floor around them.
-_MOST_PLACES = 2000
 
 # Colour of floors, whose tiles are a metre wide, with joints of a pixel.
 _FLOOR = np.array([1.0, 0.96, 0.90])
@@ -299,15 +281,12 @@ def paint_ground(structures: Structures, grid: GroundGrid) -> GroundPicture:
     cover = Image.new("L", grid.size, land)
     walls = shapely.buffer(structures.tree.geometries, 2.0 * grid.pixel)
     if indoor:
-        tiles = grid.mask(_floor(structures))
-        cover.paste(_TILE, mask=tiles)
         left, low = grid.corner
         right, high = grid.corner + grid.extent
         half = 0.5 * grid.pixel
         x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
         across = shapely.box(left, y - half, right, y + half)
-        joints = grid.mask([*shapely.box(x - half, low, x + half, high), *across])
-        cover.paste(_JOINT, mask=ImageChops.multiply(tiles, joints))
+        cover.paste(_JOINT, mask=grid.mask([*shapely.box(x - half, low, x + half, high), *across]))
     else:
         cover.paste(
             _PAVED, mask=grid.mask(shapely.buffer(structures.solids, PAVEMENT, join_style="mitre"))
@@ -318,24 +297,6 @@ def paint_ground(structures: Structures, grid: GroundGrid) -> GroundPicture:
     near = grid.mask(walls).reduce(4).filter(blur)
     shade = np.asarray(near.resize(grid.size, Image.Resampling.BILINEAR)) / np.float32(WHITE)
     seen = np.asarray(cover) * (1.0 - _SHADED * shade)
-    # At the edges it goes over into the land.
-    fading = (
-        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
-        for places in ((np.arange(side) + 0.5) / side for side in grid.size[::-1])
-    )
-    seen = land + np.outer(*fading) * (seen - land)
     paint = _FLOOR if indoor else np.ones(3)
     picture = np.round(seen[..., None] * paint).astype(np.uint8)
     return GroundPicture(picture, grid.corner, grid.extent, land / WHITE * paint)
-
-
-def _floor(structures: Structures) -> Any:
-    """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
-    filled = filled_between(structures.segments, _HOLE)
-    rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
-    shapely.prepare(rooms)
-    path = structures.path[:: max(1, len(structures.path) // _MOST_PLACES)]
-    outside = path[~shapely.contains_xy(rooms, *path.T)]
-    floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), _AROUND_PATH)])
-    # Where these meet rooms there are no corners.
-    return shapely.buffer(shapely.buffer(floor, _AROUND_PATH), -_AROUND_PATH)

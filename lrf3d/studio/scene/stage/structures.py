@@ -93,9 +93,6 @@ _LEAST_AREA = 1e-4
 # Distance within which ends of walls are one corner [m]: files round their coordinates.
 _CORNER = 1e-3
 
-# Opacity of the joint over a storey.
-_STOREY_STRENGTH = 0.4
-
 # Opacity of upright edges at the foot, in that at the top.
 _FOOT_STRENGTH = 0.2
 
@@ -206,6 +203,21 @@ class Structures:
         )
 
     @property
+    def tops(self) -> Float:
+        """Heights (n,) at which walls end in pictures that cut those of rooms [m]."""
+        return np.minimum(self.heights, SECTION if self.indoor else np.inf)
+
+    def crossed(self, starts: Float, ends: Float) -> tuple[Int, Int, Float]:
+        """Ways from starts to ends (n, 2) and walls that cross: numbers, and shares of the ways."""
+        ways = shapely.linestrings(np.stack([starts, ends], axis=1))
+        number, wall = self.tree.query(ways, predicate="intersects")
+        begin, end = np.hsplit(self.segments[wall], 2)
+        turn = cross((ends - starts)[number], end - begin)
+        # What runs along a wall meets it at once.
+        turn = np.where(turn == 0.0, np.inf, turn)
+        return number, wall, cross(begin - starts[number], end - begin) / turn
+
+    @property
     def setting(self) -> Setting:
         """How streets or rooms look."""
         return ROOMS if self.indoor else TOWN
@@ -267,38 +279,19 @@ def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, 
 
 
 def outlines_of(structures: Structures) -> Lines:
-    """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
+    """Edges of houses as faint lines; of rooms, where walls are cut."""
     walls = structures.segments
-    tops = structures.heights
-    if structures.indoor:
-        tops = np.minimum(tops, SECTION)
-        storeys = walls[:0]
-        levels = tops[:0]
-    else:
+    tops = structures.tops
+    if not structures.indoor:
         walls = walls[structures.closed]
         tops = tops[structures.closed]
-        count = np.maximum(np.ceil(tops / look.STOREY) - 1.0, 0.0).astype(int)
-        storeys = np.repeat(walls, count, axis=0)
-        levels = look.STOREY * (
-            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
-        )
-    (a, b), (c, d) = (
-        [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
-        for lines, high in ((walls, tops), (storeys, levels))
-    )
-    starts = np.concatenate([a, a * [1.0, 1.0, 0.0], c])
-    ends = np.concatenate([b, a, d])
-    counts = [len(walls), len(walls), len(storeys)]
-    strong = look.OUTLINE_STRENGTH
-    strengths = [strong, strong], [_FOOT_STRENGTH * strong, strong], [_STOREY_STRENGTH] * 2
-    colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
-    return Lines(
-        single(starts),
-        single(ends),
-        colours,
-        single(np.repeat(strengths, counts, axis=0)),
-        look.FINE,
-    )
+    a, b = (np.column_stack([ends, tops]) for ends in np.hsplit(walls, 2))
+    starts = np.concatenate([a, a * [1.0, 1.0, 0.0]])
+    colours = np.tile(look.OUTLINE, (len(starts), 1))
+    opacities = np.full((len(starts), 2), look.OUTLINE_STRENGTH)
+    opacities[len(a) :, 0] *= _FOOT_STRENGTH
+    ends = np.concatenate([b, a])
+    return Lines(single(starts), single(ends), single(colours), single(opacities), look.FINE)
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
