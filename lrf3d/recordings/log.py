@@ -237,6 +237,10 @@ LARGEST_RANGE = 50.0
 # Time that is assumed between scans without stamps [s].
 UNTIMED = 0.1
 
+# Interval of odometry [s] from which the poses of scans are interpolated by their stamps instead of
+# taken from the last line: a robot may turn by ten degrees in this time.
+COARSE = 0.3
+
 
 @dataclass
 class Intake:
@@ -278,15 +282,12 @@ class Intake:
     def lines(self) -> Iterator[tuple[int, bytes]]:
         """Numbers and bytes of the lines of the file, gzipped or not; damage is a bad line."""
         number = 0
-        # Longest line [bytes], enough for 100,000 beams; the rest of a longer one counts as further
-        # lines.
-        longest_line = 1 << 20
         with opened(self.path, what="a log") as file:
             packed = file.read(len(GZIP)) == GZIP
             file.seek(0)
             stream: Any = gzip.open(file) if packed else file
             try:
-                for number, line in enumerate(iter(lambda: stream.readline(longest_line), b""), 1):
+                for number, line in enumerate(stream, 1):
                     yield number, line
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 why = f"the packed data are damaged from here on ({error})"

@@ -220,6 +220,22 @@ def by_turns(drive):
     return lines([times, poses, np.dstack([bearings, ranges]).reshape(len(ranges), -1)], ",")
 
 
+def by_turns_ranges_first(drive):
+    """A scan a line, of which each range has its bearing after it."""
+    times, poses, ranges = parts(drive)
+    bearings = np.tile(np.degrees(drive.angles), (len(ranges), 1))
+    return lines([times, poses, np.dstack([ranges, bearings]).reshape(len(ranges), -1)], ",")
+
+
+def rosbag_to_csv(drive):
+    """Whole nanoseconds, the stamp in two parts, and a scan in a cell, separated by spaces."""
+    rows = [
+        f'{1e9 * t:.0f},{int(t)},{round(t % 1 * 1e9)},"{" ".join(map(str, r))}",{x},{y},{turn}'
+        for t, (x, y, turn), r in zip(*(part.tolist() for part in parts(drive)), strict=True)
+    ]
+    return "\n".join(["rosbagTimestamp,secs,nsecs,ranges,x,y,theta", *rows])
+
+
 def plot_juggler(drive):
     """Two topics in one table: what a line does not hold is blank."""
     times, poses, ranges = parts(drive)
@@ -251,7 +267,12 @@ PLACED = {
     "a row of units": named_in_units,
     "poses after the ranges": poses_last,
     "bearings and ranges by turns": by_turns,
+    "ranges and bearings by turns": by_turns_ranges_first,
+    "a whole scan in a cell": rosbag_to_csv,
     "a merged table with blanks": plot_juggler,
+    "a merged table, scans first": lambda drive: re.sub(
+        r"(?m)^([^,]*),([^,]*),([^,]*),([^,]*),(.*)$", r"\1,\5,\2,\3,\4", plot_juggler(drive)
+    ),
     "bare numbers": bare,
     "semicolons, decimal commas": decimal_commas,
     "a header": a_header,

@@ -12,8 +12,8 @@ def scans_of(rng, ranges):
     return [LaserScan((0, 0, 0), ANGLES, ranges(rng)) for _ in range(100)]
 
 
-def open_ahead(rng):
-    ranges = rng.uniform(1.0, 6.0, 21)
+def open_ahead(rng, farthest=6.0):
+    ranges = rng.uniform(1.0, farthest, 21)
     ranges[8:12] = 8.0
     return ranges
 
@@ -33,6 +33,11 @@ def open_ahead(rng):
 def test_ranges_of_walls_are_kept(ranges):
     scans = scans_of(np.random.default_rng(0), ranges)
     assert NO_RETURN.find(scans) is None
+
+
+def test_open_space_stands_out_though_many_walls_are_nearly_as_far():
+    scans = scans_of(np.random.default_rng(0), lambda rng: open_ahead(rng, 8.0))
+    assert NO_RETURN.find(scans).far > 7.98
 
 
 def test_a_smallest_reading_that_many_adjacent_beams_have_is_no_return():

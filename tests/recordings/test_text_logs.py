@@ -150,7 +150,7 @@ def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
     lines = np.column_stack([1e5 * np.arange(40), np.zeros(40), ticks, np.zeros((40, 20)),
                              np.full((40, 682), 2000.0) + np.arange(682)])  # fmt: skip
     path.write_bytes(gzip.compress(text([lines], form="{:.0f}").encode()))
-    with pytest.raises(InputError, match=r"706 columns.*--format, such as 'stamp:us"):
+    with pytest.raises(InputError, match=r"706 columns.*--format, such as 'stamp@1, ranges@25'"):
         load_log(path)
     log = load_log(path, format=MINESROVER)
     assert log.placed and log.odometry.laser_offset == pytest.approx(0.145)
@@ -160,7 +160,7 @@ def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
 @pytest.mark.parametrize(
     "lines, form, reason",
     [
-        ("1 2 3\n4 5 6\n", None, r"text of 3 columns.*--format, such as 'angles:deg@1, ranges"),
+        ("1 2 3\n4 5 6\n", None, r"text of 3 columns; name them by --format"),
         ("hello\nworld\n", None, "no lines of numbers"),
         ("1 5\n2 5\n", "stamp,ranges", "one beam"),
         ("1 5 5 5\n2 5 5 5\n", "stamp,ranges", "all are 5"),

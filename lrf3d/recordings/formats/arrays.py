@@ -18,6 +18,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
+from lrf3d.base.formats import head_of
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
@@ -50,8 +51,7 @@ def is_foreign(path: Path) -> bool:
 
 def is_records(path: Path) -> bool:
     """Whether a file holds records."""
-    with path.open("rb") as file:
-        return bool(RECORDS(file.read(BEGINNING)))
+    return bool(RECORDS(head_of(path, BEGINNING)))
 
 
 def array_table(intake: Intake) -> Table:
@@ -129,10 +129,9 @@ def records(intake: Intake) -> dict[str, Float]:
 def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     """The records in a text, and what reads one of them."""
     if text.lstrip()[:1] in "[{":
-        with suppress(ValueError, RecursionError):
-            return _values(json.loads(text)), lambda value: value
+        parts, read = json_parts(text)
         # What Python prints has other quotes than JSON.
-        return text.splitlines(), _yaml if text.lstrip().startswith("{'") else json.loads
+        return parts, _yaml if text.lstrip().startswith("{'") else read
     documents = re.split(r"(?m)^---[ \r]*$", text)
     if len(documents) > 1 or re.match(r"\s*\w+:", text):
         return documents, _yaml
@@ -141,6 +140,15 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
         # Numbers may be separated by semicolons as well.
         lines = text.replace(";", ",").splitlines()
     return lines[1:], partial(_cells, lines[0].split(","))
+
+
+def json_parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
+    """The values of an array or a table of JSON, else the lines of a text, and what reads one."""
+    with suppress(ValueError, RecursionError):
+        return _values(json.loads(text)), lambda value: value
+    # The lines of an array that was cut short end in commas.
+    lines = (line.strip().rstrip(",") for line in text.splitlines())
+    return [line for line in lines if line not in ("", "[", "]")], json.loads
 
 
 def _values(document: Any) -> Sequence[Any]:
@@ -197,8 +205,6 @@ def _cells(names: list[str], line: str) -> dict[str, Any]:
 def _yaml(text: str) -> Any:
     import yaml
 
-    if "*" in text:
-        raise ValueError("an alias of YAML, which no message has")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         return yaml.load(text, Loader=loader)

@@ -20,13 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, wrap_angle
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, usual_step, wrap_angle
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
-from lrf3d.recordings.formats.units import MICRO, MILLI
+from lrf3d.recordings.formats.units import LENGTHS, MICRO, MILLI
 from lrf3d.recordings.log import (
+    COARSE,
     LARGEST_RANGE,
     UNTIMED,
     Intake,
@@ -51,6 +52,7 @@ LAYOUTS = {
     b"ROBOTLASER1": _FAN + _POSE + "robot_x robot_y robot_theta v w safety safety turn " + _END,
     b"RAWLASER1": _FAN + _END,
     b"Laser": "n",
+    b"CMU": "n " + _POSE + "robot_x robot_y robot_theta " + _END,
     b"ODOM": _POSE + "v w acceleration " + _END,
     b"TRUEPOS": _POSE + "odom_x odom_y odom_theta " + _END,
     b"Odometry": _POSE,
@@ -88,9 +90,6 @@ TELEGRAM_AHEAD = 90
 # Numbers of words in a line of Carnegie Mellon's robot data: a pose, or two poses with ranges.
 CMU_WORDS = (5, *range(30, 1100))
 
-# A centimetre [m], the unit of these lines.
-CENTI = 1e-2
-
 # Least number of words of a message of Player.
 PLAYER_WORDS = 15
 
@@ -101,7 +100,7 @@ HALF_TURNS = {180, 181, 360, 361}
 WIDE_FANS = (240, 270, 360)
 
 # Messages that do not say how wide their fans are.
-WITHOUT_FAN = (b"FLASER", b"Laser")
+WITHOUT_FAN = (b"FLASER", b"Laser", b"CMU")
 
 # How far the poses of one laser on its robot may differ [m], [rad]: logs round their numbers.
 STEADY = 1e-3
@@ -131,6 +130,8 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
             f"{intake.first_bad}"
         )
     log = reading.log()
+    if poses == "auto" and reading.is_coarse:
+        poses = "odom"
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, intake.path)
 
 
@@ -174,15 +175,13 @@ def _of_cmu(words: list[bytes]) -> list[bytes]:
     """A line of Carnegie Mellon's robot data: poses and ranges in centimetres, the stamp last."""
     numbers = [float(word) for word in words[1:]]
     x, y, theta, *rest = numbers
-    robot = [CENTI * x, CENTI * y, theta]
+    centi = LENGTHS["cm"]
+    robot = [centi * x, centi * y, theta]
     if words[0] == b"O":
         return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
-    laser = [CENTI * rest[0], CENTI * rest[1], rest[2]]
-    ranges = [CENTI * each for each in rest[3:-1]]
-    start, step = front_fan(len(ranges))
-    fan = [0.0, start, pi, step, 0.0, 0.0, 0.0, len(ranges)]
-    found = [*fan, *ranges, 0.0, *laser, *robot, *[0.0] * 5, numbers[-1]]
-    return [b"ROBOTLASER1", *(b"%.9g" % each for each in found), b"", words[-1]]
+    ranges = [centi * each for each in rest[3:-1]]
+    found = [len(ranges), *ranges, centi * rest[0], centi * rest[1], rest[2], *robot, rest[-1]]
+    return [b"CMU", *(b"%.9g" % each for each in found), b"", words[-1]]
 
 
 def _of_player(words: list[bytes]) -> list[bytes]:
@@ -263,8 +262,6 @@ def _ranges(words: list[bytes]) -> Float:
     except ValueError as error:
         word = str(error).rpartition(": ")[2].lstrip("b")
         raise ValueError(f"reading {word[:40]}, expected a number") from None
-    if (ranges < 0.0).any():
-        raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
     return ranges
 
 
@@ -362,9 +359,10 @@ class _Reading:
         farthest = self._farthest(found)
         ranges = _ranges(found["n"])
         not_numbers = int(np.isnan(ranges).sum())
-        # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
+        # Some drivers write NaN for a beam without a return, and 0 or less for one without a valid
+        # range.
         ranges[~(ranges < farthest)] = inf
-        ranges[ranges == 0.0] = -inf
+        ranges[ranges <= 0.0] = -inf
         pose = self._pose if kind in RAW else _pose(found)
         timed = bool(found.get("time"))
         stamp = _number(found, "time") if timed else UNTIMED * self._counts[laser]
@@ -406,6 +404,14 @@ class _Reading:
             source="as logged" if self._placed else "none",
             fans=fans,
         )
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether scans have no poses of their own, and odometry is rare but has their clock."""
+        times = np.array([time for time, _ in self._stamped["odom"]])
+        stamps = [row.scan.time for row in self.rows]
+        raw = all(self._kinds[row.laser][0] in RAW for row in self.rows)
+        return raw and usual_step(times) >= COARSE and times[0] <= np.median(stamps) <= times[-1]
 
     def _other_fans(self) -> tuple[tuple[float, float], ...]:
         """First and last bearings of other fans that scans may have, if messages do not say."""

@@ -292,12 +292,14 @@ class Table:
     def times(self) -> Float:
         """Stamps (k,) [s]."""
         nanosec = self.values.pop("nanosec", None)
-        if nanosec is not None:
-            seconds = self.values.get("stamp")
-            self.units["stamp"] = "ns" if seconds is None else "s"
-            # Stamps with a fraction are complete; a column of nanoseconds repeats the fraction.
-            if seconds is None or not (seconds % 1.0).any():
-                self.values["stamp"] = nanosec if seconds is None else seconds + NANO * nanosec
+        if nanosec is not None and "stamp" not in self.values:
+            self.values["stamp"] = nanosec
+            self.units["stamp"] = "ns"
+        elif nanosec is not None and usual_step(self.values["stamp"]) <= SLOWEST:
+            seconds = self.values["stamp"]
+            # Stamps with a fraction are complete, and so are those in smaller units.
+            self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
+            self.units["stamp"] = "s"
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

@@ -20,6 +20,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.files import read_text, replacing
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
+from lrf3d.recordings.formats.text.words import values_of
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
 
@@ -94,7 +95,7 @@ def _rows(
     for number, line in enumerate(read_text(path).split("\n"), 1):
         if not (words := re.split("[#%]", line)[0].replace(",", " ").replace(";", " ").split()):
             continue
-        row = [_number(word) for word in words]
+        row = values_of(words).tolist()
         if first and not np.isfinite(row).any():
             # A line with the names of the columns.
             first = False
@@ -106,11 +107,3 @@ def _rows(
             raise InputError(f"{path}:{number}: expected {expected}{found}")
         first = False
         yield f"{path}:{number}", row
-
-
-def _number(word: str) -> float:
-    """The number that a word is, or NaN."""
-    try:
-        return float(word)
-    except ValueError:
-        return float("nan")

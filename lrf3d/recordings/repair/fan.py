@@ -32,7 +32,7 @@ def find(recording: Recording) -> Recording | None:
     if _off(best) > FITTING:
         raise InputError(
             "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
-            " it, such as --format '-, ranges*682, x, y, theta, first=-120deg, last=120deg'"
+            " it by --format, such as 'first=-120deg, last=120deg'"
         )
     # The fan is an assumption, so that the log notes it.
     log = replace(best.log, notes=(*best.log.notes, sentence(best)))

@@ -23,6 +23,10 @@ BELOW = 0.5
 # Readings that differ by less are the same [m]: logs are written in centimetres.
 EQUAL = 0.011
 
+# Share of all readings from which the largest range stands out in any case: so many beams end at
+# the same range only where nothing is in reach.
+OPEN = 0.1
+
 # Least number of readings of the largest range that mean no return.
 LEAST_READINGS = 50
 
@@ -50,8 +54,9 @@ def find(scans: Sequence[LaserScan], limit: float | None = None) -> NoReturn | N
     log does not name it. Taken for walls, such readings are an arc that moves with the robot.
     Others write their smallest range, which looks like a small arc around it.
     """
-    far = limit or _outstanding([scan.ranges for scan in scans])
-    near = -_outstanding([-scan.ranges for scan in scans])
+    far = limit or _outstanding([scan.ranges for scan in scans], OPEN)
+    # Beams at a right angle to a near wall end at about the same range.
+    near = -_outstanding([-scan.ranges for scan in scans], np.inf)
     return None if max(near, -far) == -np.inf else NoReturn(near, far, limit is not None)
 
 
@@ -72,14 +77,15 @@ def sentence(limits: NoReturn) -> str:
     return ", ".join([far] * outstanding + [near] * (limits.near > -np.inf))
 
 
-def _outstanding(scans: Sequence[Float]) -> float:
+def _outstanding(scans: Sequence[Float], share: float) -> float:
     """The least reading [m] that means no return, if the largest one stands out; else +inf."""
     finite = [ranges[np.isfinite(ranges)] for ranges in scans]
     largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
     near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
     equal = near[near > largest - EQUAL]
-    least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
-    if len(equal) < least or len(equal) < CROWDED * (len(near) - len(equal)):
+    every = sum(map(len, finite))
+    crowd = min(CROWDED * (len(near) - len(equal)), share * every)
+    if len(equal) < max(LEAST_READINGS, LEAST_SHARE * every, crowd):
         return np.inf
     seen = [np.isfinite(ranges) & (ranges > largest - EQUAL) for ranges in scans]
     adjacent = sum(int((beams[1:] & beams[:-1]).sum()) for beams in seen)

@@ -14,7 +14,7 @@ from lrf3d.geometry.lines import Float, Int, usual_step
 from lrf3d.geometry.pose import Pose, bent, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter
-from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.log import COARSE, LaserLog
 from lrf3d.recordings.repair import Applied, Repair
 from lrf3d.recordings.repair.judging import explained, is_clear, pairs_along
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
@@ -32,10 +32,6 @@ SURE = 1.3
 # Least share of odometry lines with a stamp of their own; below it the stamps are not used.
 STAMPED = 0.25
 
-
-# Interval of odometry lines [s] from which the poses of scans are interpolated by their stamps
-# instead of taken from the last line: a robot may turn by ten degrees in this time.
-COARSE = 0.3
 
 # Least share of scans whose stamps lie between those of the lines before and after them: then both
 # have the same clock.

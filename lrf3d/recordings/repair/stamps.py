@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Int
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
 
@@ -17,7 +17,11 @@ def find(recording: Recording) -> Int | None:
     """The order (n,) that sorts odometry lines by their stamps; None if they stay as they are."""
     times = recording.times
     order = np.argsort(times, kind="stable")
-    driven, shortest = (_length(poses) for poses in (recording.poses, recording.poses[order]))
+    # Lengths of the paths as they are and sorted [m].
+    driven, shortest = (
+        float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+        for poses in (recording.poses, recording.poses[order])
+    )
     falls = int((np.diff(times) < 0.0).sum())
     sort = shortest < driven - DETOUR or 2 * falls > max(len(times) - 1, 1)
     return order if sort else None
@@ -36,11 +40,6 @@ def apply(recording: Recording, order: Int) -> Recording:
         places=places[scans],
         rows=rank[recording.rows],
     )
-
-
-def _length(poses: Float) -> float:
-    """Length of the path through poses (n, 3) [m]."""
-    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
 STAMPS = Repair(

@@ -51,6 +51,11 @@ MOST_POSITIONS = 40_000
 # Number of hits that the coarse search uses.
 SEARCHED_HITS = 100
 
+# Number of these by which positions are ranked first, and the share of the positions, one in so
+# many, that are then searched.
+ROUGH_HITS = 25
+ROUGH_SHARE = 6
+
 # Largest number of places that are scored with all hits.
 MOST_PLACES = 30
 
@@ -216,12 +221,18 @@ class KnownPlaces:
         heading_parts = 16  # Number of parts in which the headings are searched.
         most_peaks = 200  # Number of the best poses of each part that are kept.
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
-            scores = window_scores(hits, self._field, centre, cells, headings)
+            # Positions that are poor by a part of the hits are not scored by all of them.
+            rough = window_scores(some(hits, ROUGH_HITS), self._field, centre, cells, headings).max(
+                axis=0
+            )
+            least = min(len(cells), max(most_peaks, len(cells) // ROUGH_SHARE))
+            kept = cells[np.argpartition(rough, len(cells) - least)[len(cells) - least :]]
+            scores = window_scores(hits, self._field, centre, kept, headings)
             most = min(most_peaks, scores.size)
             best = np.argpartition(scores, scores.size - most, axis=None)[scores.size - most :]
             a, s = np.unravel_index(best, scores.shape)
             scored.append(scores[a, s])
-            parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
+            parts.append(np.column_stack([centre[:2] + CELL * kept[s], headings[a]]))
         ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
         peaks: list[Float] = []
         most_climbed = 120  # Largest number of poses from which the score is climbed.

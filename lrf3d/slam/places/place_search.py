@@ -29,6 +29,10 @@ FIRST = 6
 # drift among them is negligible.
 WINDOW = 12
 
+# Number of searches without a certain place after which searches become rarer: a drive that is not
+# on the map would cost a search of the whole map every few metres.
+PATIENT = 6
+
 # Number of scans before and after a scan that are matched with it while a place is tracked.
 FOLLOWED = 6
 
@@ -142,8 +146,11 @@ class PlaceSearch:
             self._new += 1
             if self._is_followed:
                 self._follow()
-            elif self._new >= (WINDOW if self._searched else FIRST):
-                self.search()
+            else:
+                # Searches become rarer where nothing is found.
+                often = 1 + len(self._searched) // PATIENT
+                if self._new >= (often * WINDOW if self._searched else FIRST):
+                    self.search()
         self._keep()
 
     def search(self) -> None:
@@ -179,8 +186,12 @@ class PlaceSearch:
             return None
         first, *others = here
         wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
+        # The scores of the best wrong places fall off exponentially, so that a lead of n units
+        # occurs by chance once in e^n cases.
+        *best, last = wrong[:COMPARED]
+        spread = float(np.mean(best)) - last if best else np.inf
         # Scores differ by no less than one hit does, also where wrong places fit equally well.
-        unit = max(_spread(wrong[:COMPARED]), -float(np.log(LEAST)) / len(hits))
+        unit = max(spread, -float(np.log(LEAST)) / len(hits))
         lead = (first.score - wrong[0]) / unit
         # If the map lacks most of what the laser saw, the lead of a place means little.
         doubtful = self._places.explained(first.pose, hits) < LEAST_EXPLAINED
@@ -262,15 +273,6 @@ def _laid_out(scans: list[_Seen], middle: _Seen) -> Records:
     """The hits of several scans, combined by their poses in the robot's frame at one of them."""
     parts = (moved(each.hits, between(middle.pose, each.pose)) for each in scans)
     return some(concatenated(parts), WINDOW_HITS)
-
-
-def _spread(scores: list[float]) -> float:
-    """The unit of a lead: the scale of the scores of the best wrong places.
-
-    These fall off exponentially, so that a lead of n units occurs by chance once in e^n cases.
-    """
-    *best, last = scores
-    return float(np.mean(best)) - last if best else np.inf
 
 
 def _agree(now: Hypothesis, before: Hypothesis) -> bool:

@@ -21,17 +21,14 @@ import numpy as np
 from lrf3d.base.balance import Balance
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Records, sealed, wrap_angle
+from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.messages.clouds import OPTICAL_AXES, POINT_FIELDS
-from lrf3d.recordings.formats.units import NANO
+from lrf3d.recordings.formats.units import NANO, TIMES
 
 # Names that drivers give to the number of a point's layer and to its time.
 RINGS = ("ring", "channel", "laser_id", "line")
-TIMES = ("time", "t", "timestamp", "offset_time", "time_offset", "timestamps", "time_stamp")
-
-# Units of times [s]: the largest in which the points of a cloud take less than `LONGEST_SWEEP`.
-UNITS = (1.0, 1e-3, 1e-6, 1e-9)
+STAMPS = ("time", "t", "timestamp", "offset_time", "time_offset", "timestamps", "time_stamp")
 
 # [s] The longest revolution: lidars make three or more in a second.
 LONGEST_SWEEP = 0.35
@@ -56,15 +53,6 @@ ENOUGH = 30
 USUAL_STEP = float(np.radians(0.5))
 FINEST_STEP = float(np.radians(0.05))
 
-# [rad] Bearings that differ by less from one scan to the next are the same: float32 rounds them.
-EQUAL = 1e-5
-
-# [rad] Turns whose first bearings differ by less begin at the same one.
-SAME_START = 0.35
-
-# Length of a turn with its overlap, in turns.
-WHOLE = 1.02
-
 # Spans of less [rad] between bearings are rounding, or several returns of one pulse.
 SAME = 1e-4
 
@@ -88,7 +76,7 @@ def cloud_points(message: Any) -> CloudPoints:
     rings = _first(rows, RINGS)
     if rings is not None:
         rings = rings.astype(np.int64) if rings.dtype.kind in "iu" else None
-    times = _first(rows, TIMES)
+    times = _first(rows, STAMPS)
     return CloudPoints(places, rings, None if times is None else times.astype(np.float64))
 
 
@@ -168,11 +156,9 @@ class CloudScans:
     balance: Balance = field(default_factory=lambda: Balance("point"))
     _ring: int | None = None
     _beams: int = 0
-    _angles: Float | None = None
-    _origin: tuple[float, float] | None = None
     _words: str = ""
     _clouds: int = 0
-    _timed: int = 0
+    _still: int = 0
 
     def scan(self, message: Any, stamp: int) -> tuple[LaserScan, int]:
         """The scan of a message, and when its first beam was sent [ns]; see `cloud_points`."""
@@ -218,7 +204,7 @@ class CloudScans:
         begins = stamp + round(turning.begins / NANO)
         increment = turning.period / self._beams
         scan = LaserScan(
-            (0.0, 0.0, 0.0), self._shared(angles), found, time=NANO * begins,
+            (0.0, 0.0, 0.0), angles, found, time=NANO * begins,
             time_increment=increment,
         )  # fmt: skip
         return scan, begins
@@ -228,10 +214,10 @@ class CloudScans:
         """How scans were made, in a sentence: what was assumed, used, and left out."""
         used = f"{self.balance.used:,} of {counted(self.balance.all, 'point')}"
         left = f"; left out: {self.balance.words()}" if self.balance.words() else ""
-        still = self._clouds - self._timed
         timing = "beams by the times of points"
-        if still:
-            timing = "all beams at once" if still == self._clouds else f"{timing} but in {still}"
+        if self._still:
+            all_still = self._still == self._clouds
+            timing = "all beams at once" if all_still else f"{timing} but in {self._still}"
             timing += ", for want of times that follow the bearings"
         return f"clouds of {self.topic}: {self._words}, {timing}; {used} used{left}"
 
@@ -279,9 +265,11 @@ class CloudScans:
         """How the lidar turned, by the times of its points, if these fit."""
         still = Turning(-np.pi, 1.0, (bearings + np.pi) % (2.0 * np.pi))
         self._clouds += 1
+        self._still += 1
         if times is None or not np.isfinite(times).all() or not np.ptp(times):
             return still
-        unit = next((u for u in UNITS if u * np.ptp(times) < LONGEST_SWEEP), 0.0)
+        # The largest unit in which the points of a cloud take less than a revolution.
+        unit = next((u for u in TIMES.values() if u * np.ptp(times) < LONGEST_SWEEP), 0.0)
         earliest = unit * float(times.min())
         order = np.argsort(times, kind="stable")
         since = unit * (times[order] - times.min())
@@ -290,35 +278,19 @@ class CloudScans:
         apart = turned - (first + rate * since)
         if not unit or np.sqrt(np.mean(apart**2)) > UNEVEN or not rate:
             return still
-        self._timed += 1
+        self._still -= 1
         begins = next((t for t in (earliest, earliest - stamp) if abs(t) < SAME_CLOCK), 0.0)
         way = float(np.sign(rate))
-        if 0.0 < begins * abs(rate) < 2.0 * np.pi * WHOLE - np.ptp(turned):
-            # The first columns met nothing: the turn began at the stamp.
-            first -= rate * begins
-            begins = 0.0
         positions = np.empty(len(bearings))
         positions[order] = way * (turned - first)
         # Lasers look a little to the left and the right: the first beam is the first of all.
         start = float(wrap_angle(first + way * min(float(positions.min()), 0.0)))
-        origin, before = self._origin or (start, way)
-        if way == before and abs(wrap_angle(start - origin)) < SAME_START:
-            start = origin
-        self._origin = start, way
         shift = way * float(wrap_angle(first - start))
         # Angles lie within a turn to both sides of ahead.
         start += float(wrap_angle(start + way * np.pi)) - (start + way * np.pi)
         return Turning(
             start, way, positions + shift, begins - shift / abs(rate), 2.0 * np.pi / abs(rate)
         )
-
-    def _shared(self, angles: Float) -> Float:
-        """The angles of the scan before if they are the same, so that scans share an array."""
-        before = self._angles
-        if before is not None and np.abs(before - angles).max() < EQUAL:
-            return before
-        self._angles = sealed(angles)
-        return angles
 
 
 def step_of(bearings: Float) -> float:

@@ -124,10 +124,6 @@ class Contents:
         found = self.by_frame.values()
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
 
-    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> None:
-        """Read a message; raises an error that says why it cannot be used."""
-        MESSAGES[kind](self, topic, message, received, number)
-
     def take_scan(self, topic: str, message: Any, received: int, number: int) -> None:
         """Read a scan."""
         frame = _frame(message.header.frame_id)

@@ -78,9 +78,11 @@ class FrameTrack:
         return np.array(self._stamps, dtype=np.int64).reshape(-1, 3).T
 
     @property
-    def is_frozen(self) -> bool:
-        """Whether the sender has no clock: several messages have one stamp, though poses differ."""
-        return len(self) > 2 and not np.ptp(self.stamps[0]) and not self.stands
+    def stamps_repeat(self) -> int:
+        """The number of different stamps if the sender's clock is too coarse or stands; else 0."""
+        known = len(np.unique(self.stamps[0]))
+        repeat = len(self) > 2 and 2 * known < len(self) and not self.stands
+        return known if repeat else 0
 
     @property
     def stands(self) -> bool:

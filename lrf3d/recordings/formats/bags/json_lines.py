@@ -3,7 +3,6 @@
 A file with an object in each line, or an array of objects, enters; messages leave, as from a bag.
 """
 
-import json
 import re
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,10 +10,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from lrf3d.base.errors import InputError
 from lrf3d.base.formats import head_of
 from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.recordings.formats.arrays import json_parts
+from lrf3d.recordings.formats.bags.files import BagTopic, Packet
+from lrf3d.recordings.log import Intake
+
+# The encoding of messages that are text.
+JSON = "json"
 
 # Finds the topic of a message in the first bytes of a file.
 TOPIC = re.compile(rb'\s*+\[?\s*+\{[^\0]*?"topic"\s*:\s*"').match
@@ -32,6 +36,12 @@ KINDS = {
     "geometry_msgs/msg/PoseStamped": {"pose"},
 }
 
+# Interval [ns] that is assumed between messages without stamps and times of receipt.
+APART = 10_000_000
+
+# Times since 1970 are less than this [s]; larger numbers are nanoseconds.
+LATEST = 1e11
+
 # Names of fields in ROS 1, and their names in ROS 2.
 RENAMED = {"secs": "sec", "nsecs": "nanosec", "nsec": "nanosec"}
 
@@ -41,32 +51,24 @@ def is_messages(path: Path) -> bool:
     return path.is_file() and bool(TOPIC(head_of(path, BEGINNING)))
 
 
-def json_messages(lines: Iterator[bytes]) -> Iterator[tuple[str, str, int, Any]]:
-    """The topic, type, time of receipt [ns] and message of each object; bad lines as text."""
-    for line in lines:
-        text = line.strip().rstrip(b",")
-        if text in (b"", b"[", b"]"):
-            continue
+def json_messages(intake: Intake) -> Iterator[Packet]:
+    """The topic, time of receipt [ns] and message of each object in a file."""
+    text = b"".join(line for _, line in intake.lines())
+    parts, read = json_parts(text.decode("utf-8", "replace"))
+    for number, part in enumerate(parts):
         try:
-            values = json.loads(text)
+            value = read(part)
         except (ValueError, RecursionError):
-            yield "", ODOMETRY, 0, text
+            intake.refuse(number + 1, "not JSON, or cut short", "message")
             continue
-        for value in values if isinstance(values, list) else [values]:
-            # Other requests of rosbridge, such as subscribe, hold no message.
-            fields = value if isinstance(value, dict) else {}
-            bodies = [each for each in fields.values() if isinstance(each, dict)]
-            if "topic" in fields and bodies:
-                kind = _kind_of(bodies[0])
-                message = _message(bodies[0])
-                yield str(value["topic"]), kind, _received(value, message), message
-
-
-def message_of(data: Any, _: str) -> Any:
-    """A message as it was read; raises InputError if the line is not JSON."""
-    if isinstance(data, bytes):
-        raise InputError("not JSON, or cut short")
-    return data
+        # Other requests of rosbridge, such as subscribe, hold no message.
+        fields = value if isinstance(value, dict) else {}
+        bodies = [each for each in fields.values() if isinstance(each, dict)]
+        if "topic" in fields and bodies:
+            kind = _kind_of(bodies[0])
+            message = _message(bodies[0])
+            received = _received(value, message) or APART * number
+            yield BagTopic.of(str(value["topic"]), kind, JSON), received, message
 
 
 def _kind_of(message: dict[str, Any]) -> str:
@@ -80,6 +82,10 @@ def _message(value: Any) -> Any:
     """A message with its fields as attributes, by their names in ROS 2."""
     if isinstance(value, dict):
         fields = {RENAMED.get(str(name), str(name)): _message(each) for name, each in value.items()}
+        if "stamp" in fields and not hasattr(fields["stamp"], "sec"):
+            # A stamp may be null or seconds.
+            sec, nanosec = divmod(_nanoseconds(fields["stamp"] or 0), 1_000_000_000)
+            fields["stamp"] = SimpleNamespace(sec=sec, nanosec=nanosec)
         return SimpleNamespace(**fields)
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return [_message(each) for each in value]
@@ -89,8 +95,13 @@ def _message(value: Any) -> Any:
 def _received(value: dict[str, Any], message: Any) -> int:
     """When a message was received [ns], or its own stamp if that was not recorded."""
     if "log_time" in value:
-        return round(float(value["log_time"]) * 1_000_000_000)
+        return _nanoseconds(value["log_time"])
     with suppress(AttributeError, IndexError, TypeError, ValueError):
         stamp = getattr(message, "transforms", [message])[0].header.stamp
         return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
     return 0
+
+
+def _nanoseconds(time: Any) -> int:
+    """A time [ns] that is a number or a text, in seconds or nanoseconds."""
+    return int(time) if float(time) > LATEST else round(1_000_000_000 * float(time))

@@ -14,16 +14,13 @@ from lrf3d.laser import LaserScan
 from lrf3d.recordings.formats.bags.contents import DRIFTING, Contents, ScanStream, edges_of
 from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
 from lrf3d.recordings.formats.units import NANO
-from lrf3d.recordings.log import LaserLog
+from lrf3d.recordings.log import COARSE, LaserLog
 
 # Parts that a recording may have; where stamps go back more often, they are useless.
 MOST_PARTS = 20
 
 # Words in the names of topics whose poses are goals or guesses, not those of a robot.
 AIMS = ("goal", "initialpose")
-
-# Interval [s] from which on odometry is coarse: a robot turns by ten degrees meanwhile.
-COARSE = 0.3
 
 # Least interval of coarse odometry, in intervals of scans.
 COARSE_SCANS = 3.0
@@ -234,8 +231,10 @@ class _Robot:
         own = self._stream.track
         tracks = self._used_tracks()
         for name, track in {self._stream.topic: own, **tracks}.items():
-            if track.is_frozen:
-                return f"the stamps of {name} are all {NANO * track.stamps[0, 0]:g} s"
+            if known := track.stamps_repeat:
+                if known == 1:
+                    return f"the stamps of {name} are all {NANO * track.stamps[0, 0]:g} s"
+                return f"{len(track)} messages of {name} have only {known} different stamps"
         for name, track in tracks.items():
             apart = 0.0 if track.stands else own.ahead() - track.ahead()
             if abs(apart) > CLOCKS_APART:

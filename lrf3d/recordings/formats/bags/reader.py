@@ -42,12 +42,9 @@ from lrf3d.recordings.formats.bags.files import (
     packets,
     unpacked,
 )
-from lrf3d.recordings.formats.bags.json_lines import is_messages, json_messages, message_of
+from lrf3d.recordings.formats.bags.json_lines import JSON, is_messages, json_messages
 from lrf3d.recordings.formats.bags.poses import log_of
 from lrf3d.recordings.log import Intake, LaserLog
-
-# The encoding of messages that are text.
-JSON = "json"
 
 
 def load_bag(
@@ -67,7 +64,9 @@ def load_bag(
         return topic.kind in kinds and scan_topic in (None, topic.name)
 
     _read(contents, topics, wanted)
-    if height is not None or (not contents.by_frame and _are_clouds(topics, scan_topic)):
+    there = {topic.kind for topic in topics if scan_topic in (None, topic.name)}
+    are_clouds = CLOUD in there and there.isdisjoint(SCANS)
+    if height is not None or (not contents.by_frame and are_clouds):
         contents.by_frame.clear()
         kinds = (CLOUD,)
         _read(contents, topics, wanted)
@@ -84,20 +83,14 @@ def load_bag(
     return log_of(contents, poses, part)
 
 
-def _are_clouds(topics: set[BagTopic], scan_topic: str | None) -> bool:
-    """Whether the chosen topic, or without one any, is of clouds, and none is of scans."""
-    kinds = {topic.kind for topic in topics if scan_topic in (None, topic.name)}
-    return CLOUD in kinds and kinds.isdisjoint(SCANS)
-
-
 def _read(contents: Contents, topics: set[BagTopic], wanted: Callable[[BagTopic], bool]) -> None:
     """Read the messages of the wanted topics of scans; the first time all other ones, too."""
     intake = contents.intake
     path = intake.path
     again = bool(topics)
-    deserialized: Mapping[str, Callable[[Any, str], Any]] = {JSON: message_of}
-    messages = _of_json(intake) if is_messages(path) else None
-    if messages is None:
+    deserialized: Mapping[str, Callable[[Any, str], Any]] = {JSON: lambda message, _: message}
+    messages = json_messages(intake)
+    if not is_messages(path):
         messages = _of_files(intake)
         deserialized = _deserializers(path)
     for number, (topic, received, data) in enumerate(_known(messages, topics), 1):
@@ -105,7 +98,7 @@ def _read(contents: Contents, topics: set[BagTopic], wanted: Callable[[BagTopic]
             continue
         try:
             message = deserialized[topic.packing](data, topic.kind)
-            contents.take(topic.name, topic.kind, message, received, number)
+            MESSAGES[topic.kind](contents, topic.name, message, received, number)
         except Exception as error:
             # A damaged message may raise any exception.
             intake.refuse(number, _short(error), "message")
@@ -145,12 +138,6 @@ def _known(messages: Iterable[Packet], topics: set[BagTopic]) -> Iterator[Packet
         topics.add(topic)
         if data is not None and topic.kind in MESSAGES:
             yield topic, received, data
-
-
-def _of_json(intake: Intake) -> Iterator[Packet]:
-    """The messages of a text of JSON."""
-    for name, kind, received, message in json_messages(line for _, line in intake.lines()):
-        yield BagTopic.of(name, kind, JSON), received, message
 
 
 def _of_files(intake: Intake) -> Iterator[Packet]:

@@ -89,10 +89,6 @@ def _parts(text: str) -> Words:
     return text.replace(",", " ").split()
 
 
-def _are_labelled(lines: Sequence[str]) -> bool:
-    return 2 * sum(len(LABELS.findall(text)) > 1 for text in lines) > len(lines)
-
-
 def _labelled(text: str) -> list[Words]:
     words = [number for _, number in LABELS.findall(text)] or [text]
     return [words + [each for found in LISTED.finditer(text) for each in _parts(found[2])]]
@@ -101,10 +97,6 @@ def _labelled(text: str) -> list[Words]:
 def _labels(text: str) -> Words:
     names = [name for name, _ in LABELS.findall(text)]
     return [name.lower() for name in names + [name for name, _ in LISTED.findall(text)]]
-
-
-def _are_tuples(lines: Sequence[str]) -> bool:
-    return any(map(NESTED, lines))
 
 
 def _tuples(text: str) -> list[Words]:
@@ -134,22 +126,26 @@ def _separated(mark: str | None, text: str) -> list[Words]:
         words = [word.replace(",", ".") for word in words]
     if len(words) <= SHORT:
         words = [{"True": "1", "False": "0"}.get(word, word) for word in words]
-    # Spaces may separate what comes before a list of commas.
-    if len(first := words[0].split() if words else []) > 1 and all(map(is_number, first)):
-        words[:1] = first
-    return [words]
+    return [[each for word in words for each in _spaced(word)]]
+
+
+def _spaced(word: str) -> Words:
+    """The numbers in a word, as in a cell of a whole scan; else the word itself."""
+    parts = word.split()
+    return parts if len(parts) > 1 and all(map(is_number, parts)) else [word]
 
 
 DIALECTS = [
     Dialect(
         "labels",
         "Each number has its name before it: `theta: 1.5 Dist: 800`, `time=0.1 ranges=[…]`.",
-        _are_labelled, _labelled, _labels,
+        lambda lines: 2 * sum(len(LABELS.findall(text)) > 1 for text in lines) > len(lines),
+        _labelled, _labels,
     ),
     Dialect(
         "tuples",
         "A line is a list of lists of numbers, a row each: `[(15, 0.5, 812), (15, 1.5, 810), …]`.",
-        _are_tuples, _tuples,
+        lambda lines: any(map(NESTED, lines)), _tuples,
     ),
     Dialect(
         "tabs",

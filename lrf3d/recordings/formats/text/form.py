@@ -56,19 +56,16 @@ class Form:
         """Whether a line is of the kind that holds scans."""
         return words[0] == self.word if self.word else len(words) >= self.least
 
-    @property
+    @cached_property
     def length(self) -> int:
         """The usual number of words of a line."""
-        return self._usual[0]
+        return Counter(map(len, self.sample)).most_common(1)[0][0]
 
     @property
     def is_steady(self) -> bool:
         """Whether nearly all lines have the usual number of words."""
-        return self._usual[1] > STEADY * len(self.sample)
-
-    @cached_property
-    def _usual(self) -> tuple[int, int]:
-        return Counter(map(len, self.sample)).most_common(1)[0]
+        usual = sum(len(words) == self.length for words in self.sample)
+        return usual > STEADY * len(self.sample)
 
 
 def form_of(path: Path) -> Form:
@@ -102,7 +99,7 @@ def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
     first = numeric[0]
     if all(map(is_number, numeric[-1])) and are_names(first):
         return named(first)
-    before = rows[: rows.index(first)]
+    before = [r for r in rows[: rows.index(first)] if not all(map(is_number, filter(None, r)))]
     alike = [row for row in before if len(row) == len(first)]
     heads = alike or [row for row in before[-1:] if len(row) >= min(len(first), 2)]
     # A row of units has fewer different words than the row of names before it.

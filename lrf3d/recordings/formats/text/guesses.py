@@ -1,7 +1,7 @@
 """Guesses: the ways to find what the columns of a text hold, if no format says so.
 
 The form of a text enters `layout_of`; the first guess of `GUESSES` that fits gives its layout. If
-none fits, the error shows a format to start from: nothing is read silently in a wrong way.
+none fits, the error shows a format that reads it: nothing is read silently in a wrong way.
 """
 
 import re
@@ -108,12 +108,21 @@ def layout_of(form: Form, intake: Intake) -> Layout:
 
 
 def _refusal(form: Form) -> str:
-    """Why nothing was found, and a format to start from."""
-    whole = form.length > SHORT
-    such = "stamp:us, x, y, theta, ranges:mm@25" if whole else "angles:deg@1, ranges:mm@2"
+    """Why nothing was found."""
     places = [k + 1 for k in range(min(form.length, SHORT)) if rises(form.sample, k)]
     rising = f", number {', '.join(map(str, places))} rising as stamps do" if places else ""
-    return f"text of {form.length} columns{rising}; name them by --format, such as '{such}'"
+    return f"text of {form.length} columns{rising}; name them by --format"
+
+
+def formats_for(form: Form) -> list[str]:
+    """Formats that may read a text in which nothing was found."""
+    stamp = "stamp@1, " * rises(form.sample, 0)
+    begin = 1 + bool(stamp)
+    usual = [form.length - beams + 1 for beams in FANS if beams <= form.length + 1 - begin]
+    fan = "" if usual else ", first=-90deg, last=90deg"
+    whole = f"{stamp}ranges@{min(usual, default=begin)}{fan}"
+    specs = [whole] if form.length > SHORT else ["angles@1, ranges@2", "angles@2, ranges@1"]
+    return [spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm")]
 
 
 def by_names(form: Form) -> Layout:
@@ -125,7 +134,8 @@ def by_names(form: Form) -> Layout:
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
-        elif role and not _is_known(layout, form, role):
+        # "Scan" next to a column of distances numbers the scans.
+        elif role and (role not in layout.columns or form.header[layout.columns[role]] == "scan"):
             layout.name(role, place, unit)
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
@@ -134,11 +144,6 @@ def by_names(form: Form) -> Layout:
     elif "ranges" in layout.columns:
         _take_one_name(layout, form)
     return layout
-
-
-def _is_known(layout: Layout, form: Form, role: str) -> bool:
-    """Whether a role has a column; "scan" next to a column of distances numbers the scans."""
-    return role in layout.columns and form.header[layout.columns[role]] != "scan"
 
 
 def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
@@ -258,8 +263,8 @@ def _goes_round(bearings: Float) -> bool:
 
 
 def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[str, int]:
-    """The columns of a sweep: ranges are next to the bearings, stamps in front."""
-    after = place + 1 if place + 1 in others else others[0]
+    """The columns of a sweep: ranges are next to the bearings, rather after them, stamps first."""
+    after = min(others, key=lambda k: (abs(k - place), k < place))
     found = {"angles": place, "ranges": after}
     if 0 in others and after != 0 and (np.diff(columns[0]) >= 0.0).all():
         found["stamp"] = 0
@@ -272,10 +277,11 @@ def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[
 def _by_pairs(form: Form) -> Layout | None:
     rows = [values_of(words) for words in form.sample if len(words) > 2 * FEWEST_COUNTED]
     for place in range(MOST_BEFORE_COUNT if 2 * len(rows) > len(form.sample) else 0):
-        if all(_are_pairs(row[place:]) for row in rows):
+        ways = (way for way in (1, -1) if all(_are_pairs(row[place:][::way]) for row in rows))
+        if way := next(ways, 0):
             roles = [meaning(name) for name in form.header[:place]]
             roles = roles or [(name, "") for name in LEADING.get(place, "").split()]
-            layout = Layout(paired=True)
+            layout = Layout(paired=way)
             for k, (role, unit) in enumerate(roles):
                 if role:
                     layout.name(role, k, unit)
@@ -301,7 +307,8 @@ def _by_length(form: Form) -> Layout | None:
     for names in (stamp, [*stamp, "x", "y", "theta"]):
         place = len(names)
         if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
-            if names == stamp or _are_headings(form, place - 1):
+            last = [words[place - 1] for words in form.sample if len(words) == form.length]
+            if names == stamp or (np.abs(values_of(last)) <= LARGEST_HEADING).all():
                 return _in_order(form, stamp, names != stamp)
     return None
 
@@ -342,11 +349,6 @@ def _counts_up(form: Form, place: int) -> bool:
     usual = np.median(table)
     apart = np.abs(np.log(np.maximum(np.abs(table[-1]), 1e-9) / max(usual, 1e-9)))
     return len(rows) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
-
-
-def _are_headings(form: Form, place: int) -> bool:
-    words = [words[place] for words in form.sample if len(words) == form.length]
-    return bool((np.abs(values_of(words)) <= LARGEST_HEADING).all())
 
 
 GUESSES = [

@@ -39,7 +39,8 @@ class Layout:
         clockwise: Whether the beams go clockwise.
         bearings: The bearings of the beams, if names of columns give them.
         unused: Names of columns that are not used.
-        paired: Whether the columns of ranges hold bearings and ranges alternately.
+        paired: 1 if the columns of ranges hold bearings and ranges alternately, −1 if each range
+            comes before its bearing, else 0.
         skips: Whether lines with a blank column are left out, as they belong to another topic.
     """
 
@@ -51,7 +52,7 @@ class Layout:
     clockwise: bool = False
     bearings: Float | None = None
     unused: Words = field(default_factory=list)
-    paired: bool = False
+    paired: int = 0
     skips: bool = False
 
     def name(self, role: str, place: int, unit: str = "") -> None:
@@ -60,9 +61,11 @@ class Layout:
         self.units |= {role: unit} if unit else {}
 
     def with_settings(self, other: "Layout") -> "Layout":
-        """This layout with the settings of another one."""
+        """This layout with the settings and units of another one."""
+        settings = {**self.settings, **other.settings}
+        units = {**self.units, **other.units}
         clockwise = self.clockwise or other.clockwise
-        return replace(self, settings={**self.settings, **other.settings}, clockwise=clockwise)
+        return replace(self, settings=settings, units=units, clockwise=clockwise)
 
     def settle(self, table: Table) -> None:
         """Enter the units, settings and bearings that are known into a table."""
@@ -93,8 +96,9 @@ class Layout:
                 table.intake.refuse(number, error)
                 continue
             if self.paired:
-                bearings.append(found["ranges"][::2])
-                found["ranges"] = found["ranges"][1::2]
+                alternate = found["ranges"][:: self.paired]
+                bearings.append(alternate[::2])
+                found["ranges"] = alternate[1::2]
             if not single and "ranges" in found:
                 ranges.append(found.pop("ranges"))
             for role, values in found.items():

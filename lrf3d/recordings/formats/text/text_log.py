@@ -15,6 +15,7 @@ columns and settings, such as
 """
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,8 +25,8 @@ from lrf3d.base.errors import InputError, shown
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.formats.arrays import is_records, records
 from lrf3d.recordings.formats.table import ROLES, SETTINGS, Table, padded
-from lrf3d.recordings.formats.text.form import form_of
-from lrf3d.recordings.formats.text.guesses import by_names, layout_of
+from lrf3d.recordings.formats.text.form import Form, form_of
+from lrf3d.recordings.formats.text.guesses import by_names, formats_for, layout_of
 from lrf3d.recordings.formats.text.layout import Layout, described
 from lrf3d.recordings.log import Intake
 
@@ -52,10 +53,9 @@ def text_table(intake: Intake, format: str | None) -> Table:
     form = form_of(intake.path)
     table = Table(intake, {})
     spec, _, partner = (format or "").partition(";")
-    layout = described(spec, form.header) if spec else layout_of(form, intake)
-    if spec and not layout.columns:
-        # If only settings are given, the columns are found.
-        layout = layout_of(form, intake).with_settings(layout)
+    layout = described(spec, form.header) if spec else Layout()
+    if layout.columns.keys() <= {"ranges"} and not {"@", "*"} & {*spec}:
+        layout = _found(form, intake, layout)
     if "ranges" not in layout.columns:
         raise InputError(f"--format: {shown(spec)}: no column of ranges; expected 'ranges'")
     poses = layout.only(MOVING, keep=True)
@@ -84,6 +84,26 @@ def text_table(intake: Intake, format: str | None) -> Table:
     if partner:
         add_partner(table, partner)
     return table
+
+
+def _found(form: Form, intake: Intake, given: Layout) -> Layout:
+    """The layout that is found, with given settings and units; if none is, the given columns."""
+    try:
+        return layout_of(form, intake).with_settings(given)
+    except InputError as error:
+        if given.columns:
+            return given
+        spec = next(
+            (f", such as '{each}'" for each in formats_for(form) if _reads(intake, each)), ""
+        )
+        raise InputError(f"{error}{spec}") from None
+
+
+def _reads(intake: Intake, spec: str) -> bool:
+    """Whether a format reads a file, so that it may be advised."""
+    with suppress(InputError):
+        return bool(text_table(Intake(intake.path), spec).log().scans)
+    return False
 
 
 def _gather(table: Table, readings: Float) -> None:
