@@ -100,7 +100,7 @@ def _placed(
     if isinstance(given, list) and len(given) == 2 and is_finite(*given):
         place = float(given[0]), float(given[1])
         if data.get("units") == "deg":
-            return moved(features, partial(lay_flat, centre=np.array(place))), place
+            return moved(features, partial(lay_flat, centre=np.array(place))), place, ""
     if data.get("units") == "m" or _is_map(data):
         return features, place, ""
     reference = data.get("crs")
