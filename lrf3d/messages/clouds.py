@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lrf3d.geometry.lines import Records
 from lrf3d.laser import DepthCamera, DepthImage, LidarScan, Stamp
@@ -143,5 +142,8 @@ def optical(name: str) -> str:
 
 def quaternion(yaw: float, pitch: float, roll: float) -> dict[str, float]:
     """The quaternion of a roll, then a pitch, then a yaw [rad]."""
+    # Most messages have no cloud, and need not wait for it.
+    from scipy.spatial.transform import Rotation
+
     turn = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
     return dict(zip("xyzw", turn.tolist(), strict=True))
