@@ -89,6 +89,7 @@ OUTPUT = """\
 Output:
 --json: Print one JSON object and nothing else.
 -q --quiet: Print no summary, notes and progress.
+-v --verbose: Print all figures, too, as JSON.
 -h --help: Show this page and exit."""
 
 COMMANDS = {

@@ -24,6 +24,7 @@ class Console:
     command: str
     json: bool
     quiet: bool
+    verbose: bool
     # What is held until the command ends.
     until_end: ExitStack
 
@@ -33,11 +34,11 @@ class Console:
         return not (self.json or self.quiet)
 
     def print(self, figures: Mapping[str, Any], rows: Rows) -> None:
-        """Print figures as JSON, or what most users ask as a table."""
-        if self.json:
-            print_json(figures)
-        elif self.shows:
+        """Print figures as JSON, or what most users ask as a table, and with ``-v`` both."""
+        if self.shows:
             print_table(rows)
+        if self.json or (self.shows and self.verbose):
+            print_json(figures)
 
     def note(self, message: str) -> None:
         """Print on stderr what was chosen by default."""
