@@ -118,7 +118,9 @@ def formats_for(form: Form) -> list[str]:
     """Formats that may read a text in which nothing was found."""
     stamp = "stamp@1, " * rises(form.sample, 0)
     begin = 1 + bool(stamp)
-    usual = [form.length - beams + 1 for beams in FANS if beams <= form.length + 1 - begin]
+    ends = [form.length - beams + 1 for beams in FANS if beams <= form.length + 1 - begin]
+    # A scan does not begin with a column of zeros.
+    usual = [at for at in ends if any(words[at - 1].strip("0.") for words in form.sample)]
     fan = "" if usual else ", first=-90deg, last=90deg"
     whole = f"{stamp}ranges@{min(usual, default=begin)}{fan}"
     specs = [whole] if form.length > SHORT else ["angles@1, ranges@2", "angles@2, ranges@1"]
