@@ -69,12 +69,13 @@ class Watcher:
     def report(self, **more):
         self.spin(0.3)
         stamps = [nanoseconds(scan.header.stamp) for scan in self.scans]
-        # The first transforms may have been sent before they were listened to.
-        since = min(self.moved_at)
+        # Transforms are not heard while their publisher is being found, and may lag at the end.
+        since = min(self.moved_at) + 500_000_000
+        last = max(self.moved_at)
         print(json.dumps({
             "scans": len(stamps),
             "steps": sorted({b - a for a, b in pairwise(stamps)}),
-            "unplaced": sum(t >= since and t not in self.moved_at for t in stamps),
+            "unplaced": sum(since <= t <= last and t not in self.moved_at for t in stamps),
             "latency": sorted(self.latency)[len(self.latency) // 2],
             "back": sum(b < a for a, b in pairwise(self.clock)),
             "frames": sorted(self.frames), "maps": len(self.maps),
