@@ -71,7 +71,7 @@ def main() -> None:
 def _load_less() -> None:
     """Keep SciPy from loading NumPy's tests and compiler, and from editing its own documentation.
 
-    No reader needs them, and they take half of the time [s] in which SciPy loads.
+    No reader needs them, and they take half of the time that SciPy takes to load.
     """
     import numpy as np
 

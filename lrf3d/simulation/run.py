@@ -126,6 +126,8 @@ class Run(Value, Pictured):
                 raise InputError(
                     f"run: {name} {found}; expected {expected}, for {scans} poses and {beams} beams"
                 )
+        if np.isnan(self.ranges).any():
+            raise InputError("run: ranges hold NaN; expected metres, or inf where nothing returned")
         snapshots = np.array(self.snapshot_scans, dtype=np.int64)
         ascend = (np.diff(snapshots, prepend=-1, append=scans) > 0).all()
         if snapshots.shape != (len(self.maps),) or not ascend:

@@ -49,6 +49,7 @@ def as_bytes(array, version):
     [
         ("poses", np.zeros((2, 3)), "poses"),
         ("ranges", np.zeros((3, 6)), r"ranges \(3, 6\); expected \(3, 7\)"),
+        ("ranges", np.full((3, 7), np.nan), "ranges hold NaN"),
         ("walls", np.zeros((3, 8), np.int64), r"walls \(3, 8\)"),
         ("walls", np.full((3, 7), 4), "walls from 4 to 4, which the world has not"),
         ("snapshot_scans", np.array([2, 1, 0]), "expected an ascending scan from 0 to 2"),
