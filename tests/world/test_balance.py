@@ -179,7 +179,7 @@ def test_rooms_have_walls_in_common_which_doors_open_on_one_level(imdf, tmp_path
     assert lengths(world.segments).sum() == pytest.approx(88 - (1.0 if imdf else 0.9), abs=0.02)
     with pytest.warns(Lrf3dNote):
         assert lengths(load_world(path, level="1").segments).sum() == pytest.approx(36)
-    with pytest.raises(WorldError, match="no level '7'; levels are 0, 1"):
+    with pytest.raises(WorldError, match="no level '7'; levels: 0, 1"):
         load_world(path, level="7")
 
 

@@ -37,9 +37,9 @@ LAYERS = """\
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; found by their names if
  not given.
 --without LAYER,LAYER,…: Layers of a drawing to leave out.
- --cut M: Height above its floor at which a mesh is cut [m]; 0.5 if not given.
- --level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given.
- --edits FILE: Decisions about a plan, written by lrf3d edit; FILE.edit.toml next to the plan if not
+--cut M: Height above its floor at which a mesh is cut [m]; 0.5 if not given.
+--level LEVEL: Level of indoor rooms in .osm and .geojson; the ground floor if not given.
+--edits FILE: Decisions about a plan, written by lrf3d edit; FILE.edit.toml next to the plan if not
  given."""
 TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\

@@ -161,7 +161,7 @@ def with_rooms(
     known = ", ".join(sorted(storeys)[:20])
     chosen = level or next(iter(storeys), "0")
     if level is not None and all(level not in f.levels for f in features):
-        raise WorldError(f"has no level {shown(level)}; levels are {known}")
+        raise WorldError(f"has no level {shown(level)}; levels: {known or 'none'}")
     here = list[Feature]()
     for feature in features:
         # Buildings also name a level, that of their entrance.

@@ -10,6 +10,9 @@ import pytest
 from program import lrf3d, refused
 
 from lrf3d import export_run, load_scenario, save_run
+from lrf3d.apps.cli.commands import COMMANDS
+from lrf3d.apps.cli.parser import _parser, lists
+from lrf3d.base.formats import FORMATS
 
 ROOM = """\
 name = "box"
@@ -315,3 +318,20 @@ def test_a_shell_completes_commands_options_and_choices(words, expected):
 
 def test_a_wrong_share_of_the_noise_names_the_noise(room):
     assert ": noise: drop-outs: share 2.0" in refused("run", room, "--set", "noise.drop_outs=2")
+
+
+@pytest.mark.parametrize(
+    ("command", "kinds"), [("world convert", ("world", "picture", "drawing")), ("map", ("log",))]
+)
+def test_what_a_format_can_be_told_is_an_option_of_the_command(command, kinds):
+    _, options = _parser(command)
+    known = {flag for option in options for flag in option.names}
+    told = {name for row in FORMATS if row.kind in kinds for name in row.options}
+    assert told and {f"--{name.replace('_', '-')}" for name in told} <= known
+
+
+def test_a_help_text_holds_no_other_option():
+    pages = {name: [option for _, found in lists(name) for option in found] for name in COMMANDS}
+    held = [(name, one.names) for name in pages for one in pages[name] if ": " in one.help
+            and re.search(r"(?:^| )--[a-z-]+(?: [A-Z]+)?: ", one.help)]  # fmt: skip
+    assert held == []
