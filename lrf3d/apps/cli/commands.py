@@ -78,7 +78,7 @@ Film:
 --size WxH: Size [pixels]; 1280x720, but 640x360 for .webp and with Embree, 416x234 for .gif.
 --fps RATE: Frames per second; 25, but 12.5 for .webp and 8 for .gif.
 --playback SPEED: Simulated seconds per second of film.
---length S: Approximate length of a story [s]; 15 if not given.
+--length S: Approximate length of the film [s]; 15 for a story if not given.
 --samples 0|1|4 = 1: Samples per pixel: 1 with smoothed edges, 4, or 0 for one with jagged edges.
 {WORKERS}
 --renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.

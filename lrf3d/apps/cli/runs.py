@@ -123,8 +123,7 @@ def _look(args: Namespace) -> dict[str, Any]:
             warn(f"Embree draws instead, smaller and slower: {error}")
             renderer = "embree"
     return {
-        **{name: vars(args)[name] for name in ("view", "playback", "panel")},
-        **({} if args.length is None else {"length": args.length}),
+        **{name: vars(args)[name] for name in ("view", "playback", "panel", "length")},
         "samples": int(args.samples),
         "renderer": renderer,
         "size": args.size or (_LARGE if renderer == "gl" else _SMALL),

@@ -117,8 +117,8 @@ class FilmOptions:
     size: tuple[int, int] = SIZE
     view: str | None = None
     playback: float | None = None
-    # Length of a story [s].
-    length: float = LENGTH
+    # Length of the film [s]; a story has 15 s if it is not given.
+    length: float | None = None
     samples: int = 1
     renderer: str | None = None
     panel: str = "short"
@@ -138,10 +138,14 @@ class FilmOptions:
         """
         expect(run, Run, "run")
         view = run.film.view if self.view is None else self.view
+        usual = LENGTH if self.length is None else self.length
+        length = number(usual, "length", least=SHORTEST, most=LONGEST)
         playback = self.playback
-        if playback is None:
-            # A story shows only parts of a long run, at the usual speed.
-            playback = run.film.playback_of(0.0) if view == "story" else run.playback
+        if playback is None and view == "story":
+            # It shows only parts of a long run, at the usual speed.
+            playback = run.film.playback_of(0.0)
+        elif playback is None:
+            playback = run.playback if self.length is None else run.trajectory.duration / length
         paired = isinstance(self.size, tuple | list) and len(self.size) == 2
         _check(paired, "size", self.size, "width and height [pixels]")
         _check(isinstance(view, str), "view", view, "the name of a camera")
@@ -156,7 +160,7 @@ class FilmOptions:
             size=(width, height),
             view=view,
             playback=number(playback, "playback", positive=True),
-            length=number(self.length, "length", least=SHORTEST, most=LONGEST),
+            length=length,
             renderer=choose_renderer(self.renderer),
             layers=frozenset(self.layers),
             goal=self._checked_goal(),

@@ -56,7 +56,7 @@ def render_video(
         options: ``size``, width and height [pixels] (1280, 720), both even for .mp4;
             ``playback``, seconds of the run in a second of the film; ``view``, the camera:
             ``story``, ``chase``, ``first``, ``orbit``, ``overview``, ``top`` or one of the world's;
-            ``length``, how long a story takes [s] (15), which shows parts of a longer run;
+            ``length`` of the film [s], 15 for a story, which shows parts of a longer run;
             ``samples`` a pixel: 1, whose edges are smoothed, 4, or 0 for jagged edges;
             ``renderer``, ``gl``, or ``embree`` which needs no OpenGL and takes longer; ``panel``,
             ``short`` for three facts or ``full`` for all numbers. If not given, the run has its own

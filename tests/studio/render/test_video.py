@@ -202,3 +202,11 @@ def test_a_time_past_the_run_is_refused_before_anything_is_painted(monkeypatch):
     run = replace(room_run(), film=FilmPlan("story", 2.0))
     with pytest.raises(InputError, match=r"time 999 s: the run goes from 0 to 2\.75 s"):
         film.frame(run, 999.0)
+
+
+@pytest.mark.parametrize("view", ["overview", "top"])
+def test_a_film_that_is_no_story_has_a_given_length_too(view):
+    run = city_run(seconds=12.0)
+    plan = film.FilmOptions(view=view, length=6.0, renderer="embree").of(run)
+    assert plan.playback == pytest.approx(run.trajectory.duration / 6.0)
+    assert film.FilmOptions(view=view, renderer="embree").of(run).playback == run.playback
