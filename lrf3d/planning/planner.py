@@ -127,7 +127,7 @@ def find_route(
         world = replace(world, free=None)
         notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
     ground = Ground(world, position, keep_out)
-    fitting = radius or _fitting_radius(ground, where, position)
+    fitting = radius or fitting_radius(ground, where, position)
     if radius is None and fitting < RADIUS:
         smaller = f"the robot's radius is {fitting:g} m instead of {RADIUS:g} m"
         notes.append(f"{smaller}: doors are too narrow for a wider one")
@@ -148,7 +148,8 @@ def find_route(
     usual = INDOOR_SPEED if space.side == "inside" else SPEED
     trials = _ever_more_careful(speed or usual, lookahead, slower=speed is None)
     pace, lookahead = _with_care(trials, touched)
-    notes += missed_rooms(space, legs)
+    if goals is None:
+        notes += missed_rooms(space, legs)
     return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, tuple(notes))
 
 
@@ -263,7 +264,7 @@ def _closed_in(world: World, start: Float) -> list[str]:
     return []
 
 
-def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
+def fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
     """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
     *wider, smallest = USUAL_RADII[:4]  # Those from 0.18 m.
     small = find_free_space(ground, smallest, where=where, start=start)

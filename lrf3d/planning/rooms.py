@@ -17,6 +17,9 @@ from lrf3d.world.pieces import groups
 # Radii of common robots [m], of which one is tried or proposed.
 USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 
+# Share of the width of two spaces above which what is between them is no doorway.
+EVEN = 0.8
+
 # Distance from walls [m] that is exceeded in a room, but not in an opening to the outside: a space
 # with a wider opening is a niche.
 ROOMY = 0.7
@@ -48,17 +51,30 @@ def rooms_of(world: World) -> list[tuple[float, Float]]:
     """The areas [m²] of the rooms of a world, the largest first, and places (2,) [m] in them."""
     ground = Ground(_unfurnished(world))
     rooms, numbers = _numbered(ground)
-    found = [_measured(ground, rooms == room) for room in numbers]
+    found = [measured(ground, rooms == room) for room in numbers]
     return sorted(found, key=lambda each: -each[0])
 
 
-def reached_rooms(space: FreeSpace) -> tuple[Ground, Int, Int, Int]:
-    """The spaces around a free space: a ground, the space of each cell, rooms, spaces reached."""
-    ground = space.ground
-    bare = Ground(_unfurnished(ground.world))
+def bare_rooms(world: World) -> tuple[Ground, Int, Int]:
+    """A ground without furniture, the space of each of its cells, and the spaces that are rooms.
+
+    The pieces of a corridor, which is hardly narrower between them, are one space.
+    """
+    bare = Ground(_unfurnished(world))
     rooms, numbers = _numbered(bare)
-    entered = rooms[bare.cells_at(space.places + ground.world.origin) & bare.wide]
-    return bare, rooms, numbers, np.unique(entered[entered > 0])
+    widest = scipy.ndimage.maximum(bare.gaps, rooms, np.arange(bare.rooms.max() + 1))
+    pairs, cell = bare.doorways
+    even = bare.gaps.ravel()[cell] > EVEN * widest[pairs].max(axis=1)
+    one, other = pairs[even & np.isin(pairs, rooms).all(axis=1)].T
+    joined = groups(one, other, len(widest))
+    joined[0] = 0
+    return bare, joined[rooms], np.unique(joined[numbers])
+
+
+def entered_rooms(space: FreeSpace, bare: Ground, rooms: Int) -> Int:
+    """The numbers of the spaces of the cells of a bare ground that a free space extends into."""
+    cells = bare.cells_at(space.places + space.ground.world.origin) & bare.wide
+    return np.setdiff1d(rooms[cells], [0])
 
 
 def _unfurnished(world: World) -> World:
@@ -75,7 +91,7 @@ def _numbered(ground: Ground) -> tuple[Int, Int]:
     return np.where(inside, ground.rooms, 0), true_rooms(ground, inside)
 
 
-def _measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
+def measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
     """The area [m²] of some cells, and the place (2,) [m] among them farthest from walls."""
     place = ground.places[cells][np.argmax(ground.gaps[cells])] + ground.world.origin
     return float(cells.sum()) * ground.size**2, place
@@ -104,7 +120,7 @@ def missed_rooms(space: FreeSpace, legs: list[Int]) -> list[str]:
     far = list[tuple[float, str]]()
     shut = list[tuple[float, str]]()
     for room in missed.tolist():
-        area, (x, y) = _measured(bare, rooms == room)
+        area, (x, y) = measured(bare, rooms == room)
         named = area, f"m² at ({x:.1f}, {y:.1f})"
         # The widest place that furniture leaves in the room.
         within = ground.cells_at(bare.places[rooms == room] + bare.world.origin) & (own > 0)

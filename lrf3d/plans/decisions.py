@@ -41,6 +41,9 @@ PARALLEL = 0.1
 # Share of the width of a doorway, to each side of its middle, that a drawn leaf would block.
 PASSAGE = 0.4
 
+# Height [m] below which drawn walls are furniture: the route planner divides no rooms by them.
+LOW = 0.5 * DEFAULT_HEIGHT
+
 # Distance from the middle of a doorway, in its widths, within which both ends of a leaf lie.
 REACH = 1.2
 
@@ -260,7 +263,10 @@ def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
 
 @dataclass(frozen=True)
 class DrawnWall(Decision):
-    """Walls through points [m], of a height [m] and a material, instead of any that lie there."""
+    """Walls through points [m], of a height [m] and a material, instead of any that lie there.
+
+    Low ones are furniture, which may stand against a wall.
+    """
 
     points: Annotated[Any, _LINE]
     height: Annotated[float | None, schema.LENGTH] = None
@@ -272,10 +278,13 @@ class DrawnWall(Decision):
         drawn = walls(np.asarray(self.points, dtype=np.float64), bool(self.closed))
         drawn = drawn[lengths(drawn) > SAME]
         material = self.material or ""
-        kind = material if material in KINDS else "wall"
         height = self.height or DEFAULT_HEIGHT
+        kind = material if material in KINDS else "wall"
+        if height < LOW:
+            kind = "furniture"
+        else:
+            plan = _bared(plan, drawn)
         made = Parts.of(drawn, kind, heights=height, materials=material, rules="drawn")
-        plan = _bared(plan, drawn)
         return plan._replace(parts=plan.parts.joined(made))
 
 

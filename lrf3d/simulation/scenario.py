@@ -409,6 +409,13 @@ def read_scenario_file(name_or_path: str | Path, scale: float = 1.0, **options: 
     return load_world_file(path, scale=scale, **options)
 
 
+def _path_along(route: Float, speed: float) -> Patrol | Trajectory:
+    """The path of an obstacle along way-points (m, 2) [m]; at a single one it stands."""
+    if len(route) > 1:
+        return Patrol(route, speed)
+    return Trajectory([0.0, 1.0], np.tile(np.append(route[0], 0.0), (2, 1)))
+
+
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     """The scenario that a file describes, by settings; all of one file share its world."""
     chosen = read_settings(settings)
@@ -434,7 +441,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         with file.at(f"obstacle[{index}]"):
             # Without a radius it is as wide as the robot.
             outline = round_outline(given.get("radius", robot.get("radius", RADIUS)))
-            path = Patrol(given["route"], given.get("speed", 1.0))
+            path = _path_along(given["route"], given.get("speed", 1.0))
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigmas = noise.get("sigma", SIGMA)

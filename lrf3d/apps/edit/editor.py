@@ -5,7 +5,9 @@ decisions are saved before the page is answered.
 """
 
 import io
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,24 +16,36 @@ import numpy as np
 from PIL import Image
 
 from lrf3d.apps.edit.message import packed, plan_message
-from lrf3d.apps.edit.sources import USUAL_SIZE, Sheet, sheet_of, suggestions
+from lrf3d.apps.edit.sources import (
+    USUAL_SIZE,
+    Sheet,
+    checked_scale,
+    doorways,
+    sheet_of,
+    suggestions,
+)
 from lrf3d.base.errors import InputError, WorldError
 from lrf3d.base.files import write_text
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry.lines import Float, Int, directions
-from lrf3d.planning.free_space import Ground, find_free_space
-from lrf3d.planning.planner import find_route
-from lrf3d.planning.rooms import reached_rooms
+from lrf3d.planning.free_space import THINNEST, FreeSpace, Ground, find_free_space
+from lrf3d.planning.planner import find_route, fitting_radius
+from lrf3d.planning.rooms import USUAL_RADII, bare_rooms, entered_rooms, measured
 from lrf3d.plans.decisions import KeepOut, Obstacle, PlacedRobot, Scale
 from lrf3d.plans.edits import PlanEdits, digest_of, read_edits
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.reading import drawn_plan
-from lrf3d.robot.kinematics import RADIUS
 from lrf3d.simulation.scenario import Scenario, scenario_of
 from lrf3d.world import World
-from lrf3d.world.files import edits_path, is_picture
+from lrf3d.world.files import edits_path, is_picture, is_plan
 from lrf3d.world.toml_file import WorldFile, toml_table, world_text
+
+# Distance [m] from a goal within which a robot that stops is at it.
+SHORT = 0.15
+
+# Matches what a note of the planner says of rooms and goals, and remedies for the command line.
+_TOLD = re.compile(r".*(the goal \(|not reached).*|, [^,:]* m² at [^:]*(?=:)|; --set .*")
 
 
 class Editor:
@@ -125,18 +139,27 @@ class Editor:
     def message(self) -> bytes:
         """The message with the plan for the page."""
         scale = self.edits.one(Scale)
+        scaled = bool(scale) or "resolution" in self._options or not is_picture(self.path)
+        # A world is in metres.
+        doors = doorways(self.plan) if is_plan(self.path) else np.empty((0, 2, 2))
+        source = self._source(self.edits)
         header = {
             "name": self.path.name,
             "edits": self.edits.as_dict(),
             "readOnly": self.read_only,
-            "scaled": bool(scale) or "resolution" in self._options or not is_picture(self.path),
+            "scaled": scaled,
+            "empty": self.empty,
+            "picture": is_picture(self.path),
             "rosMap": self.path.suffix.lower() in (".yaml", ".yml"),
             "sheet": self.sheet and [*self.sheet.size],
-            "suggestions": [] if scale else suggestions(self.plan),
-            "said": "; ".join(filter(None, [self.plan.doubt, self.plan.said])),
+            "suggestions": [] if scale else suggestions(doors, self.plan.unit, scaled),
+            "check": checked_scale(self.plan, doors),
+            "gaps": doors.tolist() if is_picture(self.path) else [],
+            "said": "; ".join(filter(None, [self.plan.doubt, source.said])),
             "leftOut": self.plan.left_out,
             "lost": self.plan.lost,
             "radius": self.scenario.radius,
+            "old": self.old_world(),
         }
         return plan_message(self.plan, header)
 
@@ -174,35 +197,64 @@ class Editor:
         return turned
 
     def rooms(self) -> bytes:
-        """The message with the rooms, and which of them the robot reaches."""
+        """The message with the rooms and the goals, and why the robot does not reach some.
+
+        Raises:
+            InputError: There is no room for the robot around its start.
+        """
         scenario = self.scenario
+        goals = () if scenario.goals is None else scenario.goals
         start = None if scenario.start is None else np.array(scenario.start[:2])
-        radius = scenario.radius if "radius" in self.plan.tables.get("robot", {}) else 0.22
         ground = Ground(scenario.world, start, scenario.keep_out)
-        space = find_free_space(ground, min(radius, RADIUS), start=start)
-        bare, rooms, numbers, reached = reached_rooms(space)
+        if start is None:
+            # A route through goals begins at the first of them.
+            start = next((each for each in goals[:1] if not _gap(ground, each) < THINNEST), None)
+        radius = self._radius or fitting_radius(ground, None, start)
+        bare, rooms, numbers = bare_rooms(scenario.world)
+        space = find_free_space(ground, radius, start=start)
+        # The largest radius [m] with which each room is reached.
+        widest = dict[int, float]()
+        for size in (radius, *(each for each in USUAL_RADII if each < radius)):
+            with suppress(InputError):
+                thin = space if size == radius else find_free_space(ground, size, start=start)
+                widest |= dict.fromkeys(entered_rooms(thin, bare, rooms).tolist(), size) | widest
         label = np.zeros(rooms.max() + 1, np.uint8)
-        label[numbers] = 2
-        label[reached] = 1
+        found = []
+        for number in numbers.tolist():
+            area, place = measured(bare, rooms == number)
+            why = ""
+            if number not in widest:
+                why = "no door leads in, or it is shut or blocked"
+            elif widest[number] < radius:
+                fits = f"one of {2.0 * widest[number]:.2f} m would fit"
+                why = f"a door is too narrow for the robot of {2.0 * radius:.2f} m; {fits}"
+            label[number] = 2 if why else 1
+            found.append({"at": place.tolist(), "area": area, "why": why})
         corner = bare.places[0, 0] - 0.5 * bare.size + bare.world.origin
         values = {
             "kind": "rooms",
             "corner": corner.tolist(),
             "size": bare.size,
             "shape": rooms.shape,
-            "reached": int(np.isin(numbers, reached).sum()),
-            "count": len(numbers),
+            "rooms": found,
+            "goals": [_doubt_of_goal(space, each) for each in goals],
+            "radius": radius,
         }
         return packed(values, cells=label[rooms])
+
+    @property
+    def _radius(self) -> float | None:
+        """The radius of the robot [m], if it is given."""
+        radius: float | None = self.plan.tables.get("robot", {}).get("radius")
+        return radius
 
     def route(self) -> bytes:
         """The message with the route that the planner finds, and its notes."""
         scenario = self.scenario
-        known = self.plan.tables.get("robot", {})
         found = find_route(
             scenario.world,
-            radius=known.get("radius"),
-            speed=known.get("speed"),
+            radius=self._radius,
+            speed=self.plan.tables.get("robot", {}).get("speed"),
             start=scenario.start,
             goals=scenario.goals,
             keep_out=scenario.keep_out,
@@ -210,16 +262,30 @@ class Editor:
         values = {
             "kind": "route",
             "route": found.waypoints.tolist(),
-            "notes": found.notes,
+            "notes": [*filter(None, (_TOLD.sub("", note) for note in found.notes))],
             "radius": found.radius,
         }
         return packed(values)
 
-    def save_world(self) -> Path:
-        """Write a world file: the walls, the robot, and the dynamic obstacles."""
+    def world_path(self) -> Path:
+        """The file of the world that is written."""
         path = self.path.with_suffix(".toml")
         if path == self.path and not self.empty:
             path = self.path.with_name(f"{self.path.stem}_edited.toml")
+        return path
+
+    def old_world(self) -> str:
+        """The name of the world file, if it is older than the decisions."""
+        path = self.world_path()
+        files = path, self.journal
+        if not all(each.is_file() for each in files):
+            return ""
+        written, decided = (each.stat().st_mtime_ns for each in files)
+        return path.name if written < decided else ""
+
+    def save_world(self) -> Path:
+        """Write a world file: the walls, the robot, and the dynamic obstacles."""
+        path = self.world_path()
         world = self.scenario.world
         if not len(world.segments):
             raise InputError("there is no wall yet; draw one")
@@ -249,3 +315,17 @@ class Editor:
         file = io.BytesIO()
         Image.fromarray(self.sheet.picture).save(file, "PNG", compress_level=1)
         return file.getvalue()
+
+
+def _gap(ground: Ground, place: Float) -> float:
+    """Distance [m] of a place (2,) [m] to walls and to areas that are kept out of."""
+    return float(ground.clearance(place[None] - ground.world.origin)[0])
+
+
+def _doubt_of_goal(space: FreeSpace, goal: Float) -> str:
+    """Why a robot does not stand at a goal (2,) [m] in the end; empty if it does."""
+    gap = _gap(space.ground, goal)
+    short = np.hypot(*(space.places + space.ground.world.origin - goal).T).min()
+    if gap < space.radius and short > SHORT:
+        return f"too near to a wall: the robot stops {short:.1f} m short"
+    return "no way leads there" if space.nearest(goal) is None else ""

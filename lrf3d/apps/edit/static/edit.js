@@ -5,7 +5,7 @@ import { Finder, makeTools } from "./tools.js";
 
 const TYPES = { f4: Float32Array, u1: Uint8Array, u2: Uint16Array };
 const TOOL_KEYS = {
-  KeyV: "select", KeyS: "scale", KeyW: "wall", KeyB: "room", KeyD: "door",
+  KeyV: "select", KeyS: "scale", KeyW: "wall", KeyB: "room", KeyX: "box", KeyD: "door",
   KeyE: "erase", KeyR: "robot", KeyG: "goal", KeyK: "keep", KeyO: "obstacle",
 };
 const part = (name) => document.querySelector(`.lrf3d-${name}`);
@@ -18,13 +18,14 @@ const editor = {
   like: { layers: false, rules: false, colours: false },
   doorWidth: 0.9,
   style: {}, // Height and material of walls to be drawn.
+  boxHeight: 0.8,
+  obstacle: { radius: 0.3, speed: 0.5 }, // Of those to be placed.
   past: [],
   future: [],
   pointer: [0, 0],
   reads: false,
   pending: 0, // Changes that the server has not answered yet.
 
-  // Change a copy of the decisions, and have the server keep them.
   // Change the decisions; what goes on with the change before is undone with it.
   change(what, make, goesOn = false) {
     if (this.reads) return note("this page only reads: the file is open in another editor");
@@ -41,7 +42,8 @@ const editor = {
   keep(edits, what) {
     const { version, source, digest, ...decisions } = edits;
     sheet.plan.edits = edits;
-    Object.assign(sheet, { route: null });
+    Object.assign(sheet, { route: null, doubts: [] });
+    for (const each of Object.values(tools)) Object.assign(each, { over: -1, one: null });
     part("saved").textContent = `${what} …`;
     send({ do: "keep", edits: decisions });
     this.pending += 1;
@@ -104,6 +106,7 @@ const editor = {
   classify(as) {
     const { plan } = sheet;
     const { rows, inside } = this.picked;
+    if (inside && as === "furniture" && plan.picture) return this.fill();
     const keys = Object.keys(this.like).filter((key) => this.like[key]);
     const named = { layers: "layer", rules: "rule", colours: "colour" };
     let selects;
@@ -115,12 +118,24 @@ const editor = {
         return { near: [(one[0] + two[0]) / 2 / plan.unit, (one[1] + two[1]) / 2 / plan.unit].map((each) => Math.round(1e4 * each) / 1e4) };
       });
     }
-    this.change(`taken for ${as}`, (edits) => (edits.class ??= []).push(...selects.map((select) => ({ select, as }))));
+    this.change(takenFor(as), (edits) => (edits.class ??= []).push(...selects.map((select) => ({ select, as }))));
+    this.pick(null);
+  },
+
+  // A solid box instead of the strokes in an area: around them, if it is a rectangle.
+  fill() {
+    const { area, lasso } = this.picked;
+    const ends = lasso ? [] : this.finder.looseIn(area);
+    const xs = ends.map(([x]) => x);
+    const ys = ends.map(([, y]) => y);
+    const [x1, y1, x2, y2] = [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
+    const points = ends.length ? [[x1, y1], [x2, y1], [x2, y2], [x1, y2]] : area;
+    this.change("a box of furniture", (edits) => (edits.wall ??= []).push({ points: points.map(rounded), closed: true, height: this.boxHeight }));
     this.pick(null);
   },
 
   classifyBy(select, as) {
-    this.change(`taken for ${as}`, (edits) => {
+    this.change(takenFor(as), (edits) => {
       edits.class = (edits.class ?? []).filter((each) => JSON.stringify(each.select) !== JSON.stringify(select));
       edits.class.push({ select, as });
     });
@@ -132,13 +147,15 @@ const editor = {
     const card = part("ask");
     card.hidden = false;
     const input = card.querySelector("input");
-    card.querySelector("p").textContent = question.metres ? `Is ${question.why} this long?` : `How long is ${question.why.replace("the length of ", "")}?`;
+    const now = sheet.plan.scaled && !question.metres ? ` Now it is ${(apart(question.between) * sheet.plan.unit).toFixed(2)} m.` : "";
+    card.querySelector("p").textContent = question.metres ? `Is ${question.why} this long?` : `How long is this?${now}`;
     input.value = question.metres ?? "";
     card.querySelector(".lrf3d-yes").textContent = question.metres ? "Yes" : "Set";
     card.querySelector("[data-do=other]").hidden = !question.metres;
-    input.focus();
-    input.select();
     part("notice").hidden = true;
+    beside(card, question.between);
+    // What is only offered takes no keys.
+    if (!question.metres) input.focus();
     sheet.stale();
   },
 
@@ -148,9 +165,9 @@ const editor = {
     part("top").focus();
     this.question = null;
     if (!(metres > 0)) return;
-    const apart = Math.hypot(between[1][0] - between[0][0], between[1][1] - between[0][1]);
-    const factor = metres / apart / sheet.plan.unit;
+    const factor = metres / apart(between) / sheet.plan.unit;
     this.refit = true;
+    sheet.held = sheet.plan.edits;
     this.change("the scale set", (edits) => {
       rescale(edits, factor);
       edits.scale = { between, metres };
@@ -158,6 +175,8 @@ const editor = {
     choose("select");
   },
 };
+editor.described = described;
+editor.note = (text) => note(text);
 const tools = makeTools(editor);
 let tool = tools.select;
 let socket;
@@ -166,6 +185,31 @@ let socket;
 const escaped = (name) => name.replace(/[[*?]/g, "[$&]");
 const send = (values) => socket.send(JSON.stringify(values));
 const note = (text) => (part("note").textContent = text);
+const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
+const apart = ([[x1, y1], [x2, y2]]) => Math.hypot(x2 - x1, y2 - y1);
+const word = (kind) => (kind === "nothing" ? "left out" : kind);
+const takenFor = (as) => (as === "nothing" ? "left out" : `taken for ${as}`);
+// Words of the command line, which mean nothing here.
+const plain = (text) => text.replace(/(, found from the picture)?; --threshold sets it/, "").replace(/--scale [\d.]+/g, "another scale");
+const RULES = { "dark part": "thin or loose marks" };
+
+// Place a card where it hides no end of a line, in units of the drawing.
+function beside(card, line) {
+  const [one, two] = line.map((point) => sheet.toScreen(point.map((each) => each * sheet.plan.unit)));
+  const low = Math.max(one[1], two[1]) + 24;
+  const top = low + card.offsetHeight < sheet.height ? low : Math.max(8, Math.min(one[1], two[1]) - card.offsetHeight - 40);
+  const left = Math.min(Math.max(8, (one[0] + two[0] - card.offsetWidth) / 2), sheet.width - card.offsetWidth - 8);
+  Object.assign(card.style, { left: `${left}px`, top: `${top}px` });
+}
+
+// What cannot be reached, and why, by the names on the plan; and what else was noted.
+function tell() {
+  const { rooms, doubts, plan } = sheet;
+  const missed = (rooms?.rooms ?? []).map(({ why }, place) => why && `R${place + 1} is not reached: ${why}`);
+  const goals = doubts.map((why, place) => why && `goal ${place + 1}: ${why}`);
+  const lost = plan.lost.length ? [`not found any more: ${plan.lost.join(", ")}`] : [];
+  note([...lost, ...missed, ...goals, ...(plan.notes ?? [])].filter(Boolean).join("; "));
+}
 
 // What was decided in metres stays where it is on a drawing that gets another scale.
 function rescale(edits, factor) {
@@ -213,21 +257,31 @@ const TAKE = {
     if (editor.pending) editor.pending -= 1;
     // What was decided meanwhile is newer than this answer.
     if (editor.pending) header.edits = sheet.plan.edits;
+    // Rows of another drawing mean other strokes.
+    if (editor.picked?.rows && sheet.plan?.kinds.length !== arrays.kinds.length) editor.picked = null;
+    Object.assign(sheet, { route: null, doubts: [], held: null });
     sheet.take(header, { ...arrays, layersOf: layers, rulesOf: rules, coloursOf: colours });
     if (first || editor.refit) sheet.fit();
     remember(header, first);
+    const [x1, y1, x2, y2] = header.bounds;
+    const size = `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m`;
+    if (editor.refit) sheet.rooms = null;
+    if (editor.refit && header.edits.scale) {
+      const { text, offers } = header.check;
+      notice(`At this scale: ${size}${text && `, with ${text}`}.${offers.length ? " If that is wrong:" : ""}`, offers.map(([words, factor]) => [words, () => scaled(header, factor)]));
+    }
     editor.refit = false;
     part("title").textContent = `lrf3d edit ${header.name}`;
     document.title = `${header.name} — lrf3d edit`;
-    const [x1, y1, x2, y2] = header.bounds;
-    part("size").textContent = !arrays.kinds.length ? "" : `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m${header.scaled ? "" : ", not to scale yet"}`;
-    part("saved").textContent = editor.pending ? `${editor.what} …` : editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "saved" : "";
+    part("size").textContent = !arrays.kinds.length ? "" : `${size}${header.scaled ? "" : ", not to scale yet"}`;
+    part("saved").textContent = editor.pending ? `${editor.what} …` : editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "changes saved" : "";
+    part("old").textContent = header.old && `${header.old} is older than this`;
     part("map-only").hidden = !header.rosMap;
     const grey = header.edits.reading?.threshold ?? /grey (\d+)/.exec(header.said)?.[1];
     part("picture").hidden = !grey;
     if (grey && !part("threshold").matches(":active")) part("threshold").value = part("grey").textContent = grey;
-    note(header.lost.length ? `not found any more: ${header.lost.join(", ")}` : "");
-    part("over").textContent = header.said || tool.hint;
+    tell();
+    part("over").textContent = plain(header.said) || tool.hint;
     if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
@@ -244,24 +298,34 @@ const TAKE = {
     editor.askScan();
   },
   rooms(header, { cells }) {
+    // What was decided meanwhile may change it.
+    if (editor.pending) return;
     sheet.rooms = roomsPicture(header, cells);
-    const missed = header.count - header.reached;
-    part("rooms").textContent = `${header.count} ${header.count === 1 ? "room" : "rooms"}, ${header.reached} reached`;
+    sheet.doubts = header.goals;
+    sheet.plan.radius = header.radius;
+    const { length } = header.rooms;
+    const missed = header.rooms.filter(({ why }) => why).length;
+    part("rooms").textContent = `${length} ${length === 1 ? "room" : "rooms"}, ${length - missed} reached`;
     part("rooms").classList.toggle("lrf3d-some", missed > 0);
+    tell();
     sheet.stale(true);
   },
   route(header) {
+    if (editor.pending) return;
     sheet.route = header.route;
     sheet.plan.radius = header.radius;
-    if (header.notes.length) note(header.notes.join("; "));
+    sheet.plan.notes = header.notes;
+    tell();
     sheet.stale();
   },
   none(header) {
+    if (editor.pending) return;
     if (header.what === "rooms") {
       sheet.rooms = null;
       part("rooms").textContent = "";
     } else sheet.route = null;
-    if (sheet.plan.kinds.length) note(header.text);
+    if (sheet.plan.kinds.length && !sheet.doubts.some(Boolean)) sheet.plan.notes = [header.text];
+    tell();
     sheet.stale(true);
   },
   role(header) {
@@ -275,15 +339,25 @@ const TAKE = {
       sheet.plan.edits = editor.past.pop() ?? sheet.plan.edits;
       part("saved").textContent = "not taken";
     }
-    part("go-wait")?.remove();
+    sheet.held = null;
+    editor.refit = false;
+    editor.film?.close();
+    editor.film = null;
     notice(header.text);
     sheet.stale();
   },
-  said: (header) => notice(header.text),
+  said(header) {
+    if (header.text.endsWith(".toml is written")) part("old").textContent = "";
+    notice(header.text);
+  },
   changed: () => notice("The file has changed.", [["Read it again", () => send({ do: "read" })]]),
   film(header) {
-    part("notice").hidden = true;
-    window.open(header.address, "lrf3d-film") ?? (location.href = header.address);
+    const open = () => window.open(header.address, "lrf3d-film");
+    if (editor.film && !editor.film.closed) {
+      part("notice").hidden = true;
+      editor.film.location = header.address;
+    } else notice("The film is ready.", [["Open it", open]]);
+    editor.film = null;
   },
 };
 
@@ -300,7 +374,7 @@ function firstQuestion(header, strokes) {
   if (header.edits.scale || editor.reads) return;
   if (!strokes) {
     choose("room");
-    return notice("An empty sheet: drag a room from corner to corner, or press W and click the corners of walls.");
+    return notice("An empty sheet in metres: drag a room from corner to corner, or press W and click the corners of walls.");
   }
   const [suggested] = header.suggestions;
   // Scales that would fit a drawing of a doubtful size, as the command line names them.
@@ -361,10 +435,10 @@ function fill(section, rows, key, selector) {
       const usual = Object.entries(kinds).sort((a, b) => b[1] - a[1])[0][0];
       const choice = document.createElement("select");
       choice.ariaLabel = `${name} is`;
-      for (const kind of sheet.plan.classes) choice.append(new Option(kind, kind, false, kind === usual));
+      for (const kind of sheet.plan.classes) choice.append(new Option(word(kind), kind, false, kind === usual));
       choice.onchange = () => editor.classifyBy({ [selector]: escaped(name) }, choice.value);
       choice.onclick = (event) => event.stopPropagation();
-      line.append(Object.assign(document.createElement("span"), { textContent: name }), Object.assign(document.createElement("i"), { textContent: count }), choice);
+      line.append(Object.assign(document.createElement("span"), { textContent: RULES[name] ?? name }), Object.assign(document.createElement("i"), { textContent: count }), choice);
       line.onclick = () => {
         choose("select");
         editor.pick({ rows: [row] });
@@ -389,10 +463,55 @@ const field = (text, value, change, type = "text") => {
 function materials(value, change) {
   const label = document.createElement("label");
   const choice = document.createElement("select");
-  for (const each of ["plaster", "glass", "mirror", "brick", "metal", "dark cloth"]) choice.append(new Option(each, each, false, each === (value ?? "plaster")));
+  for (const each of ["plaster", "glass", "mirror", "brick", "metal", "dark cloth"]) choice.append(new Option(each === "dark cloth" ? "dark cloth, hardly seen" : each, each, false, each === (value ?? "plaster")));
   choice.onchange = () => change(choice.value === "plaster" ? undefined : choice.value);
   label.append("made of", choice);
   return label;
+}
+
+function button(textContent, onclick) {
+  return Object.assign(document.createElement("button"), { textContent, onclick });
+}
+
+const paragraph = (textContent, kind = "p") => Object.assign(document.createElement(kind), { textContent });
+
+// The panel of something that was decided: what it is, its values, and Delete.
+function panelOf(one) {
+  const { edits } = sheet.plan;
+  const set = (values) => editor.change("changed", (now) => Object.assign(one.table === "robot.start" ? now.robot : now[one.table][one.number], values));
+  const size = (text, key, usual) => field(text, edits[one.table][one.number][key] ?? usual, (value) => set({ [key]: Number(value) || usual }));
+  const drop = () => {
+    editor.change("deleted", (now) => tools.select.drop(now, one));
+    editor.pick(null);
+  };
+  const parts = {
+    wall: () => wallPanel(one, set, size),
+    doorway: () => [size("width [m]", "width", 0.9)],
+    obstacle: () => [size("radius [m]", "radius", 0.3), ...(edits.obstacle[one.number].route.length > 1 ? [size("speed [m/s]", "speed", 0.5)] : [])],
+    "robot.start": () => [field("heading [°]", edits.robot.start[2], (value) => set({ start: [...edits.robot.start.slice(0, 2), Number(value) || 0] }))],
+  };
+  const moved = one.table === "wall" ? "its ends can be dragged" : one.table === "keep_out" ? "its corners can be dragged" : "drag it to move it";
+  return [paragraph(tools.select.named(one)), ...(parts[one.table]?.() ?? []), button("Delete", drop), paragraph(moved, "small")];
+}
+
+function wallPanel({ number, piece }, set, size) {
+  const wall = sheet.plan.edits.wall[number];
+  const several = wall.points.length > 2;
+  const whole = () => editor.pick({ one: { table: "wall", number } });
+  // One side of several gets a wall of its own on top, so that the whole stays one.
+  const make = (material) => {
+    if (!several || piece === undefined) return set({ material });
+    const ends = [wall.points[piece], wall.points[(piece + 1) % wall.points.length]];
+    editor.change("changed", (now) => now.wall.splice(number + 1, 0, { points: ends, ...(wall.height && { height: wall.height }), material }));
+    return editor.pick({ one: { table: "wall", number: number + 1, piece: 0 } });
+  };
+  const found = [materials(wall.material, make)];
+  if (!several || piece === undefined) found.unshift(size("height [m]", "height", 2.5));
+  if (piece !== undefined) {
+    found.push(button("Add a corner here", () => editor.change("a corner added", (now) => now.wall[number].points.splice(piece + 1, 0, rounded(editor.picked.point)))));
+    if (several) found.push(button("Select all of it", whole));
+  }
+  return found;
 }
 
 function showPicked() {
@@ -408,29 +527,12 @@ function showPicked() {
       field("height [m]", editor.style.height ?? 2.5, (value) => (editor.style = { ...editor.style, height: Number(value) || 2.5 })),
       materials(editor.style.material, (material) => (editor.style = { ...editor.style, material })),
     );
-  } else if (picked?.one?.table === "wall" && plan.edits.wall?.[picked.one.number]) {
-    const { number, piece } = picked.one;
-    const wall = plan.edits.wall[number];
-    const set = (values) => editor.change("changed", (edits) => Object.assign(edits.wall[number], values));
-    card.append(
-      Object.assign(document.createElement("p"), { textContent: "a wall that was drawn" }),
-      field("height [m]", wall.height ?? 2.5, (value) => set({ height: Number(value) || 2.5 })),
-      materials(wall.material, (material) => set({ material })),
-    );
-    if (piece !== undefined) {
-      const split = Object.assign(document.createElement("button"), { textContent: "Split here" });
-      split.onclick = () => editor.change("split", (edits) => edits.wall[number].points.splice(piece + 1, 0, picked.point ?? editor.pointer.map((each) => Math.round(1e4 * each) / 1e4)));
-      card.append(split);
-    }
-    const drop = Object.assign(document.createElement("button"), { textContent: "Delete" });
-    drop.onclick = () => {
-      editor.change("deleted", (edits) => {
-        edits.wall.splice(number, 1);
-        if (!edits.wall.length) delete edits.wall;
-      });
-      editor.pick(null);
-    };
-    card.append(drop);
+  } else if (tool === tools.box) {
+    card.append(field("height [m]", editor.boxHeight, (value) => (editor.boxHeight = Number(value) || 0.8)));
+  } else if (tool === tools.obstacle) {
+    for (const [text, key] of [["radius [m]", "radius"], ["speed [m/s]", "speed"]]) card.append(field(text, editor.obstacle[key], (value) => (editor.obstacle[key] = Number(value) || editor.obstacle[key])));
+  } else if (picked?.one && tools.select.exists(picked.one)) {
+    card.append(...panelOf(picked.one));
   } else if (picked?.rows || picked?.inside) {
     card.append(Object.assign(document.createElement("p"), { textContent: picked.inside ? "all in this area" : described(picked.rows[0]) }));
     if (picked.rows) {
@@ -444,19 +546,19 @@ function showPicked() {
       }
     }
     const classes = Object.assign(document.createElement("div"), { className: "lrf3d-classes" });
-    for (const [place, kind] of plan.classes.entries()) {
+    for (const kind of plan.classes) {
       const button = document.createElement("button");
       const swatch = document.createElement("b");
       swatch.style.background = COLOURS[kind];
       const hint = Object.assign(document.createElement("kbd"), { textContent: ` ${["wall", "furniture", "glass", "mirror", "door", "nothing"].indexOf(kind) + 1}` });
-      button.append(swatch, kind, hint);
+      button.append(swatch, word(kind), hint);
       button.dataset.kind = kind;
       button.onclick = () => editor.classify(kind);
       classes.append(button);
-      void place;
     }
     card.append(classes);
   }
+  if (picked?.inside && plan.picture) card.append(paragraph("furniture becomes a solid box", "small"));
   card.hidden = !card.children.length || editor.reads;
 }
 
@@ -467,8 +569,8 @@ function described(row) {
   const layer = plan.layers[plan.layersOf[row]];
   const rule = plan.rules[plan.rulesOf[row]];
   const kind = plan.classes[plan.kinds[row]];
-  const why = rule ? `rule: ${rule}` : layer ? "by its layer" : "no rule takes it out";
-  return `${long} m${layer ? ` on ${layer}` : ""}: ${kind} (${why})`;
+  const why = rule ? RULES[rule] ?? rule : layer ? "by its layer" : "no rule takes it out";
+  return `${long} m${layer ? ` on ${layer}` : ""}: ${word(kind)} (${why})`;
 }
 
 // Controls -----------------------------------------------------------------------------------------
@@ -490,6 +592,15 @@ function buttons() {
   document.querySelector("[data-do=redo]").disabled = !editor.future.length;
 }
 
+// The tab is opened at once: one that comes later would be blocked.
+function film() {
+  const text = "The robot drives, and its film is made ready …";
+  editor.film = window.open("", "lrf3d-film");
+  if (editor.film) editor.film.document.body.textContent = text;
+  notice(text);
+  send({ do: "drive" });
+}
+
 const ACTIONS = {
   undo: () => editor.undo(),
   redo: () => editor.redo(),
@@ -498,8 +609,9 @@ const ACTIONS = {
   world: () => send({ do: "world" }),
   map: () => send({ do: "map" }),
   drive() {
-    notice("It drives, and its film is made ready …");
-    send({ do: "drive" });
+    const missed = sheet.doubts.map((why, place) => why && `goal ${place + 1}: ${why}`).filter(Boolean);
+    if (missed.length) notice(`${missed.join("; ")}. Drive anyway?`, [["Drive", film]]);
+    else film();
   },
   other() {
     const { suggestions } = sheet.plan;
@@ -518,12 +630,15 @@ const ACTIONS = {
   },
 };
 
+// A second click within this time is a double click [ms].
+const TWICE = 400;
+
 function placed(event) {
   const box = part("top").getBoundingClientRect();
   const at = [event.clientX - box.left, event.clientY - box.top];
-  const { altKey, shiftKey, detail } = event;
+  const { altKey, shiftKey } = event;
   editor.pointer = sheet.toPlan(at);
-  return { at, point: editor.pointer, altKey, shiftKey, detail };
+  return { at, point: editor.pointer, altKey, shiftKey };
 }
 
 function connect() {
@@ -531,6 +646,7 @@ function connect() {
   let pan = null;
   let space = false;
   let pressed = false;
+  let before = { time: -TWICE, at: [0, 0] };
   top.onpointerdown = (event) => {
     top.setPointerCapture(event.pointerId);
     top.focus();
@@ -538,6 +654,8 @@ function connect() {
     if (space || event.button === 1 || event.button === 2) pan = where.at;
     else if (event.button === 0) {
       pressed = true;
+      where.twice = event.timeStamp - before.time < TWICE && Math.hypot(where.at[0] - before.at[0], where.at[1] - before.at[1]) < 5;
+      before = { time: event.timeStamp, at: where.at };
       tool.down?.(where);
     }
     sheet.stale();
@@ -550,7 +668,7 @@ function connect() {
       return;
     }
     tool.move?.(where);
-    if (tool === tools.select && !pressed) part("over").textContent = tool.over >= 0 ? described(tool.over) : tool.hint;
+    if (tool.says && !pressed) part("over").textContent = tool.says() || tool.hint;
     sheet.stale();
   };
   top.onpointerup = (event) => {
@@ -609,14 +727,18 @@ function connect() {
     ...Object.entries(COLOURS).flatMap(([kind, colour]) => {
       const swatch = document.createElement("b");
       swatch.style.background = colour;
-      return [swatch, Object.assign(document.createElement("span"), { textContent: kind === "nothing" ? "left out" : kind })];
+      return [swatch, Object.assign(document.createElement("span"), { textContent: word(kind) })];
     }),
+    ...[["room", "a room that is reached"], ["missed", "one that is not"], ["route", "the route"], ["robot", "the robot"], ["goal", "a goal"], ["obstacle", "an obstacle"]].flatMap(([name, textContent]) => [
+      Object.assign(document.createElement("b"), { className: `lrf3d-is-${name}` }),
+      Object.assign(document.createElement("span"), { textContent }),
+    ]),
   );
   sheet.drawTool = (context) => {
     if (editor.question) {
       const ends = editor.question.between.map((point) => point.map((each) => each * sheet.plan.unit));
       sheet.line(context, ends, { colour: "#37a350", width: 6 });
-      sheet.label(context, ends[1], editor.question.metres ? `${editor.question.metres} m?` : "? m", "#2b8a3e");
+      sheet.label(context, ends[1], editor.question.metres ? `${editor.question.metres} m?` : sheet.plan.scaled ? `${apart(ends).toFixed(2)} m` : "? m", "#2b8a3e");
     }
     tool.draw(context);
   };

@@ -5,6 +5,7 @@ export const COLOURS = {
 };
 const WIDTHS = { wall: 2.2, furniture: 1.4, glass: 2.6, mirror: 2.6, door: 1.4, nothing: 0.8 };
 const ORANGE = "#f07c14";
+export const RED = "#e03131"; // Of what is not reached.
 const MANY = 3000; // Strokes above which a moving view shows the last picture, moved.
 const CALM = 140; // Time until it is drawn again [ms].
 const PEN = { willReadFrequently: true }; // Drawn by the processor: graphics cards are slow at long lists of strokes.
@@ -22,6 +23,8 @@ export class Sheet {
     this.route = null;
     this.beams = null;
     this.robot = null; // The pose that the beams are cast from.
+    this.doubts = []; // Why goals are not reached, by their numbers.
+    this.held = null; // Decisions that are shown until the drawing has their scale.
     this.still = 0;
     new ResizeObserver(() => this.resize()).observe(base.parentElement);
   }
@@ -156,7 +159,8 @@ export class Sheet {
       for (const path of plan.paths[plan.classes.indexOf(kind)]) context.stroke(path);
     }
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    for (const opening of plan.doors) this.line(context, opening, { colour: COLOURS.door, width: 2, dash: [5, 4] });
+    for (const opening of [...plan.doors, ...plan.gaps]) this.line(context, opening, { colour: COLOURS.door, width: 2, dash: [5, 4] });
+    this.rooms?.rooms.forEach(({ at, area, why }, place) => this.name(context, at, `R${place + 1}`, `${area.toFixed(1)} m²`, why && RED));
     if (many) {
       const picture = document.createElement("canvas");
       Object.assign(picture, { width: this.base.width, height: this.base.height });
@@ -236,10 +240,31 @@ export class Sheet {
     context.textBaseline = "alphabetic";
   }
 
-  label(context, point, text, colour = "#1c2534") {
+  ring(context, point, colour, metres) {
     const [x, y] = this.toScreen(point);
+    context.beginPath();
+    context.arc(x, y, Math.max(13, metres * this.view.scale + 4), 0, 2 * Math.PI);
+    Object.assign(context, { strokeStyle: colour, lineWidth: 4 });
+    context.stroke();
+  }
+
+  // The name of a room, and its area below.
+  name(context, point, name, area, colour) {
+    const [x, y] = this.toScreen(point);
+    Object.assign(context, { fillStyle: colour || "rgba(122, 78, 12, 0.8)", textAlign: "center" });
+    Object.assign(context, { strokeStyle: "rgba(255, 248, 235, 0.8)", lineWidth: 3, lineJoin: "round" });
+    for (const [text, size, down] of [[name, "bold 12px", 0], [area, "10px", 13]]) {
+      context.font = `${size} DejaVu Sans, sans-serif`;
+      context.strokeText(text, x, y + down);
+      context.fillText(text, x, y + down);
+    }
+  }
+
+  label(context, point, text, colour = "#1c2534") {
     context.font = "600 13px DejaVu Sans, sans-serif";
     const wide = context.measureText(text).width + 12;
+    const at = this.toScreen(point);
+    const [x, y] = [Math.min(at[0], this.width - wide - 16), Math.max(at[1], 34)];
     context.fillStyle = "rgba(255, 255, 255, 0.92)";
     context.beginPath();
     context.roundRect(x + 12, y - 30, wide, 22, 5);
@@ -297,7 +322,7 @@ export class Sheet {
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.clearRect(0, 0, this.width, this.height);
     const { plan } = this;
-    const edits = plan.edits;
+    const edits = this.held ?? plan.edits;
     for (const { points } of edits.keep_out ?? []) this.line(context, points, { colour: "#d9480f", width: 1.5, dash: [6, 4], closed: true, fill: "rgba(217, 72, 15, 0.13)" });
     for (const each of edits.obstacle ?? []) {
       this.line(context, each.route, { colour: "#c2255c", width: 1.5, dash: [2, 4] });
@@ -309,7 +334,11 @@ export class Sheet {
     }
     if (this.route) this.line(context, this.route, { colour: ORANGE, width: 2.5, dash: [1, 6] });
     this.drawBeams(context);
-    (edits.robot?.route ?? []).forEach((goal, place) => this.dot(context, goal, "#2b6cb0", 9, String(place + 1)));
+    (edits.robot?.route ?? []).forEach((goal, place) => {
+      const why = this.doubts[place];
+      this.dot(context, goal, why ? RED : "#2b6cb0", 9, String(place + 1));
+      if (why) this.label(context, goal, why, RED);
+    });
     const pose = this.robot ?? edits.robot?.start;
     if (pose) this.drawRobot(context, pose, this.plan.radius);
     this.drawTool?.(context);
@@ -317,7 +346,7 @@ export class Sheet {
 }
 
 // Rooms as a picture: warm where the robot comes, hatched where it does not.
-export function roomsPicture({ corner, size, shape }, cells) {
+export function roomsPicture({ corner, size, shape, rooms }, cells) {
   const [columns, rows] = shape;
   const data = new ImageData(columns, rows);
   for (let column = 0; column < columns; column += 1) {
@@ -331,5 +360,5 @@ export function roomsPicture({ corner, size, shape }, cells) {
   const picture = document.createElement("canvas");
   Object.assign(picture, { width: columns, height: rows });
   picture.getContext("2d").putImageData(data, 0, 0);
-  return { corner, size, shape, picture };
+  return { corner, size, shape, rooms, picture };
 }

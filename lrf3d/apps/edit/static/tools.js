@@ -21,6 +21,16 @@ function crossing([[x1, y1], [x2, y2]], [[x3, y3], [x4, y4]]) {
   return Math.abs(turn) > 1e-9 ? [x1 + share * (x2 - x1), y1 + share * (y2 - y1)] : null;
 }
 
+// Whether a point is in a polygon.
+function isInside([x, y], area) {
+  let inside = false;
+  area.forEach(([x1, y1], place) => {
+    const [x2, y2] = area[(place + 1) % area.length];
+    if (y1 > y !== y2 > y && x < x1 + ((y - y1) / (y2 - y1)) * (x2 - x1)) inside = !inside;
+  });
+  return inside;
+}
+
 // Lines of the plan and of what is drawn, by their rows.
 export class Finder {
   constructor(sheet) {
@@ -44,13 +54,33 @@ export class Finder {
       const [x1, y1, x2, y2] = [strokes[4 * row], strokes[4 * row + 1], strokes[4 * row + 2], strokes[4 * row + 3]];
       if (Math.min(x1, x2) - least > x || Math.max(x1, x2) + least < x || Math.min(y1, y2) - least > y || Math.max(y1, y2) + least < y) continue;
       const off = away([x, y], foot([x, y], [x1, y1], [x2, y2]));
-      if (off < least && fits(row)) [best, least] = [row, off];
+      // Of two at one place the last one is on top.
+      if (off <= least && fits(row)) [best, least] = [row, off];
     }
     return best;
   }
 
-  // Where a point is drawn to: ends, lines, and right angles to a point before it.
-  snap(point, last, before) {
+  // The ends of strokes inside a polygon that are no walls.
+  looseIn(area) {
+    const { kinds, classes } = this.sheet.plan;
+    const found = [];
+    for (let row = 0; row < kinds.length; row += 1) {
+      if (!["nothing", "furniture", "door"].includes(classes[kinds[row]])) continue;
+      const ends = this.ends(row);
+      if (ends.every((end) => isInside(end, area))) found.push(...ends);
+    }
+    return found;
+  }
+
+  // The nearest point of the grid: decimetres, centimetres where those are wide.
+  onGrid(point) {
+    const { plan, view } = this.sheet;
+    const step = view.scale > 250 ? 0.01 : view.scale > 20 ? 0.1 : 1;
+    return plan.scaled ? point.map((each) => Math.round(each / step) * step) : point;
+  }
+
+  // Where a point is drawn to: ends, lines, right angles to a point before it, and the grid.
+  snap(point, last, before, grid = true) {
     const reach = REACH / this.sheet.view.scale;
     const { strokes, ox, oy } = this.sheet.plan;
     let [best, least] = [null, reach];
@@ -67,7 +97,8 @@ export class Finder {
         const way = [Math.cos(turn), Math.sin(turn)];
         const along = (point[0] - last[0]) * way[0] + (point[1] - last[1]) * way[1];
         const off = Math.abs((point[0] - last[0]) * way[1] - (point[1] - last[1]) * way[0]);
-        if (off < least) [best, least] = [[last[0] + along * way[0], last[1] + along * way[1]], off];
+        const long = grid ? this.onGrid([along])[0] : along;
+        if (off < least) [best, least] = [[last[0] + long * way[0], last[1] + long * way[1]], off];
       }
     }
     const row = this.stroke(point);
@@ -75,7 +106,8 @@ export class Finder {
     const met = best && row >= 0 && crossing([last, best], this.ends(row));
     if (met && away(met, point) < 2 * reach) return { point: met, to: "line" };
     if (best) return { point: best, to: "angle" };
-    return row >= 0 ? { point: foot(point, ...this.ends(row)), to: "line" } : { point, to: "" };
+    if (row >= 0) return { point: foot(point, ...this.ends(row)), to: "line" };
+    return { point: grid ? this.onGrid(point) : point, to: "" };
   }
 }
 
@@ -90,33 +122,83 @@ export function makeTools(editor) {
     return [(one[0] + two[0]) / 2, (one[1] + two[1]) / 2];
   };
 
-  // What was decided at a point: its table, its number, and the number of its point.
-  function decided(point) {
-    const reach = (REACH + 3) / sheet.view.scale;
-    const { edits } = sheet.plan;
-    const found = [];
-    const near = (table, number, points) => points.forEach((each, place) => found.push({ table, number, place, off: away(point, each) }));
-    if (edits.robot?.start) near("robot.start", 0, [edits.robot.start.slice(0, 2)]);
-    near("robot.route", 0, edits.robot?.route ?? []);
-    (edits.wall ?? []).forEach(({ points }, number) => near("wall", number, points));
-    (edits.doorway ?? []).forEach(({ at }, number) => near("doorway", number, [at]));
-    (edits.keep_out ?? []).forEach(({ points }, number) => near("keep_out", number, points));
-    (edits.obstacle ?? []).forEach(({ route }, number) => near("obstacle", number, route));
-    const best = found.sort((a, b) => a.off - b.off)[0];
-    if (best && best.off < reach) return best;
-    for (const [number, { points, closed }] of (edits.wall ?? []).entries()) {
-      const ring = closed ? [...points, points[0]] : points;
-      for (let place = 1; place < ring.length; place += 1) {
-        if (away(point, foot(point, ring[place - 1], ring[place])) < reach) return { table: "wall", number, piece: place - 1 };
+  // The wall that was decided of which a stroke is a part: its number, and that of its side. The last one is on top.
+  function wallOf(row) {
+    if (row < 0 || !drawn(row)) return null;
+    const at = middle(row);
+    const { wall = [] } = sheet.plan.edits;
+    for (let number = wall.length - 1; number >= 0; number -= 1) {
+      const { points } = wall[number];
+      for (let piece = 0; piece < points.length - (wall[number].closed ? 0 : 1); piece += 1) {
+        if (away(at, foot(at, points[piece], points[(piece + 1) % points.length])) < 0.003) return { table: "wall", number, piece };
       }
     }
     return null;
   }
 
+  // What was decided at a point: its table, its number, and the number of its point; else a side of a wall.
+  function decided(point, row, ends = false) {
+    const reach = (REACH + 3) / sheet.view.scale;
+    const { edits } = sheet.plan;
+    const found = [];
+    const near = (table, number, points, size = 0) => points.forEach((each, place) => found.push({ table, number, place, off: away(point, each) / Math.max(reach, size) }));
+    if (edits.robot?.start) near("robot.start", 0, [edits.robot.start.slice(0, 2)], sheet.plan.radius);
+    near("robot.route", 0, edits.robot?.route ?? []);
+    if (ends) (edits.wall ?? []).forEach(({ points }, number) => near("wall", number, points));
+    (edits.doorway ?? []).forEach(({ at, width }, number) => near("doorway", number, [at], 0.4 * width));
+    (edits.keep_out ?? []).forEach(({ points }, number) => near("keep_out", number, points));
+    (edits.obstacle ?? []).forEach(({ route, radius }, number) => {
+      near("obstacle", number, route.slice(0, 1), radius ?? 0.3);
+      near("obstacle", number, route);
+    });
+    const best = found.sort((a, b) => a.off - b.off)[0];
+    if (best?.off < 1) return best;
+    const wall = wallOf(row);
+    if (wall) return { ...wall, point: foot(point, ...pieceOf(wall)) };
+    const area = (edits.keep_out ?? []).findIndex(({ points }) => points.some((each, place) => away(point, foot(point, each, points[(place + 1) % points.length])) < reach));
+    return area >= 0 && row < 0 ? { table: "keep_out", number: area } : null;
+  }
+
   const pointsOf = (edits, { table, number }) => {
+    if (table === "robot.start") return [edits.robot.start.slice(0, 2)];
     if (table === "robot.route") return edits.robot.route;
+    if (table === "doorway") return [edits.doorway[number].at];
     return edits[table][number][table === "obstacle" ? "route" : "points"];
   };
+
+  const exists = (one) => {
+    const { edits } = sheet.plan;
+    if (one.table === "robot.start") return Boolean(edits.robot?.start);
+    if (one.table === "robot.route") return one.place < (edits.robot?.route?.length ?? 0);
+    return one.number < (edits[one.table]?.length ?? 0) && (one.piece ?? 0) < pointsOf(edits, one).length;
+  };
+
+  // What something that was decided is called.
+  function named(one) {
+    const { edits } = sheet.plan;
+    if (one.table === "wall") {
+      const { points, material, height, closed } = edits.wall[one.number];
+      const kind = height < 1.25 ? `box or low wall of ${height} m` : material ?? "wall";
+      if (one.piece === undefined) return `${closed ? "all sides" : "the whole"}: ${kind}`;
+      return `${points.length > 2 ? "one side, " : ""}${metres(away(...pieceOf(one)))}: ${kind} (drawn)`;
+    }
+    const names = { "robot.start": "where the robot starts", "robot.route": `goal ${one.place + 1}`, doorway: "a doorway that was cut", keep_out: "an area that routes avoid", obstacle: "an obstacle" };
+    return names[one.table];
+  }
+
+  // Where something is that was decided.
+  function mark(context, one, colour) {
+    const { edits } = sheet.plan;
+    if (!exists(one)) return;
+    if (one.table === "wall") {
+      const { points, closed } = edits.wall[one.number];
+      return one.piece === undefined ? sheet.line(context, points, { colour, width: 5, closed }) : sheet.line(context, pieceOf(one), { colour, width: 5 });
+    }
+    const points = pointsOf(edits, one);
+    if (["keep_out", "obstacle"].includes(one.table)) sheet.line(context, points, { colour, width: 3, closed: one.table === "keep_out" });
+    const sizes = { "robot.start": sheet.plan.radius, doorway: edits.doorway?.[one.number]?.width / 2, obstacle: edits.obstacle?.[one.number]?.radius ?? 0.3 };
+    if (one.table !== "keep_out") sheet.ring(context, points[one.table === "robot.route" ? one.place : 0], colour, sizes[one.table] ?? 0);
+  }
 
   function moveDecided(edits, one, to) {
     if (one.table === "robot.start") edits.robot.start = [...rounded(to), edits.robot.start[2]];
@@ -157,7 +239,7 @@ export function makeTools(editor) {
   }
 
   // Tools that take points until Enter, or until a line comes back to its beginning.
-  const polyline = (keep, least, closes, word) => ({
+  const polyline = (keep, least, closes, word, alone = "") => ({
     points: [],
     typed: "",
     start() {
@@ -182,7 +264,9 @@ export function makeTools(editor) {
     down(event) {
       const { point, to } = this.at(event);
       this.typed = "";
-      if (to === "close" || event.detail > 1) return this.finish(to === "close");
+      const last = this.points.at(-1);
+      const again = last && away(point, last) * sheet.view.scale < 4;
+      if (to === "close" || again) return this.finish(to === "close");
       this.points.push(point);
       return true;
     },
@@ -208,21 +292,88 @@ export function makeTools(editor) {
       const line = [...points, now.point];
       sheet.line(context, line, { colour: "#f07c14", width: 2.5, closed: closes && points.length > 1 });
       sheet.dot(context, now.point, now.to ? "#37a350" : "#f07c14", 4.5);
-      if (points.length) sheet.label(context, now.point, this.typed ? `${this.typed}▏ m` : metres(away(points.at(-1), now.point)), now.to === "angle" ? "#2b8a3e" : "#1c2534");
+      if (!points.length) return;
+      const long = away(points.at(-1), now.point);
+      const still = long * sheet.view.scale < 4;
+      if (!still || this.typed) sheet.label(context, now.point, this.typed ? `${this.typed}▏ m` : metres(long), now.to === "angle" ? "#2b8a3e" : "#1c2534");
+      else if (alone && points.length === 1) sheet.label(context, now.point, alone);
     },
   });
 
   const boxed = (from, to) => [from, [to[0], from[1]], to, [from[0], to[1]]];
 
+  // Tools that take a rectangle: dragged, by two clicks, or with its width and height typed.
+  const rectangle = (what, style) => ({
+    start() {
+      Object.assign(this, { from: null, to: null, typed: ["", ""], axis: 0 });
+    },
+    at(event) {
+      const point = event.altKey ? event.point : finder.snap(event.point).point;
+      if (!this.from) return point;
+      return point.map((each, axis) => {
+        const long = Number(this.typed[axis]);
+        return long > 0 ? this.from[axis] + (each < this.from[axis] ? -long : long) : each;
+      });
+    },
+    move(event) {
+      this.event = event;
+      this.now = this.at(event);
+      if (this.from) this.to = this.now;
+    },
+    down(event) {
+      this.move(event);
+      if (this.from) return this.finish();
+      Object.assign(this, { from: this.now, to: this.now, pressed: event.at });
+    },
+    up(event) {
+      this.move(event);
+      if (this.from && away(event.at, this.pressed) > 6) this.finish();
+    },
+    key({ key }) {
+      if (!this.from) return false;
+      const { typed, axis } = this;
+      if (key === "Enter") this.finish();
+      else if (key === "Tab") this.axis = 1 - axis;
+      else if (key === "Backspace") typed[axis] = typed[axis].slice(0, -1);
+      else if (/^[\d.,]$/.test(key)) typed[axis] += key.replace(",", ".");
+      else return false;
+      if (this.from) this.move(this.event);
+      return true;
+    },
+    finish() {
+      const { from, to } = this;
+      this.start();
+      if (Math.min(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) < 0.05) return;
+      editor.change(`${what} drawn`, (edits) => (edits.wall ??= []).push({ points: boxed(from, to).map(rounded), closed: true, ...style() }));
+    },
+    draw(context) {
+      if (this.from) {
+        const size = this.typed.map((typed, axis) => (typed || axis !== this.axis ? typed : "") || Math.abs(this.to[axis] - this.from[axis]).toFixed(2));
+        size[this.axis] += this.typed.some(Boolean) ? "▏" : "";
+        sheet.line(context, boxed(this.from, this.to), { colour: "#f07c14", width: 2.5, closed: true });
+        sheet.label(context, this.to, `${size.join(" × ")} m`);
+      }
+      if (this.now) sheet.dot(context, this.now, "#f07c14", 4.5);
+    },
+  });
+
   return {
     select: {
       cursor: "default",
-      hint: "click what was understood wrongly, or drag around it; then say what it is",
+      hint: "click what was understood wrongly, or drag around it; then say what it is; robot, goals and ends of walls can be dragged",
+      exists,
+      named,
+      drop: deleteDecided,
+      says() {
+        return this.one && exists(this.one) ? named(this.one) : this.over >= 0 ? editor.described(this.over) : "";
+      },
       down(event) {
-        const one = decided(event.point);
-        if (one && one.place !== undefined) return (this.drag = { one, edits: structuredClone(sheet.plan.edits) });
-        if (one) return editor.pick({ one });
         const row = finder.stroke(event.point);
+        const one = decided(event.point, row, true);
+        const whole = one?.table === "wall" && event.twice && { one: { table: "wall", number: one.number } };
+        if (whole) return editor.pick(whole);
+        if (one && one.place !== undefined) return (this.drag = { one, edits: structuredClone(sheet.plan.edits) });
+        if (one) return editor.pick({ one, point: one.point });
         if (row >= 0) {
           const end = finder.ends(row).find((each) => away(each, event.point) < REACH / sheet.view.scale);
           const picked = event.shiftKey && editor.picked?.rows ? [...editor.picked.rows, row] : [row];
@@ -236,6 +387,7 @@ export function makeTools(editor) {
       move(event) {
         const { drag } = this;
         this.over = drag ? -1 : finder.stroke(event.point);
+        this.one = drag ? null : decided(event.point, this.over);
         if (!drag) return;
         drag.moved = true;
         if (drag.around) drag.around = drag.lasso ? [...drag.around, event.point] : [drag.around[0], event.point];
@@ -248,9 +400,13 @@ export function makeTools(editor) {
         if (!drag) return;
         if (drag.around && drag.around.some((each) => away(each, drag.around[0]) * sheet.view.scale > 4)) {
           const area = drag.lasso ? drag.around : boxed(...drag.around);
-          editor.pick({ inside: area.map(inUnits), area });
+          editor.pick({ inside: area.map(inUnits), area, lasso: drag.lasso });
         } else if (drag.around) drag.row < 0 && editor.pick(null);
-        else if (drag.one && !drag.moved) editor.pick({ one: drag.one });
+        else if (drag.one && !drag.moved) {
+          // At the end of a wall its side is meant.
+          const one = drag.one.table === "wall" ? decided(event.point, finder.stroke(event.point)) : drag.one;
+          if (one) editor.pick({ one, point: one.point });
+        }
         else if (drag.one) editor.change("moved", (edits) => moveDecided(edits, drag.one, drag.to));
         else if (drag.to) editor.change("an end moved", (edits) => (edits.move ??= []).push({ end: drag.end, to: rounded(drag.to) }));
       },
@@ -258,22 +414,24 @@ export function makeTools(editor) {
         const { drag } = this;
         if (editor.picked?.rows) sheet.lines(context, editor.rowsLike().map((row) => finder.ends(row)), "#f5a623", 5);
         if (editor.picked?.area) sheet.line(context, editor.picked.area, { colour: "#f5a623", width: 2, closed: true, fill: "rgba(245, 166, 35, 0.12)" });
-        if (editor.picked?.one) {
-          const { one } = editor.picked;
-          if (one.table === "wall" && sheet.plan.edits.wall?.[one.number]) {
-            const { points, closed } = sheet.plan.edits.wall[one.number];
-            sheet.line(context, points, { colour: "#f5a623", width: 5, closed });
-            for (const point of points) sheet.dot(context, point, "#f5a623", 4.5);
-          }
+        const one = editor.picked?.one;
+        if (one && exists(one)) {
+          mark(context, one, "#f5a623");
+          for (const point of one.table === "wall" ? (one.piece === undefined ? pointsOf(sheet.plan.edits, one) : pieceOf(one)) : []) sheet.dot(context, point, "#f5a623", 4.5);
         }
-        if (this.over >= 0 && !drag) sheet.line(context, finder.ends(this.over), { colour: "rgba(245, 166, 35, 0.55)", width: 5 });
+        if (this.one && !drag) mark(context, this.one, "rgba(245, 166, 35, 0.55)");
+        else if (this.over >= 0 && !drag) sheet.line(context, finder.ends(this.over), { colour: "rgba(245, 166, 35, 0.55)", width: 5 });
         if (drag?.around) sheet.line(context, drag.lasso ? drag.around : boxed(drag.around[0], drag.around.at(-1)), { colour: "#f5a623", width: 1.5, dash: [4, 4], closed: true });
         if (drag?.to) sheet.dot(context, drag.to, "#f5a623", 6);
       },
       key({ key }) {
         const classes = ["wall", "furniture", "glass", "mirror", "door", "nothing"];
-        if (classes[key - 1] && editor.picked) editor.classify(classes[key - 1]);
-        else if (["Delete", "Backspace"].includes(key) && editor.picked?.one) editor.change("deleted", (edits) => deleteDecided(edits, editor.picked.one));
+        if (classes[key - 1] && editor.picked && !editor.picked.one) editor.classify(classes[key - 1]);
+        else if (["Delete", "Backspace"].includes(key) && editor.picked?.one) {
+          const { one } = editor.picked;
+          editor.change("deleted", (edits) => deleteDecided(edits, one));
+          editor.pick(null);
+        }
         else if (["Delete", "Backspace"].includes(key) && editor.picked) editor.classify("nothing");
         else return false;
         return true;
@@ -286,19 +444,20 @@ export function makeTools(editor) {
         this.ends = [];
       },
       move(event) {
-        this.now = event.altKey ? event.point : finder.snap(event.point, this.ends[0]).point;
+        this.now = event.altKey ? event.point : finder.snap(event.point, this.ends[0], null, false).point;
       },
       down(event) {
         this.move(event);
         if (this.ends.length > 1) this.ends = [];
         this.ends.push(this.now);
-        if (this.ends.length === 2) editor.ask({ between: this.ends.map(inUnits), why: "the length of this", metres: null });
+        // An empty sheet is in metres: there it only measures.
+        if (this.ends.length === 2 && !sheet.plan.empty) editor.ask({ between: this.ends.map(inUnits), why: "the length of this", metres: null });
       },
       draw(context) {
         const line = this.ends.length === 1 && this.now ? [this.ends[0], this.now] : this.ends;
         if (line.length > 1) sheet.line(context, line, { colour: "#37a350", width: 3 });
         for (const end of [...this.ends, ...(this.now ? [this.now] : [])]) sheet.dot(context, end, "#37a350", 4.5);
-        if (this.ends.length === 1 && this.now) sheet.label(context, this.now, sheet.plan.scaled ? metres(away(this.ends[0], this.now)) : "? m");
+        if (line.length > 1) sheet.label(context, line[1], sheet.plan.scaled ? metres(away(...line)) : "? m");
       },
     },
     wall: {
@@ -308,36 +467,25 @@ export function makeTools(editor) {
     },
     room: {
       cursor: "crosshair",
-      hint: "drag from corner to corner",
-      down(event) {
-        this.from = finder.snap(event.point).point;
-        this.to = this.from;
-      },
-      move(event) {
-        this.now = event.altKey ? event.point : finder.snap(event.point).point;
-        if (this.from) this.to = this.now;
-      },
-      up() {
-        const { from, to } = this;
-        this.from = null;
-        if (from && Math.min(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) > 0.05) {
-          editor.change("a room drawn", (edits) => (edits.wall ??= []).push({ points: boxed(from, to).map(rounded), closed: true, ...editor.style }));
-        }
-      },
-      draw(context) {
-        if (this.from) {
-          sheet.line(context, boxed(this.from, this.to), { colour: "#f07c14", width: 2.5, closed: true });
-          sheet.label(context, this.to, `${Math.abs(this.to[0] - this.from[0]).toFixed(2)} × ${metres(Math.abs(this.to[1] - this.from[1]))}`);
-        }
-        if (this.now) sheet.dot(context, this.now, "#f07c14", 4.5);
-      },
+      hint: "drag from corner to corner, or click two; digits set its width, and after Tab its height",
+      ...rectangle("a room", () => editor.style),
+    },
+    box: {
+      cursor: "crosshair",
+      hint: "a box, such as a cupboard: drag from corner to corner, or click two; digits, Tab, digits set its sides",
+      ...rectangle("a box", () => ({ height: editor.boxHeight })),
     },
     door: {
       cursor: "crosshair",
-      hint: "click a wall; the width is that of the field on the right",
+      hint: "click a wall; the width is that of the field on the left",
+      says() {
+        return this.gap ? "this gap is a door already: nothing needs to be cut" : "";
+      },
       move(event) {
         const row = finder.stroke(event.point, stands);
+        const { doors, gaps } = sheet.plan;
         this.now = null;
+        this.gap = row < 0 && [...doors, ...gaps].some((ends) => away(event.point, foot(event.point, ...ends)) < 0.3);
         if (row < 0) return;
         const [one, two] = finder.ends(row);
         const long = away(one, two) || 1;
@@ -345,7 +493,9 @@ export function makeTools(editor) {
       },
       down(event) {
         this.move(event);
-        if (this.now) editor.change("a doorway cut", (edits) => (edits.doorway ??= []).push({ at: rounded(this.now.at), width: editor.doorWidth }));
+        const { now } = this;
+        if (now) editor.change("a doorway cut", (edits) => (edits.doorway ??= []).push({ at: rounded(now.at), width: editor.doorWidth }));
+        else if (!this.gap) editor.note("no wall here to cut a door into");
       },
       draw(context) {
         if (!this.now) return;
@@ -359,10 +509,14 @@ export function makeTools(editor) {
     erase: {
       cursor: "crosshair",
       hint: "click what is to go; drag along a wall to take a piece of it",
+      says() {
+        return this.one && exists(this.one) ? named(this.one) : this.over >= 0 ? editor.described(this.over) : "";
+      },
       move(event) {
         const { from } = this;
-        this.one = from ? null : decided(event.point);
-        this.over = this.one || from ? -1 : finder.stroke(event.point, stands);
+        const row = from ? -1 : finder.stroke(event.point, stands);
+        this.one = from ? null : decided(event.point, row);
+        this.over = this.one ? -1 : row;
         if (from) this.to = foot(event.point, ...from.ends);
       },
       down(event) {
@@ -387,7 +541,10 @@ export function makeTools(editor) {
       draw(context) {
         if (this.over >= 0) sheet.line(context, finder.ends(this.over), { colour: "#e03131", width: 5 });
         if (this.from && this.to) sheet.line(context, [this.from.point, this.to], { colour: "#e03131", width: 6 });
-        if (this.one) sheet.dot(context, editor.pointer, "#e03131", 6, "×");
+        if (this.one) {
+          mark(context, this.one, "#e03131");
+          sheet.dot(context, editor.pointer, "#e03131", 6, "×");
+        }
       },
     },
     robot: {
@@ -440,8 +597,8 @@ export function makeTools(editor) {
     },
     obstacle: {
       cursor: "crosshair",
-      hint: "click the way of something that moves there and back; Enter ends",
-      ...polyline((edits, points) => (edits.obstacle ??= []).push({ route: points, radius: 0.3, speed: 0.5 }), 2, false, "an obstacle"),
+      hint: "click where it stands and press Enter, or click all of its way there and back",
+      ...polyline((edits, points) => (edits.obstacle ??= []).push({ route: points, radius: editor.obstacle.radius, ...(points.length > 1 && { speed: editor.obstacle.speed }) }), 1, false, "an obstacle", "Enter: it stands here"),
     },
   };
 }
