@@ -212,24 +212,22 @@ class Editor:
         radius = self._radius or fitting_radius(ground, None, start)
         bare, rooms, numbers = bare_rooms(scenario.world)
         space = find_free_space(ground, radius, start=start)
-        # The largest radius [m] with which each room is reached.
-        widest = dict[int, float]()
-        for size in (radius, *(each for each in USUAL_RADII if each < radius)):
+        # Why rooms are not reached, by their numbers: the widest robot that fits comes last.
+        shut = "no door leads in, or it is shut or blocked"
+        why = dict.fromkeys(numbers.tolist(), shut)
+        for size in sorted(each for each in USUAL_RADII if each < radius):
             with suppress(InputError):
-                thin = space if size == radius else find_free_space(ground, size, start=start)
-                widest |= dict.fromkeys(entered_rooms(thin, bare, rooms).tolist(), size) | widest
+                thin = find_free_space(ground, size, start=start)
+                narrow = f"a door is too narrow for the robot of {2.0 * radius:.2f} m"
+                fits = f"{narrow}; one of {2.0 * size:.2f} m would fit"
+                why |= dict.fromkeys(entered_rooms(thin, bare, rooms).tolist(), fits)
+        why |= dict.fromkeys(entered_rooms(space, bare, rooms).tolist(), "")
         label = np.zeros(rooms.max() + 1, np.uint8)
         found = []
         for number in numbers.tolist():
             area, place = measured(bare, rooms == number)
-            why = ""
-            if number not in widest:
-                why = "no door leads in, or it is shut or blocked"
-            elif widest[number] < radius:
-                fits = f"one of {2.0 * widest[number]:.2f} m would fit"
-                why = f"a door is too narrow for the robot of {2.0 * radius:.2f} m; {fits}"
-            label[number] = 2 if why else 1
-            found.append({"at": place.tolist(), "area": area, "why": why})
+            label[number] = 2 if why[number] else 1
+            found.append({"at": place.tolist(), "area": area, "why": why[number]})
         corner = bare.places[0, 0] - 0.5 * bare.size + bare.world.origin
         values = {
             "kind": "rooms",

@@ -112,7 +112,7 @@ def suggestions(openings: Float, unit: float, scaled: bool) -> list[dict[str, An
     Places are in units [m] of the drawing.
     """
     widths = np.hypot(*(openings[:, 1] - openings[:, 0]).T)
-    usual = LEAF if scaled else np.median(widths)
+    usual = LEAF if scaled or not len(widths) else np.median(widths)
     return [
         {
             "between": (openings[each] / unit).tolist(),

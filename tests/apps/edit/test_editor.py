@@ -45,14 +45,64 @@ def test_a_world_drawn_on_an_empty_sheet_is_kept_at_each_step_and_written(tmp_pa
     header, arrays = unpacked(editor.message())
     assert header["edits"]["doorway"] == ROOMS["doorway"] and len(arrays["kinds"]) == 6
     header, arrays = unpacked(editor.rooms())
-    assert (header["count"], header["reached"], set(arrays["cells"].tolist())) == (2, 2, {0, 1})
+    assert [room["why"] for room in header["rooms"]] == ["", ""]
+    assert set(arrays["cells"].tolist()) == {0, 1}
     assert unpacked(editor.route())[0]["route"][-1] == pytest.approx([7, 4], abs=0.1)
-    assert editor.save_world() == path
+    assert not editor.old_world() and editor.save_world() == path and not editor.old_world()
     scenario = load_scenario(path)
     assert scenario.start[:2] == (1.0, 1.0) and scenario.goals.tolist() == [[7, 4]]
     assert np.array_equal(scenario.world.segments, editor.scenario.world.segments)
     # It stays one that was drawn: nothing is decided twice.
     assert Editor(path).empty and len(Editor(path).plan.segments) == 6
+
+
+def test_a_sheet_in_metres_is_not_asked_for_its_scale(tmp_path):
+    editor = Editor(tmp_path / "new.toml")
+    editor.decide(ROOMS)
+    header, _ = unpacked(Editor(tmp_path / "new.toml").message())
+    assert header["scaled"] and header["empty"] and header["suggestions"] == []
+
+
+def test_goals_and_rooms_that_are_not_reached_are_named_with_the_reason(tmp_path):
+    editor = Editor(tmp_path / "new.toml")
+    narrow = {"doorway": [{"at": [4, 2.5], "width": 0.6}]}
+    robot = {"start": [1, 1, 0], "radius": 0.35, "route": [[3, 4], [0.02, 2.5], [7, 4]]}
+    editor.decide({**ROOMS, **narrow, "robot": robot, "obstacle": [{"route": [[3, 1]]}]})
+    header, _ = unpacked(editor.rooms())
+    assert ["too narrow" in room["why"] for room in header["rooms"]] == [False, True]
+    here, wall, beyond = header["goals"]
+    assert (here, beyond) == ("", "no way leads there") and "stops 0.4 m short" in wall
+    # The notes of the planner say nothing of it again, nor of rooms that were not asked for.
+    assert unpacked(editor.route())[0]["notes"] == []
+    # An obstacle at a single point stands.
+    assert np.ptp(editor.scenario.obstacles[0].path.at([0, 9]), axis=0).max() == 0.0
+
+
+def test_a_low_box_stands_against_a_wall_that_stays(tmp_path):
+    editor = Editor(tmp_path / "new.toml")
+    box = {"points": [[0, 2], [1, 2], [1, 3], [0, 3]], "closed": True, "height": 0.8}
+    editor.decide({**ROOMS, "wall": [*ROOMS["wall"], box]})
+    parts = editor.plan.parts
+    assert [0, 5, 0, 0] in parts.segments[parts.kinds == "wall"].tolist()
+    assert (parts.kinds == "furniture").sum() == 4
+
+
+def test_the_doors_of_a_picture_are_found_and_check_its_scale(tmp_path):
+    cells = np.full((420, 620), 255, np.uint8)
+    for x1, y1, x2, y2 in ((20, 20, 600, 400), (310, 20, 322, 400), (20, 200, 322, 212)):
+        cells[y1 : y2 + 1, [x1, x2]] = cells[[y1, y2], x1 : x2 + 1] = 0
+    # Two doors of 44 pixels, each between the ends of two walls.
+    cells[260:304, 308:325] = cells[198:215, 120:164] = 255
+    cells[[259, 304], 310:323] = cells[200:213, [119, 164]] = 0
+    Image.fromarray(cells).save(tmp_path / "a.png")
+    editor = Editor(tmp_path / "a.png")
+    header, _ = unpacked(editor.message())
+    assert len(header["gaps"]) == 2 and header["suggestions"][0]["metres"] == 0.9
+    across = {"between": [[20, 200], [600, 200]], "metres": 10.0}
+    editor.decide({"scale": across})
+    header, _ = unpacked(editor.message())
+    ((_, factor),) = header["check"]["offers"]
+    assert factor == pytest.approx(0.9 / (45 * 10.0 / 580), rel=0.05)
 
 
 def test_the_beams_under_the_mouse_are_those_of_the_planar_caster_also_behind_mirrors(tmp_path):
