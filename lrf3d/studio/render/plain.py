@@ -109,11 +109,13 @@ class PlainRenderer:
             self._draw_mark(canvas, lens, mark)
         if seen.inset is not None:
             left, top, wide, high = seen.inset.box
-            part = canvas.colours[top : top + high, left : left + wide]
-            part[:] = self._explored(seen.inset.lens, (wide, high))
-            inset = _Framebuffer(part, np.zeros(part.shape[:2], np.float32))
+            plan = self._explored(seen.inset.lens, (wide, high))
+            inset = _Framebuffer(plan, np.zeros(plan.shape[:2], np.float32))
             for _, mark in seen.inset.marks:
                 self._draw_mark(inset, seen.inset.lens, mark)
+            # A part of it may be out of the picture.
+            part = canvas.colours[top : top + high, left : left + wide]
+            part[:] = plan[:, : part.shape[1]]
         np.clip(canvas.colours, 0.0, 1.0, out=canvas.colours)
         self._picture[..., :3] = look.WHITE * canvas.colours + 0.5
         return self._picture
