@@ -220,10 +220,10 @@ class Film:
         shown = "inset" in chosen.layers and min(self._box[2:]) >= _LEAST_SIDE
         # Width of the strip with the inset [pixels], in which nothing else is drawn.
         self._strip = shown * (wide + 2 * gap)
-        self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
+        self._picture: Pixels = np.zeros((0, 0, 3), np.uint8)
 
     def draw(self, time: float) -> Pixels:
-        """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
+        """The picture (h, w, 3) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self._view(time)
         seen = self.scene.seen(moment, view, self._size, self._layers)
@@ -238,11 +238,11 @@ class Film:
         self._picture = self.renderer.draw(seen._replace(columns=columns))
         if columns < width:
             strip = np.full((self._size[1], self._strip, 3), PLAN_BACK, np.uint8)
-            plan = self._picture[top : top + high, left : left + wide, :3]
+            plan = self._picture[top : top + high, left : left + wide]
             box = left - columns, top, wide, high
             strip[top : top + high, box[0] : box[0] + plan.shape[1]] = plan
             _lay_frame(strip, box, self._window, _scale_of(self._size))
-            self._picture[:, columns:, :3] = strip[:, : width - columns]
+            self._picture[:, columns:] = strip[:, : width - columns]
         if "hud" in self._layers:
             label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
             if self._title:
@@ -281,7 +281,7 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
         raise InputError(
             f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
         )
-    return np.array(_film(run, chosen).draw(time)[:, :, :3])
+    return np.array(_film(run, chosen).draw(time))
 
 
 # The film of the pictures asked for last: setting one up costs as much as forty pictures.
@@ -365,7 +365,7 @@ def _lay_label(picture: Pixels, label: Label) -> None:
     """Lay text over the lower left corner of a picture, on a soft gradient."""
     kept, added = _label(label, picture.shape[1::-1])
     if len(kept):
-        part = picture[-len(kept) :, : kept.shape[1], :3]
+        part = picture[-len(kept) :, : kept.shape[1]]
         part[:] = ((part * kept) >> 8) + added
 
 
@@ -376,11 +376,11 @@ def _lay_frame(
     left, top, wide, high = box
     rim = max(1, round(_FRAME * size))
     pad = round(_BAR_GAP * size)
-    part = picture[top : top + high, left : left + wide, :3]
+    part = picture[top : top + high, left : left + wide]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _FRAME_COLOUR
     # Under the inset, so that it hides nothing of the map.
     letters = max(round(_BAR_LETTER * size), _LEAST_BAR_LETTER)
-    foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
+    foot = picture[top + high : top + high + letters + pad, left : left + wide]
     middle = len(foot) // 2
     end = foot.shape[1] - pad
     begin = end - round(window.bar / window.width * wide)
