@@ -344,21 +344,20 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     x, y = (np.arange(side) / side for side in shape)
     shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     kept = 256.0 * (1.0 - shade[..., None])
-    picture = Image.new("RGB", shape)
-    cover = Image.new("L", shape)
+    # The fourth channel is how much of a pixel the letters cover.
+    picture = Image.new("RGBA", shape)
     top = shape[1] - round(_FOOT * gap) - high
     for (words, colours), each in zip(compress(rows, legible), heights, strict=True):
         place = left
         for one, colour in zip(words, colours, strict=True):
-            for layer, fill in ((picture, colour), (cover, 255)):
-                ImageDraw.Draw(layer).text((place, top), one, font=_font(each), fill=fill)
+            fill = (*colour, 255)
+            ImageDraw.Draw(picture).text((place, top), one, font=_font(each), fill=fill)
             place += round(_font(each).getlength(one + _APART))
         top += round(_LINE * each)
-    covered = np.asarray(cover)[..., None] / WHITE
-    return (
-        (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],
-        np.asarray(picture, np.uint16)[-size[1] :, : size[0]],
-    )
+    drawn = np.asarray(picture)[-size[1] :, : size[0]]
+    covered = drawn[..., 3:] / WHITE
+    kept = kept[-size[1] :, : size[0]] * (1.0 - covered)
+    return kept.astype(np.uint16), (covered * drawn[..., :3]).astype(np.uint16)
 
 
 def _lay_label(picture: Pixels, label: Label) -> None:

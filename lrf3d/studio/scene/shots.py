@@ -58,11 +58,8 @@ _TAKEN_BACK = 2.0
 _TURNING = 0.6
 
 
-# Weight of loops that close, and of others that pass.
+# Weight of loops that close.
 _CLOSED = 1.5
-
-# Distance within which others pass [m].
-_NEAR = 4.0
 
 
 class Shot(NamedTuple):
@@ -147,12 +144,8 @@ def _news(timeline: Timeline, times: Float) -> Float:
     if run.estimate is not None:
         scans = np.unique(run.estimate.closures.max(axis=1, initial=0))
         closed[np.searchsorted(times, run.trajectory.times[scans]) - 1] = 1.0
-    met = np.zeros(len(times))
-    for obstacle in run.obstacles:
-        there = obstacle.path.at(times) - timeline.poses(times)
-        met += np.exp(-np.hypot(there[:, 0], there[:, 1]) / _NEAR)
     turned = np.abs(np.gradient(np.unwrap(timeline.poses(times)[:, 2])))
-    return _share(entered) + _TURNING * _share(turned) + _CLOSED * _share(closed + met)
+    return _share(entered) + _TURNING * _share(turned) + _CLOSED * _share(closed)
 
 
 def _share(values: Float) -> Float:
