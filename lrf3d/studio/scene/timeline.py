@@ -149,9 +149,8 @@ def _drive_between_stops(run: Shown) -> Trajectory:
     poses = [stops.poses[:1]]
     for leg, (start, end) in enumerate(pairwise(stops.poses)):
         places = np.array([start[:2], end[:2]])
-        way = None
-        if leg in through and run.knows_truth:
-            way = planned_way(run.world, *places, run.radius)
+        planned = leg in through and run.knows_truth
+        way = planned_way(run.world, start[:2], end[:2], run.radius) if planned else None
         if way is not None:
             far = np.hypot(*(way[:, None] - places).T).min(axis=0) > run.radius
             places = np.concatenate([places[:1], way[far], places[1:]])
