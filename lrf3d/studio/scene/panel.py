@@ -145,7 +145,8 @@ def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    if view.shot == "end":
+    # A last stop is shown for a while.
+    if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
         return _CARDS.of(run, partial(_card, run, playback))
     head = _caption(run, moment, view.shot, playback)
     if full:
