@@ -230,7 +230,7 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
     ]
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
-        found.append((f"━ odometry alone  {off:.2f} m off", GHOST_COLOUR))
+        found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
     if moment.mapped >= 0 and any(counts_at_glass(run)):
         found += [("━ a beam through glass", THROUGH_COLOUR), ("━ one back from it", BACK_COLOUR)]
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
