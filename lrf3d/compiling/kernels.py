@@ -3,22 +3,29 @@
 None may ever have ``fastmath``, which would reorder the error-free sums of casting.
 """
 
+import gc
 from collections.abc import Callable
+from functools import cache
 from types import FunctionType
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from llvmlite.binding.newpassmanagers import create_new_function_pass_manager
 from numba import types
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, DefaultPassBuilder
+from numba.core.compiler_machinery import PassManager
+from numba.core.targetconfig import ConfigStack
+from numba.core.typed_passes import InlineOverloads, NopythonRewrites
+from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables, WithLifting
 
 from lrf3d.base.errors import Lrf3dError
 from lrf3d.compiling.cache import KernelCache
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-# The version of numba whose internals `_InnerLibrary` depends on. With others inner kernels are
+# The version of numba whose internals the compilers below depend on. With others kernels are
 # compiled by numba's default, which takes longer and computes the same.
 _LINKED_NUMBA = (0, 68)
 
@@ -50,7 +57,7 @@ def record(**columns: type) -> np.dtype[Any]:
 
 def compiled(function: Kernel) -> Kernel:
     """Decorate a kernel that Python calls."""
-    kernel = _kernel(function)
+    kernel = _kernel(function, _KernelCompiler)
     kernel._cache = KernelCache(function, *_COMPILERS)
     # Kernels that call this one include it like an inner one.
     twin: Any = inner(function)
@@ -63,9 +70,7 @@ def compiled(function: Kernel) -> Kernel:
 
 def inner(function: Kernel, **options: Any) -> Kernel:
     """Decorate a kernel that only kernels call, and that becomes part of them."""
-    if numba.version_info.short == _LINKED_NUMBA:
-        options["pipeline_class"] = _InnerCompiler
-    kernel: Kernel = _kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+    kernel: Kernel = _kernel(function, _InnerCompiler, no_cpython_wrapper=True, **options)
     return kernel
 
 
@@ -80,8 +85,11 @@ def borrower(function: Kernel) -> Kernel:
     return inner(function, _nrt=False, forceinline=True)
 
 
-def _kernel(function: Callable[..., Any], **options: Any) -> Any:
-    kernel: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+def _kernel(function: Callable[..., Any], compiler: type[Compiler], **options: Any) -> Any:
+    if numba.version_info.short == _LINKED_NUMBA:
+        options["pipeline_class"] = compiler
+    options.update(nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+    kernel: Any = numba.njit(**options)(function)
     if kernel is not function:  # With NUMBA_DISABLE_JIT they are the same.
         resolve = kernel.get_call_template
         # Otherwise numba compiles a kernel again for each literal number among its arguments.
@@ -91,8 +99,24 @@ def _kernel(function: Callable[..., Any], **options: Any) -> Any:
     return kernel
 
 
-class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """The code of an inner kernel: linked with that of its callees, but not optimised.
+class _KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The code of a kernel."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Keep variables in registers, and remove what is not needed, before code is inlined."""
+        module.data_layout = self._codegen._data_layout
+        builder = self._codegen._pass_builder()
+        for function in module.functions:
+            if not function.is_declaration:
+                passes = create_new_function_pass_manager()
+                passes.add_sroa_pass()
+                passes.add_simplify_cfg_pass()
+                passes.add_instruction_combine_pass()
+                passes.run(function, builder)
+
+
+class _InnerLibrary(_KernelLibrary):
+    """The code of an inner kernel: linked with that of its callees, but only simplified.
 
     By default numba optimises and emits the code of each function, and does so again in each
     function that calls it.
@@ -114,11 +138,74 @@ class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
         """Drop them."""
 
 
-class _InnerCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler with an `_InnerLibrary` for the code of a function."""
+@cache
+def _remembering(context: Any) -> Any:
+    """Numba's context of types, which types the same operation for the same types once.
+
+    It tries all meanings of an operator, also those for arrays, each time that it occurs.
+    """
+    results: dict[Any, Any] = {}
+
+    class Remembering(type(context)):  # type: ignore[misc]
+        def resolve_function_type(self, function: Any, args: Any, named: Any) -> Any:
+            """The signature of a function for the types of its arguments."""
+            resolve = super().resolve_function_type
+            if named or isinstance(function, types.Dispatcher | str):
+                return resolve(function, args, named)
+            key = function, tuple(args), ConfigStack().top().nrt
+            if key not in results:
+                results[key] = resolve(function, args, named)
+            return results[key]
+
+    remembering = object.__new__(Remembering)
+    remembering.__dict__ = context.__dict__
+    return remembering
+
+
+# Steps of numba for closures, contexts, functions to be inlined as Python, and array expressions.
+_NEEDLESS_STEPS = (
+    WithLifting, InlineClosureLikes, InlineInlinables, InlineOverloads, NopythonRewrites,
+)  # fmt: skip
+
+
+class _KernelCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler without work that changes no machine code."""
+
+    _library: type[_KernelLibrary] = _KernelLibrary
 
     def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
-        super().__init__(typing, target, _InnerLibrary(target.codegen(), "inner"), *rest)
+        self._codegen = target.codegen()
+        own = self._library(self._codegen, "kernel")
+        own.enable_object_caching()
+        super().__init__(_remembering(typing), target, own, *rest)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The steps of compiling, without those for what kernels do not have."""
+        steps = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        steps.passes = [each for each in steps.passes if each[0] not in _NEEDLESS_STEPS]
+        return [steps]
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile a function; NumPy's functions become part of it like inner kernels.
+
+        Garbage is collected once, at the end: collections in between find little.
+        """
+        collecting = gc.isenabled()
+        gc.disable()
+        default = self._codegen._library_class
+        self._codegen._library_class = _InnerLibrary
+        try:
+            return super().compile_extra(function)
+        finally:
+            self._codegen._library_class = default
+            if collecting:
+                gc.enable()
+
+
+class _InnerCompiler(_KernelCompiler):
+    """The same for an inner kernel."""
+
+    _library = _InnerLibrary
 
 
 # The functions that decide how a kernel is compiled.
@@ -126,7 +213,9 @@ _COMPILERS = tuple(
     function
     for function in (
         *(compiled, inner, borrower, _kernel),
+        *vars(_KernelLibrary).values(),
         *vars(_InnerLibrary).values(),
+        *vars(_KernelCompiler).values(),
         *vars(_InnerCompiler).values(),
     )
     if isinstance(function, FunctionType)

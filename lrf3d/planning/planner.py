@@ -174,8 +174,12 @@ def _legs(space: FreeSpace, goals: Float, notes: list[str]) -> list[Int]:
     return legs
 
 
-def path_to(space: FreeSpace, start: Float, goal: Float) -> Float | None:
-    """Way-points (m, 2) [m] from a start (2,) to a goal (2,); None if walls block the path."""
+def planned_way(world: World, start: Float, goal: Float, radius: float) -> Float | None:
+    """Way-points (m, 2) [m] from a start to a goal (2,) [m]; None if walls block the path."""
+    try:
+        space = find_free_space(Ground(world, start), radius, start=start)
+    except InputError:
+        return None
     here, there = space.nearest(start), space.nearest(goal)
     if here is None or there is None:
         return None

@@ -4,6 +4,7 @@ A small drive in plain Python finds which kernels are called, and with which typ
 code is put on disk, where the program that waits for it, and all later ones, find it.
 """
 
+import gc
 import os
 import sys
 from collections.abc import Callable
@@ -42,7 +43,9 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     )
     if any(reasons_against):
         return None
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    # Numba colours the messages of its trials of types, which takes longer than the trials.
+    settings = {"NUMBA_DISABLE_JIT": "1", "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}
+    environment = {**os.environ, **settings}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return Popen(
         [sys.executable, "-m", "lrf3d.apps.cli.kernels", *parts], env=environment,
@@ -126,6 +129,7 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
 
 
 def _compile(module: str, name: str, types: Any) -> None:
+    gc.disable()  # What compiling leaves behind ends with the process.
     kernel = getattr(import_module(module), name)
     kernel.compile(types)
 

@@ -8,11 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float
-from lrf3d.planning.free_space import Ground, find_free_space
-from lrf3d.planning.planner import INDOOR_SPEED, path_to
-from lrf3d.world import World
+from lrf3d.planning.planner import INDOOR_SPEED
 
 # Distance from a way-point [m] at which the robot steers at the next one; less than the distance
 # that planned paths keep from walls.
@@ -57,12 +54,3 @@ class Errand:
 
 def _turn(off: float) -> float:
     return float(np.clip(_GAIN * off, -1.0, 1.0))
-
-
-def planned_way(world: World, start: Float, goal: Float, radius: float) -> Float | None:
-    """Way-points (m, 2) [m] from a start to a goal (2,) [m]; None if walls block the path."""
-    try:
-        space = find_free_space(Ground(world, start), radius, start=start)
-    except InputError:
-        return None
-    return path_to(space, start, goal)

@@ -12,11 +12,12 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.laser import DepthImage, LaserScan, LidarScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
+from lrf3d.planning.planner import planned_way
 from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.simulation.sensor import Caster
-from lrf3d.studio.page.errand import Errand, planned_way
+from lrf3d.studio.page.errand import Errand
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
 

@@ -53,6 +53,8 @@ FORMATS = {
             "x264-params": "rc-lookahead=8:mbtree=1",
             "crf": "26",
             "bf": "0",
+            # The processes that draw take all other cores.
+            "threads": "1",
         },
         file_options={"movflags": "faststart"},
         even=True,

@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
-from itertools import groupby
+from itertools import compress, groupby
 from pathlib import Path
 from typing import Any
 
@@ -43,14 +43,8 @@ _SMALLEST = 16
 # Largest side of a picture [pixels], which graphics cards still draw.
 _LARGEST = 8192
 
-# Side of a square as large as the inset, in shorter sides of the picture.
-_INSET = 0.25
-
-# Largest width of the inset, in that of the picture: in a corner, and in a strip.
-_WIDEST = 0.34, 0.19
-
-# Ratio of width and height from which on the inset has a strip of its own.
-_STRIP_FROM = 1.2
+# Largest width of the inset, in that of the picture.
+_WIDEST = 0.19
 
 # Least side of the inset, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
@@ -219,44 +213,43 @@ class Film:
         self._full = chosen.panel == "full"
         self._title = chosen.title
         width, height = chosen.size
-        strip = width > _STRIP_FROM * height
-        self._window = self.scene.inset_view(upright=strip)
+        self._window = self.scene.inset_view(upright=True)
         gap = round(_GAP * _scale_of(chosen.size))
-        free = height - 4 * gap if strip else _INSET * min(chosen.size) * self._window.aspect**0.5
-        wide = round(min(free / self._window.aspect, _WIDEST[strip] * width))
-        high = round(wide * self._window.aspect)
-        self._box = width - gap - wide, gap, wide, high
+        wide = round(min((height - 4 * gap) / self._window.aspect, _WIDEST * width))
+        self._box = width - gap - wide, gap, wide, round(wide * self._window.aspect)
         shown = "inset" in chosen.layers and min(self._box[2:]) >= _LEAST_SIDE
-        self._shows_inset = shown
-        # Width of the strip [pixels], in which nothing else is drawn.
-        self._strip = shown * strip * (wide + 2 * gap)
-        self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
+        # Width of the strip with the inset [pixels], in which nothing else is drawn.
+        self._strip = shown * (wide + 2 * gap)
+        self._picture: Pixels = np.zeros((0, 0, 3), np.uint8)
 
     def draw(self, time: float) -> Pixels:
-        """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
+        """The picture (h, w, 3) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self._view(time)
         seen = self.scene.seen(moment, view, self._size, self._layers)
-        # The strip leaves as soon as the map is not whole any more, and the map before it.
-        out = round((1.0 - view.inset) * self._strip)
-        inset = self._shows_inset and view.inset > 0.0 and not out
-        if inset:
-            seen = seen._replace(inset=self.scene.inset(moment, self._box, self._window))
-        seen = seen._replace(columns=self._size[0] - self._strip + out)
-        self._picture = self.renderer.draw(seen)
+        # What is left of the picture; the strip leaves it to the right.
+        width, _ = self._size
+        columns = width - round(view.inset * self._strip)
         left, top, wide, high = self._box
-        plan = self._picture[top : top + high, left : left + wide].copy()
-        self._picture[:, self._size[0] - self._strip + out :, :3] = PLAN_BACK
-        if inset:
-            self._picture[top : top + high, left : left + wide] = plan
-            _lay_frame(self._picture, self._box, self._window)
+        left += columns - (width - self._strip)
+        if columns < width:
+            box = left, top, wide, high
+            seen = seen._replace(inset=self.scene.inset(moment, box, self._window))
+        self._picture = self.renderer.draw(seen._replace(columns=columns))
+        if columns < width:
+            strip = np.full((self._size[1], self._strip, 3), PLAN_BACK, np.uint8)
+            plan = self._picture[top : top + high, left : left + wide]
+            box = left - columns, top, wide, high
+            strip[top : top + high, box[0] : box[0] + plan.shape[1]] = plan
+            _lay_frame(strip, box, self._window, _scale_of(self._size))
+            self._picture[:, columns:] = strip[:, : width - columns]
         if "hud" in self._layers:
             label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
             if self._title:
                 first, *_ = label.colours
                 text = self._title, *label.text
                 label = label._replace(text=text, colours=(first, *label.colours))
-            _lay_label(self._picture, label)
+            _lay_label(self._picture[:, :columns], label)
         return self._picture
 
     def _view(self, time: float) -> Look:
@@ -288,7 +281,7 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
         raise InputError(
             f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
         )
-    return np.array(_film(run, chosen).draw(time)[:, :, :3])
+    return np.array(_film(run, chosen).draw(time))
 
 
 # The film of the pictures asked for last: setting one up costs as much as forty pictures.
@@ -339,54 +332,54 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     left = round(_INDENT * gap)
     rows = _rows(label)
     letters = _scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
-    lengths = [_font(100).getlength(_APART.join(words)) / 100 for words, _ in rows]
-    wide = max(float((letters * lengths).max()), 1.0)
-    fits = min(1.0, (size[0] - 2 * left) / wide)
-    heights = (fits * letters).astype(int).tolist()
+    lengths = np.array([_font(100).getlength(_APART.join(words)) / 100 for words, _ in rows])
+    letters = np.minimum(letters, (size[0] - 2 * left) / np.maximum(lengths, 1.0))
+    legible = letters >= _LEAST_LETTER
+    heights = letters[legible].astype(int).tolist()
     high = sum(round(_LINE * each) for each in heights)
-    if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
+    if not heights or high > _MOST_COVERED * size[1]:
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
-    shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
+    wide = float((letters * lengths)[legible].max())
+    shape = round(_SHADED * wide), round(_SHADED * high) + gap
     x, y = (np.arange(side) / side for side in shape)
     shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     kept = 256.0 * (1.0 - shade[..., None])
-    picture = Image.new("RGB", shape)
-    cover = Image.new("L", shape)
+    # The fourth channel is how much of a pixel the letters cover.
+    picture = Image.new("RGBA", shape)
     top = shape[1] - round(_FOOT * gap) - high
-    for (words, colours), each in zip(rows, heights, strict=True):
+    for (words, colours), each in zip(compress(rows, legible), heights, strict=True):
         place = left
         for one, colour in zip(words, colours, strict=True):
-            for layer, fill in ((picture, colour), (cover, 255)):
-                ImageDraw.Draw(layer).text((place, top), one, font=_font(each), fill=fill)
+            fill = (*colour, 255)
+            ImageDraw.Draw(picture).text((place, top), one, font=_font(each), fill=fill)
             place += round(_font(each).getlength(one + _APART))
         top += round(_LINE * each)
-    covered = np.asarray(cover)[..., None] / WHITE
-    return (
-        (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],
-        np.asarray(picture, np.uint16)[-size[1] :, : size[0]],
-    )
+    drawn = np.asarray(picture)[-size[1] :, : size[0]]
+    covered = drawn[..., 3:] / WHITE
+    kept = kept[-size[1] :, : size[0]] * (1.0 - covered)
+    return kept.astype(np.uint16), (covered * drawn[..., :3]).astype(np.uint16)
 
 
 def _lay_label(picture: Pixels, label: Label) -> None:
     """Lay text over the lower left corner of a picture, on a soft gradient."""
     kept, added = _label(label, picture.shape[1::-1])
     if len(kept):
-        part = picture[-len(kept) :, : kept.shape[1], :3]
+        part = picture[-len(kept) :, : kept.shape[1]]
         part[:] = ((part * kept) >> 8) + added
 
 
-def _lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: InsetView) -> None:
+def _lay_frame(
+    picture: Pixels, box: tuple[int, int, int, int], window: InsetView, size: float
+) -> None:
     """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
     left, top, wide, high = box
-    size = _scale_of(picture.shape[1::-1])
     rim = max(1, round(_FRAME * size))
     pad = round(_BAR_GAP * size)
-    part = picture[top : top + high, left : left + wide, :3]
+    part = picture[top : top + high, left : left + wide]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _FRAME_COLOUR
-    # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
+    # Under the inset, so that it hides nothing of the map.
     letters = max(round(_BAR_LETTER * size), _LEAST_BAR_LETTER)
-    foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
-    foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
+    foot = picture[top + high : top + high + letters + pad, left : left + wide]
     middle = len(foot) // 2
     end = foot.shape[1] - pad
     begin = end - round(window.bar / window.width * wide)

@@ -59,7 +59,7 @@ class _Framebuffer(NamedTuple):
 
 
 class PlainRenderer:
-    """Draws what is to be seen of a stage into RGBA pictures of a size [pixels]."""
+    """Draws what is to be seen of a stage into pictures of a size [pixels]."""
 
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
@@ -84,10 +84,10 @@ class PlainRenderer:
             times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
         )
         self._tinted: Tints | None = None
-        self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
+        self._picture: Pixels = np.zeros((size[1], size[0], 3), np.uint8)
 
     def draw(self, seen: Seen) -> Pixels:
-        """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
+        """The picture (h, w, 3) uint8 of what is to be seen; the next one writes over it."""
         lens = seen.lens
         ways = _ways(lens, self._size)
         self._laser = self._laser._replace(clock=np.array(seen.clock))
@@ -109,13 +109,15 @@ class PlainRenderer:
             self._draw_mark(canvas, lens, mark)
         if seen.inset is not None:
             left, top, wide, high = seen.inset.box
-            part = canvas.colours[top : top + high, left : left + wide]
-            part[:] = self._explored(seen.inset.lens, (wide, high))
-            inset = _Framebuffer(part, np.zeros(part.shape[:2], np.float32))
+            plan = self._explored(seen.inset.lens, (wide, high))
+            inset = _Framebuffer(plan, np.zeros(plan.shape[:2], np.float32))
             for _, mark in seen.inset.marks:
                 self._draw_mark(inset, seen.inset.lens, mark)
+            # A part of it may be out of the picture.
+            part = canvas.colours[top : top + high, left : left + wide]
+            part[:] = plan[:, : part.shape[1]]
         np.clip(canvas.colours, 0.0, 1.0, out=canvas.colours)
-        self._picture[..., :3] = look.WHITE * canvas.colours + 0.5
+        self._picture[:] = look.WHITE * canvas.colours + 0.5
         return self._picture
 
     def _tint(self, tints: Tints | None) -> None:

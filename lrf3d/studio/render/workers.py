@@ -133,7 +133,7 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
             # All are seen from one place.
             film.camera = films[0].camera
         for time in job.times[int(number) :: int(count)].tolist():
-            end.send(np.hstack([film.draw(time)[:, :, :3] for film in films]))
+            end.send(np.hstack([film.draw(time) for film in films]))
     except BrokenPipeError:
         # Nobody else is left to tidy up.
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)

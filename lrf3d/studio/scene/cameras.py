@@ -48,6 +48,9 @@ _FILL = 0.94
 # Ratio of length and width of a world that is turned to fit better.
 _LONG = 1.2
 
+# How steeply an overview looks down in an upright picture [rad], which it then fills.
+_UPRIGHT = float(np.radians(72.0))
+
 # Angle of view of an overview [rad].
 _FIELD = float(np.radians(34.0))
 
@@ -171,7 +174,8 @@ def overview(
 
     @cache
     def track(aspect: float) -> CameraPath:
-        shape = structures.setting.steep, _FIELD, aspect, free_below
+        steep = structures.setting.steep if aspect > 1.0 else _UPRIGHT
+        shape = steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
         tracks = [_fit(corners, times[:1], side, *shape) for side in _SIDES]
         side = min(tracks, key=lambda track: float(track.aways.min())).turns

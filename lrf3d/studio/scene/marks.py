@@ -209,9 +209,14 @@ class DrawnMap:
         way = past * directions(self.segments)
         return DrawnMap(self.segments + np.hstack([-way, way]), self.colours)
 
-    def bands(self) -> Lines:
-        """Its segments along the walls."""
-        return self.lines(_BAND, _BAND_PIXELS)._replace(thick=_BAND_THICK)
+    def bands(self, structures: Structures) -> Lines:
+        """Its segments along the walls; those of glass at the foot, as bars would float in it."""
+        lines = self.lines(_BAND, _BAND_PIXELS)
+        middles = shapely.points(0.5 * (self.segments[:, :2] + self.segments[:, 2:]))
+        segment, wall = structures.tree.query_nearest(middles, all_matches=False)
+        for ends in lines.starts, lines.ends:
+            ends[segment[structures.glass[wall]], 2] = look.TRAIL_HEIGHT
+        return lines._replace(thick=_BAND_THICK)
 
     def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
         """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""

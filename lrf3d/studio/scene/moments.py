@@ -227,7 +227,7 @@ class Scene:
         wide = 2.0 * exposure.tolerance / exposure.cell
         flat = lens_from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
-            bands=drawn.bands(),
+            bands=drawn.bands(self.structures),
             above=drawn.lines(self._height, _MAP_WIDTH),
             inset=drawn.lines(0.0, _INSET_MAP_WIDTH),
             ghosts=drawn.ghosts(self.structures, exposure.tolerance),

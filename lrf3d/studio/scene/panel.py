@@ -145,7 +145,8 @@ def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    if view.shot == "end":
+    # A last stop is shown for a while.
+    if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
         return _CARDS.of(run, partial(_card, run, playback))
     head = _caption(run, moment, view.shot, playback)
     if full:
@@ -229,7 +230,7 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
     ]
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
-        found.append((f"━ odometry alone  {off:.2f} m off", GHOST_COLOUR))
+        found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
     if moment.mapped >= 0 and any(counts_at_glass(run)):
         found += [("━ a beam through glass", THROUGH_COLOUR), ("━ one back from it", BACK_COLOUR)]
     return [(words.rstrip(), _whole(colour)) for words, colour in found]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Bool, Float, Int
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, overview
 from lrf3d.studio.scene.look import TINY, Rig
@@ -50,6 +50,9 @@ _END_DRIFT = np.radians(2.0)
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 7
 
+# Places at which a robot of 1 m radius is to be seen (5, 2) [m].
+_AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+
 # Columns and rows of rays that sample the light in a picture.
 _RAYS = (12, 7)
 
@@ -88,8 +91,8 @@ _TOWN = {
 }
 _ROOMS = {
     "opening": _Rigs((5.5, 8.0, 11.0), (60.0,)),
-    "chase": _Rigs((3.0, 4.5), (28.0, 40.0)),
-    "close": _Rigs((4.5, 6.5), (38.0, 52.0)),
+    "chase": _Rigs((3.0, 4.5), (32.0, 44.0, 62.0)),
+    "close": _Rigs((4.5, 6.5), (40.0, 54.0, 66.0)),
 }
 
 
@@ -205,22 +208,21 @@ class Story:
         aways = np.array([track.aways[0] for track in tracks])
         favoured = aways / aways.max() if shot == "opening" else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
-        hidden = self._hides(moments, eyes).mean(axis=1)
+        hidden = self._hides(moments, eyes)
         # Of those that show the robot the most.
         chosen = np.flatnonzero(hidden == hidden.min())
         lit = np.array([self._lit(tracks[k], moments[::2], aspect) for k in chosen.tolist()])
         worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
         return tracks[int(chosen[np.argmax(worth)])]
 
-    def _hides(self, moments: Float, eyes: Float) -> Bool:
-        """Whether walls hide the robot at moments (m,) from eyes (k, m, 3); bools (k, m)."""
+    def _hides(self, moments: Float, eyes: Float) -> Float:
+        """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average."""
         robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
-        feet = np.insert(robots, 2, 0.0, axis=1)
-        ends = np.broadcast_to(feet, eyes.shape).reshape(-1, 3)
-        number, _ = self._blocked(eyes.reshape(-1, 3), ends)
-        hides = np.zeros(len(ends), bool)
-        hides[number] = True
-        return hides.reshape(eyes.shape[:2])
+        around = self._timeline.run.radius * _AROUND
+        feet = np.insert(robots[:, None] + around, 2, 0.0, axis=2)
+        ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
+        number, _ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends)
+        return np.bincount(number // (len(ends) // len(eyes)), minlength=len(eyes)) / len(ends)
 
     def _blocked(self, eyes: Float, ends: Float) -> tuple[Int, Float]:
         """Which lines of sight from eyes to ends (n, 3) walls block, and at which share of each."""

@@ -1,31 +1,38 @@
 """Timeline: where the robot stands and which scan is seen at each time of a film."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
 
-from lrf3d.geometry.lines import Bool, Float
-from lrf3d.studio.scene.shown import Shown
+from lrf3d.geometry.lines import Bool, Float, wrap_angle
+from lrf3d.planning.planner import planned_way
+from lrf3d.robot import Trajectory
+from lrf3d.studio.scene.shown import ScanPath, Shown
 from lrf3d.studio.scene.stage.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 # Share of the time between two stops that the robot stands and scans.
-_STANDING = 0.75
+_STANDING = 0.5
 
-# Number of keys between two stops, enough for a soft start and end.
-_GLIDE_KEYS = 24
+# Distance that takes as long as a turn by one radian [m].
+_TURNING = 0.8
 
-# Half the time in which the robot is set down behind a wall [s].
-_SET_DOWN = 5e-4
+# Turn that takes as long as a robot stands before it goes on [rad].
+_PAUSE = 0.05
+
+# Time in which the robot is set down where no way leads, in that of driving there.
+_SET_DOWN = 1e-9
 
 # Time between scans from which on they are stops and not a drive [s].
 _STOP_GAP = 1.0
 
-# Speed above which a robot was set down elsewhere [m/s]: a metre in twice `_SET_DOWN`.
+# Speed above which a robot was set down elsewhere [m/s].
 _FASTEST = 1000.0
 
 # Half the time over which the speed is measured [s]: shorter shows the joints of the path.
@@ -71,8 +78,8 @@ class Timeline:
     """The run as a function of time.
 
     A run of single stops, such as the paper's three poses, is played as stops: the robot stands
-    with the beams on, then glides to the next pose with the beams off, or is set down there where
-    a wall stands between.
+    with the beams on, then turns, drives to the next pose with the beams off, and turns again.
+    Where a wall stands between it goes round, or is set down there if it cannot.
 
     Args:
         run: The run, or a drive that goes on.
@@ -93,17 +100,12 @@ class Timeline:
         self.dwells = gap > _STOP_GAP
         self.start = float(times.min())
         self.end = float(times.max())
-        # Times of the film, and those of the drive that are shown then.
-        self.keys = times
-        self._shown = times
+        # What the robot is shown to drive.
+        self.drive: ScanPath = run.trajectory
         if self.dwells:
             # The last stop is shown as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
-            places = run.trajectory.poses[:, :2]
-            legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
-            walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
-            through, _ = walls.query(legs, predicate="intersects")
-            self.keys, self._shown = _stops(times, np.isin(np.arange(len(legs)), through))
+            self.drive = _drive_between_stops(run)
 
     def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
         """Times (frames,) of the run [s] that a film shows, first to last, at least one.
@@ -120,7 +122,7 @@ class Timeline:
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
-        return self.run.trajectory.at(np.interp(times, self.keys, self._shown))
+        return self.drive.at(times)
 
     def moment(self, time: float) -> Moment:
         """What is to be seen at a time [s]; before the start it is the start, and so at the end."""
@@ -136,20 +138,34 @@ class Timeline:
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
 
-def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:
-    """Keys (k,) of a film of stops at times (n,), and the times of the drive that are shown then.
-
-    Where a leg (n − 1,) goes through a wall, the robot is set down at once behind it.
-    """
-    gaps = np.diff(times)[:, None]
-    middle = 0.5 + np.array([-1.0, 1.0]) * _SET_DOWN / ((1.0 - _STANDING) * gaps)
-    even = np.tile(np.linspace(0.0, 1.0, _GLIDE_KEYS + 1), (len(gaps), 1))
-    share = np.sort(np.hstack([even, middle]), axis=1)
-    # The glide starts and ends at rest, as a robot does.
-    keys = times[:-1, None] + gaps * (_STANDING + (1.0 - _STANDING) * share)
-    keys, first = np.unique(np.append(times, keys), return_index=True)
-    gone = np.where(through_walls[:, None], share > 0.5, smoothed(share))
-    return keys, np.append(times, times[:-1, None] + gaps * gone)[first]
+@lru_cache(maxsize=4)
+def _drive_between_stops(run: Shown) -> Trajectory:
+    """A drive through the poses of a run, from each to the next as a unicycle drives."""
+    stops = run.trajectory
+    legs = shapely.linestrings(np.stack([stops.poses[:-1, :2], stops.poses[1:, :2]], axis=1))
+    walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
+    through, _ = walls.query(legs, predicate="intersects")
+    times = [stops.times[:1]]
+    poses = [stops.poses[:1]]
+    for leg, (start, end) in enumerate(pairwise(stops.poses)):
+        places = np.array([start[:2], end[:2]])
+        planned = leg in through and run.knows_truth
+        way = planned_way(run.world, start[:2], end[:2], run.radius) if planned else None
+        if way is not None:
+            far = np.hypot(*(way[:, None] - places).T).min(axis=0) > run.radius
+            places = np.concatenate([places[:1], way[far], places[1:]])
+        steps = np.diff(places, axis=0)
+        headings = np.array([start[2], *np.arctan2(steps[:, 1], steps[:, 0]), end[2]])
+        # It turns at each place, and goes from there to the next.
+        costs = np.empty(2 * len(steps) + 1)
+        costs[::2] = _TURNING * (_PAUSE + np.abs(wrap_angle(np.diff(headings))))
+        costs[1::2] = np.hypot(*steps.T) * (_SET_DOWN if leg in through and way is None else 1.0)
+        shares = np.append(0.0, np.cumsum(costs) / costs.sum())
+        begin, stop = stops.times[leg : leg + 2]
+        times.append(begin + (stop - begin) * (_STANDING + (1.0 - _STANDING) * shares))
+        poses.append(np.column_stack([places.repeat(2, axis=0), headings.repeat(2)[1:-1]]))
+    every, first = np.unique(np.concatenate(times), return_index=True)
+    return Trajectory(every, np.concatenate(poses)[first])
 
 
 def smoothed(share: Any) -> Any:
@@ -196,7 +212,7 @@ class DriveKeys(NamedTuple):
 
 def drive_keys(timeline: Timeline) -> DriveKeys:
     """The key poses of a run's robot, as it is seen to move."""
-    times = np.unique(np.append(timeline.keys, timeline.end))
+    times = np.unique(np.append(timeline.drive.times, timeline.end))
     return _keys(timeline, times, timeline.poses(times))
 
 

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from test_estimate import estimated
 from test_render import city_run, room_run
 
 import lrf3d
-from lrf3d.studio.render.film import Film
+from lrf3d.studio.render.film import Film, frame
+from lrf3d.studio.scene.look import PLAN_BACK
+from lrf3d.studio.scene.moments import LAYERS
 from lrf3d.studio.scene.views import film_times
 
 # Brightness below which a pixel is black, 0…255.
@@ -49,5 +52,18 @@ def test_no_half_of_a_picture_is_black_and_the_robot_is_in_its_middle_not_under_
             x, y, _, w = view.matrix(160 / 90, 1000.0) @ place
             column = 80.0 * (1.0 + x / w)
             assert 0.2 < column / picture.shape[1] < 0.8 and abs(y / w) < 0.6, time
-    assert film._box[0] >= 160 - film._strip or not film._strip
     film.close()
+
+
+@pytest.mark.parametrize("size", [(416, 234), (240, 240), (200, 360)])
+def test_the_map_is_beside_the_picture_and_no_text_lies_over_it(size):
+    run = estimated(city_run())
+    with_text, without = (
+        frame(run, 2.0, size=size, layers=layers, view="chase")
+        for layers in (LAYERS, set(LAYERS) - {"hud"})
+    )
+    differ = np.flatnonzero((with_text != without).any(axis=(0, 2)))
+    # Below the map its strip is empty.
+    strip = np.flatnonzero((without[-3:] == PLAN_BACK).all(axis=(0, 2)))
+    assert len(strip) > 0.15 * size[0] and strip[-1] == size[0] - 1
+    assert 0 < len(differ) and differ[-1] < strip[0]

@@ -163,23 +163,30 @@ def test_hit_points_lie_on_their_walls_wherever_the_robot_has_gone_since():
         assert shapely.distance(shapely.points(points.places[:, :2]), hit).max() < 1e-5
 
 
-def test_a_robot_that_was_set_down_behind_a_wall_does_not_drive_through_it():
-    world = World(np.array([[2.0, -1.0, 2.0, 1.0]]))
-    run = run_of(world, [0.0, 4.0, 8.0], [[0, 0, 0], [4, 0, 0], [6, 0, 0]])
+@pytest.mark.parametrize("around", [False, True])
+def test_a_robot_goes_round_a_wall_between_stops_or_is_set_down_and_turns_before_it_goes(around):
+    walls = [[2, -1, 2, 1]] if around else box(3, -1, 2, 2)
+    run = run_of(
+        World(np.array(walls, float)), [0.0, 4.0, 8.0], [[0, 0, 0], [4, 0, 0], [4.5, 0, 2]]
+    )
     timeline = Timeline(run)
-    x = timeline.poses(np.linspace(0.0, 8.0, 81))[:, 0]
-    assert not ((x > 0.0) & (x < 4.0)).any()
-    assert ((x > 4.0) & (x < 6.0)).any()
-    # Nor does its trail go through it.
+    # Neither the robot nor its trail goes through it.
     trail = trail_lines(drive_keys(timeline).thinned(), 8.0, 1e9)
-    ends = np.column_stack([trail.starts[:, 0], trail.ends[:, 0]]) + timeline.origin[0]
-    assert len(ends) and ((ends < 2.0).all(axis=1) | (ends > 2.0).all(axis=1)).all()
+    driven = np.hstack([trail.starts[:, :2], trail.ends[:, :2]]).reshape(-1, 2, 2) + timeline.origin
+    wall = shapely.multilinestrings(np.reshape(walls, (-1, 2, 2)))
+    assert len(driven) and not shapely.intersects(shapely.linestrings(driven), wall).any()
+    assert (np.hypot(*np.ptp(driven, axis=1).T).sum() > 4.0) == around
+    # It turns where it stands, and goes where it looks.
+    x, y, turns = np.diff(timeline.drive.poses, axis=0).T
+    heading = timeline.drive.poses[1:, 2]
+    assert np.cos(heading) * y == pytest.approx(np.sin(heading) * x)
+    assert not turns[np.hypot(x, y) > 0.0].any() and np.abs(turns).sum() >= 2.0
 
 
-def test_stops_dwell_with_beams_on_then_glide_with_beams_off():
+def test_stops_dwell_with_beams_on_then_the_robot_drives_with_beams_off():
     timeline = Timeline(room_run(stops=True))
-    assert timeline.end == pytest.approx(11.0)
-    standing, gliding = timeline.moment(2.9), timeline.moment(3.5)
+    assert timeline.end == pytest.approx(10.0)
+    standing, gliding = timeline.moment(1.9), timeline.moment(3.0)
     assert standing.scanning and standing.scan == 0 and standing.speed == 0.0
     assert standing.pose[0] == pytest.approx(1.5)
     assert not gliding.scanning and 1.5 < gliding.pose[0] < 2.25

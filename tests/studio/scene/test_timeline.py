@@ -55,4 +55,4 @@ def test_a_scan_is_seen_from_half_before_to_half_after_its_moment_or_until_the_r
     assert begin == pytest.approx([0.0, 0.25, 0.75, 1.25, 1.75, 2.25])
     assert end == pytest.approx([*begin[1:], 2.75])
     begin, end = scan_times(Timeline(room_run(stops=True)))
-    assert begin.tolist() == [0.0, 4.0, 8.0] and end == pytest.approx([3.0, 7.0, 11.0])
+    assert begin.tolist() == [0.0, 4.0, 8.0] and end == pytest.approx([2.0, 6.0, 10.0])

@@ -120,9 +120,11 @@ vec3 dressed(vec3 day, inout float keeps) {
     if (kind < 0.5) return day;
     vec2 pixel = max(fwidth(vec2(along, height)), vec2(1e-4));
     // Little light gets to the foot of a wall.
-    float low = clamp(1.0 - height / (kind < 1.5 ? 0.9 : 0.22), 0.0, 1.0);
+    float low = clamp(1.0 - height / (TOP_LIT == 0.0 ? 0.9 : 0.22), 0.0, 1.0);
     day *= 1.0 - 0.42 * low * low;
-    if (kind < 1.5) return facade(day, own, pixel, keeps);
+    // Only in towns no light falls on tops. All branches would be computed for each pixel, were
+    // this not a constant.
+    if (TOP_LIT == 0.0) return facade(day, own, pixel, keeps);
     if (kind < 5.5) return room_wall(day, kind, pixel);
     if (wall.y > 1.3 && wall.x > 3.5) return rack(day, own, pixel, keeps);
     return wall.x > 0.5 ? cupboard(day, pixel) : day;
