@@ -212,15 +212,8 @@ class Editor:
         radius = self._radius or fitting_radius(ground, None, start)
         bare, rooms, numbers = bare_rooms(scenario.world)
         space = find_free_space(ground, radius, start=start)
-        # Why rooms are not reached, by their numbers: the widest robot that fits comes last.
         shut = "no door leads in, or it is shut or blocked"
-        why = dict.fromkeys(numbers.tolist(), shut)
-        for size in sorted(each for each in USUAL_RADII if each < radius):
-            with suppress(InputError):
-                thin = find_free_space(ground, size, start=start)
-                narrow = f"a door is too narrow for the robot of {2.0 * radius:.2f} m"
-                fits = f"{narrow}; one of {2.0 * size:.2f} m would fit"
-                why |= dict.fromkeys(entered_rooms(thin, bare, rooms).tolist(), fits)
+        why = {**dict.fromkeys(numbers.tolist(), shut), **_too_narrow(space, start, bare, rooms)}
         why |= dict.fromkeys(entered_rooms(space, bare, rooms).tolist(), "")
         label = np.zeros(rooms.max() + 1, np.uint8)
         found = []
@@ -313,6 +306,19 @@ class Editor:
         file = io.BytesIO()
         Image.fromarray(self.sheet.picture).save(file, "PNG", compress_level=1)
         return file.getvalue()
+
+
+def _too_narrow(space: FreeSpace, start: Float | None, bare: Ground, rooms: Int) -> dict[int, str]:
+    """Why the robot does not reach rooms that a narrower one reaches, by their numbers."""
+    why = dict[int, str]()
+    narrow = f"a door is too narrow for the robot of {2.0 * space.radius:.2f} m"
+    # Of those that would fit, the widest comes last.
+    for radius in sorted(each for each in USUAL_RADII if each < space.radius):
+        with suppress(InputError):
+            thin = find_free_space(space.ground, radius, start=start)
+            fits = f"{narrow}; one of {2.0 * radius:.2f} m would fit"
+            why |= dict.fromkeys(entered_rooms(thin, bare, rooms).tolist(), fits)
+    return why
 
 
 def _gap(ground: Ground, place: Float) -> float:

@@ -83,6 +83,35 @@ def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium)
 
 
 @needs_browser
+def test_what_is_named_under_the_mouse_is_what_is_selected_and_erased(tmp_path, chromium):
+    path = tmp_path / "new.toml"
+    journal = tmp_path / "new.toml.edit.toml"
+
+    def walls(count):
+        """The walls that were decided, once there are as many."""
+        until(lambda: journal.exists() and len(read_edits(journal).as_dict()["wall"]) == count)
+        return read_edits(journal).as_dict()["wall"]
+
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        drag(page, (2, 2), (8, 6))
+        (room,) = walls(1)
+        assert room["points"] == [[2, 2], [8, 2], [8, 6], [2, 6]], "on the grid"
+        page.keyboard.press("v")
+        click(page, 8, 4)
+        assert "one side, 4.00 m" in page.inner_text(".lrf3d-picked")
+        page.get_by_label("made of").select_option("mirror")
+        assert walls(2)[1] == {"points": [[8, 2], [8, 6]], "material": "mirror"}
+        page.keyboard.press("e")
+        page.mouse.move(*place(page, 8, 3))
+        until(lambda: "4.00 m: mirror" in page.inner_text(".lrf3d-over"))
+        click(page, 8, 3)
+        assert walls(1) == [room], "the wall behind it stays"
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        until(lambda: page.inner_text(".lrf3d-rooms") == "1 room, 1 reached")
+        assert page.locator(".lrf3d-ask").is_hidden()
+
+
+@needs_browser
 def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(tmp_path, chromium):
     path = tmp_path / "room.svg"
     path.write_text(DRAWING)
