@@ -82,6 +82,7 @@ def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium)
         until(lambda: page.evaluate("(editor.sheet.route ?? []).length > 1"))
 
 
+@pytest.mark.slow
 @needs_browser
 def test_what_is_named_under_the_mouse_is_what_is_selected_and_erased(tmp_path, chromium):
     path = tmp_path / "new.toml"
