@@ -114,10 +114,6 @@ def _annotations(strokes: Strokes) -> Bool:
     return strokes.among(free, lambda each: is_annotation(each, *drawn))
 
 
-def _patterns(strokes: Strokes) -> Bool:
-    return strokes.among(strokes.free & (lengths(strokes.segments) > CLOSEST), is_pattern)
-
-
 def _letters(strokes: Strokes) -> Bool:
     # Upright strokes of letters may be taken for a pattern: look at its short lines, too. Without
     # them the rest of a word is not recognised.
@@ -158,7 +154,9 @@ RULES = [
     Rule(
         "pattern line",
         "Tiles and hatching: five or more parallels at one distance.",
-        _patterns,
+        lambda strokes: strokes.among(
+            strokes.free & (lengths(strokes.segments) > CLOSEST), is_pattern
+        ),
     ),
     Rule("letter stroke", "Words: rows of small parts that differ from each other.", _letters),
     Rule("frame line", "The box around all on a sheet, and its title block.", _frame),
