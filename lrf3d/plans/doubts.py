@@ -51,9 +51,7 @@ def of_cells(dark: Bool, metre: float) -> str:
 
 def of_pictures(share: float) -> str:
     """A doubt about pictures that cover a share of a drawing."""
-    return (
-        f"a picture covers {min(share, 1):.0%} of it and is not read" if share > PICTURED else ""
-    )
+    return f"a picture covers {min(share, 1):.0%} of it and is not read" if share > PICTURED else ""
 
 
 # The doubt about walls that close no room.
