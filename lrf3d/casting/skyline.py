@@ -41,8 +41,8 @@ WHOLE = 1e-9
 # Beams of lidars that are cast at a time: their ranges and noise fit into a cache of 2 MB.
 AT_ONCE = 1 << 16
 
-# [m] An outline that is nowhere wider is a wall: old ones of stone are 0.5 m thick, and a robot does
-# not drive in it.
+# [m] An outline that is nowhere wider is a wall: old ones of stone are 0.5 m thick, and no robot
+# drives in it.
 THICKEST = 0.6
 
 # [m] Length in the plane that stands for 0, of a beam straight up or down.
@@ -297,7 +297,7 @@ def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tu
                 else:
                     walls.keep(skies)
             found = ranges[: len(part)] if order is None else ranges[: len(part), :, order]
-            yield part, np.ascontiguousarray(found.transpose(0, 2, 1))
+            yield part, found.transpose(0, 2, 1)
 
 
 def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:
