@@ -350,8 +350,7 @@ class Scenario(Value):
             lidars=scenario.lidars, depth_cameras=scenario.depth_cameras,
             attitude=scenario.attitude, **settings,
         )  # fmt: skip
-        if on_collision is None:
-            simulation.check_mounts()
+        simulation.check_mounts(on_collision)
         return simulation
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> tuple[Any, Mapper]:
