@@ -1,5 +1,6 @@
-"""The example that learns to drive: it learns."""
+"""The examples that learn to drive: they learn."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -24,3 +25,19 @@ def test_robots_learn_to_drive(tmp_path, monkeypatch, capsys):
     assert curve[0, 2] < 0.1
     # How far it comes in half a minute depends on the machine.
     assert curve[:, 1].max() > curve[0, 1]
+
+
+@pytest.mark.slow
+def test_robots_learn_by_ppo(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3")
+    # The folder of the tests of environments is not the old library of this name.
+    monkeypatch.setitem(sys.modules, "gym", None)
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    import learn_with_ppo
+
+    words = ["learn_with_ppo.py", "--steps", "40000", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", words)
+    learn_with_ppo.main()
+    assert {each.name for each in tmp_path.iterdir()} == {"curve.png", "policy.zip"}
+    first, *_, last = re.findall(r"at the goal +(\d+)%", capsys.readouterr().out)
+    assert int(last) > 2 * int(first)

@@ -1,9 +1,14 @@
 """The editor's page: a world is drawn and a drawing corrected by mouse and keyboard alone."""
 
+from functools import partial
+from pathlib import Path
+
 import pytest
 from browser import needs_browser, opened, served, started, until
 
 from lrf3d.plans.edits import read_edits
+
+ROOT = Path(__file__).parents[3]
 
 DRAWING = """<svg width="10m" height="8m" viewBox="0 0 1000 800" fill="none" stroke="black">
 <g id="walls"><rect x="100" y="100" width="800" height="600"/></g>
@@ -103,3 +108,29 @@ def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(tmp_path, c
             until(lambda: "only shows it" in other.inner_text(".lrf3d-notice"))
         path.write_text(DRAWING.replace("h200", "h210"))
         until(lambda: "has changed" in page.inner_text(".lrf3d-notice"))
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_drag_of_the_threshold_is_one_step(tmp_path, chromium):
+    path = tmp_path / "flat.png"
+    path.write_bytes((ROOT / "examples/flat.png").read_bytes())
+    journal = tmp_path / "flat.png.edit.toml"
+
+    def threshold_is(value):
+        if not journal.exists():
+            return False
+        return read_edits(journal).as_dict().get("reading", {}).get("threshold") == value
+
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        page.locator(".lrf3d-threshold").wait_for()
+        box = page.locator(".lrf3d-threshold").bounding_box()
+        across = box["y"] + box["height"] / 2
+        page.mouse.move(box["x"] + box["width"] / 2, across)
+        page.mouse.down()
+        for share, threshold in ((0.6, 152), (0.7, 177)):
+            page.mouse.move(box["x"] + share * box["width"], across)
+            until(partial(threshold_is, pytest.approx(threshold, abs=9)))
+        page.mouse.up()
+        page.keyboard.press("Control+z")
+        until(partial(threshold_is, None))

@@ -25,12 +25,13 @@ const editor = {
   pending: 0, // Changes that the server has not answered yet.
 
   // Change a copy of the decisions, and have the server keep them.
-  change(what, make) {
+  // Change the decisions; what goes on with the change before is undone with it.
+  change(what, make, goesOn = false) {
     if (this.reads) return note("this page only reads: the file is open in another editor");
     const before = sheet.plan.edits;
     const edits = structuredClone(before);
     make(edits);
-    this.past.push(before);
+    if (!goesOn) this.past.push(before);
     this.future = [];
     // Hints have been read; a choice stays.
     if (part("notice").childElementCount < 2) part("notice").hidden = true;
@@ -570,8 +571,10 @@ function connect() {
   };
   document.onkeydown = (event) => {
     const { code, key, ctrlKey, metaKey, shiftKey, target } = event;
-    if (target.matches("input, select")) return;
+    // A text has steps of its own to undo, a slider or a box has none.
+    if (target.matches("input:not([type=range], [type=checkbox])")) return;
     if ((ctrlKey || metaKey) && ["KeyZ", "KeyY"].includes(code)) code === "KeyY" || shiftKey ? editor.redo() : editor.undo();
+    else if (target.matches("input, select")) return;
     else if (ctrlKey || metaKey) return;
     else if (code === "Space" && !target.matches("button")) space = true;
     else if (key === "Escape") {
@@ -595,8 +598,13 @@ function connect() {
     const threshold = Number(event.target.value);
     part("grey").textContent = threshold;
     clearTimeout(editor.slide);
-    editor.slide = setTimeout(() => editor.change("the threshold set", (edits) => ((edits.reading ??= {}).threshold = threshold)), 150);
+    editor.slide = setTimeout(() => {
+      editor.change("the threshold set", (edits) => ((edits.reading ??= {}).threshold = threshold), editor.sliding);
+      editor.sliding = true;
+    }, 150);
   };
+  // The slider is released, after which its last change is still sent.
+  part("threshold").onchange = () => setTimeout(() => (editor.sliding = false), 200);
   part("key").append(
     ...Object.entries(COLOURS).flatMap(([kind, colour]) => {
       const swatch = document.createElement("b");
