@@ -191,9 +191,9 @@ def mujoco_rays(triangles: Any, origins: Any, ways: Any) -> Callable[[], Any]:
     ranges = np.empty(count)
 
     def cast() -> Any:
+        far = mujoco.mjMAXVAL
         mujoco.mj_multiRay(
-            m=model, d=data, pnt=place, vec=beams, geomgroup=None, flg_static=1, bodyexclude=-1,
-            geomid=hits, dist=ranges, nray=count, cutoff=mujoco.mjMAXVAL
+            model, data, place, beams, None, 1, -1, hits, ranges, None, count, far
         )  # fmt: skip
         return np.where(ranges < 0.0, np.inf, ranges) / lengths
 
