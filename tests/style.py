@@ -66,15 +66,6 @@ def width(node: ast.AST) -> int:
     return 1
 
 
-def is_packed(node: ast.AST) -> bool:
-    """Whether a statement gives several values to as many names."""
-    return (
-        isinstance(node, ast.Assign)
-        and isinstance(node.value, ast.Tuple)
-        and any(isinstance(target, ast.Tuple) for target in node.targets)
-    )
-
-
 def branches(function: Function) -> int:
     """The cyclomatic complexity of a function, with what it nests."""
     nodes = list(ast.walk(function))
@@ -104,7 +95,7 @@ def findings(folder: Path) -> list[Finding]:
         if isinstance(node, FUNCTIONS):
             found += _of_function(path, node)
     assigned = [(path, node) for path, node in nodes if isinstance(node, ast.Assign)]
-    packed = [(path, node) for path, node in assigned if is_packed(node)]
+    packed = [(path, node) for path, node in assigned if width(node) > 1]
     if len(packed) > MOST_PACKED * len(assigned):
         share = (
             f"of {len(assigned)} assignments {len(packed)} are packed: at most {MOST_PACKED:.0%}"
@@ -119,7 +110,7 @@ def _of_modules(trees: dict[Path, ast.Module]) -> Iterator[Finding]:
         if lines > MOST_LINES:
             yield Finding(LINES, path, 1, path.name, f"{lines} lines, at most {MOST_LINES}")
         for node in tree.body:
-            if is_packed(node):
+            if width(node) > 1:
                 what = "a constant of a module needs its own line"
                 yield Finding(PACKED, path, node.lineno, "constants", what)
 

@@ -57,19 +57,20 @@ def workshop(shared, monkeypatch):
 
 
 def format_row(row):
-    """A format as a row of the table in docs/formats.md."""
+    """A format as a line of the list in docs/formats.md."""
     names = [f"`{ending}`" for ending in row.endings if ending]
-    written = "" if not row.write else names[0] if names else "a folder"
+    uses = ["read"] if row.read else []
     if row.kind == "export":
-        written = f"{written}, `--to {row.name}`"
+        uses.append(f"`--to {row.name}`")
+    elif row.write:
+        uses.append("written" if len(names) == 1 else f"written as {names[0]}")
+    uses += [f"`--{option.replace('_', '-')}`" for option in row.options]
+    uses += [f"extra `{row.extra}`"] if row.extra else []
     kind = row.kind if row.kind == "export" else f"{row.kind} {row.name}".strip()
-    options = ", ".join(f"`{option}`" for option in row.options)
-    extra = f"`{row.extra}`" if row.extra else ""
-    read = "yes" if row.read else ""
-    return f"| {' '.join(names) or 'any'} | {kind} | {read} | {written} | {options} | {extra} |"
+    return f"- {' '.join(names) or 'any'}: {kind}; {', '.join(uses)}"
 
 
-def test_the_table_of_formats_has_a_row_for_each():
+def test_the_list_of_formats_has_a_line_for_each():
     page = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
     rows = [format_row(row) for row in FORMATS if row.kind != "other"]
     assert "\n".join(rows) in page

@@ -11,7 +11,7 @@ from lrf3d.compiling.cache import KernelCache
 
 ROOMS = tuple(
     f"lrf3d.{room}"
-    for room in "mapping casting laser localization scoring slam world robot planning".split()
+    for room in "mapping casting laser matching scoring slam world robot planning".split()
 )
 
 

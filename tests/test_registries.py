@@ -136,21 +136,33 @@ def test_a_log_format_that_is_entered_is_read_by_its_ending_or_its_first_bytes(m
         lrf3d.load_log("a.bin")
 
 
-def test_a_world_format_that_is_entered_is_written_and_takes_its_options(monkeypatch):
+def test_a_world_format_that_is_entered_is_read_written_and_listed_with_its_options(monkeypatch):
     def read_rows(path, turned=False):
         return World(np.loadtxt(path, ndmin=2)[:, [1, 0, 3, 2] if turned else [0, 1, 2, 3]])
 
     def write_rows(world, path):
-        np.savetxt(path, world.segments)
+        np.savetxt(path, world.segments, "%g")
 
-    own = {"read": read_rows, "write": write_rows, "options": ("turned",)}
-    enter(monkeypatch, Format(kind="world", endings=(".rows",), **own))
-    lrf3d.save_world(World([[0, 0, 4, 1]]), "a.rows")
-    assert lrf3d.load_world("a.rows", turned=True).segments.tolist() == [[0, 0, 1, 4]]
-    with pytest.raises(WorldError, match=r"city\.toml: turned is for \.rows files alone"):
-        lrf3d.load_world("city", turned=True)
-    with pytest.raises(InputError, match="did you mean 'layers'"):
-        lrf3d.load_world("city", layer=["A"])
+    own = {"kind": "world", "endings": (".rows",), "options": ("turned",), "largest": 100}
+    enter(monkeypatch, Format(**own, read=read_rows, write=write_rows))
+    lrf3d.save_world(World([[0, 0, 4, 1], [4, 0, 4, 3]]), "a.rows")
+    assert lrf3d.load_scenario("a.rows").world.segments.tolist() == [[0, 0, 4, 1], [4, 0, 4, 3]]
+    assert lrf3d.load_world("a.rows", scale=2.0).segments.tolist() == [[0, 0, 8, 2], [8, 0, 8, 6]]
+    assert lrf3d.load_world("a.rows", turned=True).segments.tolist()[0] == [0, 0, 1, 4]
+    for content, said in (("0 0 4\n", "damaged"), ("0 0 4 0\n" * 99, "more than")):
+        Path("b.rows").write_text(content)
+        with pytest.raises(InputError, match=f"^b.rows.*({said})"):
+            lrf3d.load_world("b.rows")
+    for name, options, said in (
+        ("city", {"turned": True}, r"city\.toml: turned is for \.rows files alone"),
+        ("city", {"layer": ["A"]}, "did you mean 'layers'"),
+        ("c.unknown", {}, r"\.rows"),
+    ):
+        with pytest.raises(InputError, match=said):
+            lrf3d.load_world(name, **options)
+    enter(monkeypatch, Format(**own, read=np.loadtxt))
+    with pytest.raises(InputError, match="expected a World"):
+        lrf3d.load_world("a.rows")
 
 
 def test_installed_packages_enter_readers_of_worlds_but_replace_none(monkeypatch):
@@ -160,25 +172,6 @@ def test_installed_packages_enter_readers_of_worlds_but_replace_none(monkeypatch
     before = [*formats.FORMATS]
     formats.enter_installed.__wrapped__()
     assert formats.FORMATS[:-1] == before and formats.FORMATS[-1].endings == (".own",)
-
-
-def test_a_format_that_is_entered_is_read_listed_and_must_give_a_world(monkeypatch):
-    def read_rows(path):
-        return World(np.loadtxt(path, ndmin=2))
-
-    enter(monkeypatch, Format(kind="world", endings=(".rows",), read=read_rows, largest=100))
-    Path("a.rows").write_text("0 0 4 0\n4 0 4 3\n")
-    assert lrf3d.load_scenario("a.rows").world.segments.tolist() == [[0, 0, 4, 0], [4, 0, 4, 3]]
-    assert lrf3d.load_world("a.rows", scale=2.0).segments.tolist() == [[0, 0, 8, 0], [8, 0, 8, 6]]
-    for content, said in (("0 0 4\n", "columns|expected"), ("0 0 4 0\n" * 99, "more than")):
-        Path("b.rows").write_text(content)
-        with pytest.raises(InputError, match=f"^b.rows.*({said})"):
-            lrf3d.load_world("b.rows")
-    with pytest.raises(WorldError, match=r"\.rows"):
-        lrf3d.load_world("c.unknown")
-    enter(monkeypatch, Format(kind="world", endings=(".rows",), read=np.loadtxt, largest=100))
-    with pytest.raises(InputError, match="expected a World"):
-        lrf3d.load_world("a.rows")
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -141,13 +141,8 @@ class MissingLibraryError(Lrf3dError):
     """A library that this task needs and this machine lacks."""
 
 
-def check_names(
-    place: str, given: "Iterable[str]", known: "Iterable[str]", otherwise: str = ""
-) -> None:
-    """Check that names are known; for one that is not, the nearest known one is proposed.
-
-    Where none is near, ``otherwise`` says where they are found; all are named if it is empty.
-    """
+def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> None:
+    """Check that names are known; for one that is not, the nearest known one, or all, are named."""
     plain = {name.lstrip("-"): name for name in known}
     known = list(plain.values())
     for name in given:
@@ -156,9 +151,7 @@ def check_names(
 
             word = name.lstrip("-") if isinstance(name, str) else ""
             near = get_close_matches("rng" if word == "seed" else word, plain, n=1, cutoff=0.5)
-            hint = otherwise or f"known are {', '.join(known)}"
-            if near:
-                hint = f"did you mean {plain[near[0]]!r}?"
+            hint = f"did you mean {plain[near[0]]!r}?" if near else f"known are {', '.join(known)}"
             raise InputError(f"{place}: there is no {shown(name)}; {hint}")
 
 

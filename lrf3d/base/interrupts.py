@@ -142,7 +142,7 @@ def ignore_signals() -> None:
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     if not _end.acquire(blocking=False):
-        sleep(60.0)  # The other thread is ending it.
+        sleep(60)  # The other thread is ending it.
 
 
 @contextmanager

@@ -34,6 +34,12 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 # [m, rad] Largest size of a coordinate and of a heading: beyond it float64 has no nanometres.
 LARGEST_COORDINATE = 1e9
 
+# [s] Largest size of a time: nanoseconds of larger ones do not fit into stamps.
+LARGEST_TIME = 1e12
+
+# Share of a step or a length that is rounding: float64 errs by less, a user sees no more.
+ROUNDING = 1e-9
+
 # Sizes below this count as 0: products of smaller numbers would underflow in exact decisions.
 TINY = 1e-44
 

@@ -27,7 +27,7 @@ from lrf3d.laser.lidar import MOST_BEAMS, RAISED, Mounted
 from lrf3d.laser.range_finder import LaserRangeFinder, turn
 
 # [rad] Largest field of view of a pinhole camera.
-WIDEST = math.radians(179.0)
+WIDEST = math.radians(179)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ def distinct_poses(poses: Float) -> Int:
     """Rows of the poses (k, 3) that are the first in their cell of place and heading."""
     # [m], [rad] Size of a cell of poses from which only the first scan is used: others add little.
     moved = 0.25
-    turned = np.deg2rad(10.0)
+    turned = np.deg2rad(10)
     cells = np.floor(poses / [moved, moved, turned]).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)

@@ -234,7 +234,7 @@ def on_one_wall(scan: LaserScan | ScanBatch) -> Bool:
 
 
 def _degrees(angle: float, key: str) -> float:
-    return math.radians(number(angle, key, "degrees", most=90.0))
+    return math.radians(number(angle, key, "degrees", most=90))
 
 
 def _mixed(lrf: LaserRangeFinder | None, width: float) -> Noise:

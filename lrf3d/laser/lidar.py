@@ -183,8 +183,8 @@ class Lidar(Mounted):
         lowest, highest, layers, columns, nearest, farthest = PRESETS[name]
         elevations = np.radians(np.linspace(lowest, highest, layers))
         settings = {
-            "range_min": nearest,
-            "range_max": farthest,
+            "range_min": float(nearest),
+            "range_max": float(farthest),
             # Ten revolutions a second.
             "scan_duration": 0.1 * (columns - 1) / columns,
             "columns": columns,
@@ -263,12 +263,12 @@ def rosette(times: Float, field: float, *speeds: float) -> Float:
 # 10 Hz, least and largest range [m]. From the data sheets of Velodyne VLP-16 (63-9243) and HDL-32E
 # (63-9113), Ouster OS0 and OS1 (revision 6), Hesai PandarXT-32, and Livox Mid-40 (user manual 1.0).
 PRESETS: dict[str, tuple[float, float, int, int, float, float]] = {
-    "VLP-16": (-15.0, 15.0, 16, 1800, 0.5, 100.0),
-    "HDL-32E": (-30.67, 10.67, 32, 2170, 1.0, 100.0),
-    **{f"OS0-{n}": (-45.0, 45.0, n, 1024, 0.3, 50.0) for n in (32, 64, 128)},
-    **{f"OS1-{n}": (-22.5, 22.5, n, 1024, 0.3, 120.0) for n in (32, 64, 128)},
-    "XT-32": (-16.0, 15.0, 32, 2000, 0.05, 120.0),
-    "Mid-40": (0.0, 0.0, 1, 10_000, 1.0, 260.0),
+    "VLP-16": (-15, 15, 16, 1800, 0.5, 100),
+    "HDL-32E": (-30.67, 10.67, 32, 2170, 1, 100),
+    **{f"OS0-{n}": (-45, 45, n, 1024, 0.3, 50) for n in (32, 64, 128)},
+    **{f"OS1-{n}": (-22.5, 22.5, n, 1024, 0.3, 120) for n in (32, 64, 128)},
+    "XT-32": (-16, 15, 32, 2000, 0.05, 120),
+    "Mid-40": (0, 0, 1, 10_000, 1, 260),
 }
 
 # Half of their field of view [rad], and the turns a second of their prisms. The pattern is that of

@@ -15,6 +15,7 @@ from lrf3d.base.errors import InputError, shown
 from lrf3d.base.lazy import Pictured
 from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
+    LARGEST_TIME,
     Bool,
     Float,
     Int,
@@ -33,9 +34,6 @@ from lrf3d.laser.range_finder import (
     within_limits,
 )
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
-
-# [s] Least time of a scan, and least time between two beams.
-EARLIEST = -1e12
 
 # The attributes of a scan for its light: number of axes, and the value of a beam without return.
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
@@ -144,8 +142,8 @@ class LaserScan(Value, Pictured):
             walls=met,
             range_min=near,
             range_max=far if far <= LARGEST_COORDINATE else np.inf,
-            time=number(time, "scan: time", "seconds", least=EARLIEST),
-            time_increment=number(time_increment, "scan: time_increment", least=EARLIEST),
+            time=number(time, "scan: time", "seconds", least=-LARGEST_TIME),
+            time_increment=number(time_increment, "scan: time_increment", least=-LARGEST_TIME),
             pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
             mount=as_pose(mount),
             laser=laser,

@@ -3,6 +3,7 @@
 A radius, lasers and a prefix of frames enter; text leaves. The wheels are continuous joints.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -52,7 +53,7 @@ def urdf(radius: float, lasers: Sequence[LaserRangeFinder], *, prefix: str = "")
     for wheel in wheels_of(radius):
         name = prefix + wheel.name
         shape = f'<cylinder radius="{wheel.radius:g}" length="{0.2 * radius:g}"/>'
-        parts.append(_link(name, shape, roll=1.5707963267948966))
+        parts.append(_link(name, shape, roll=0.5 * math.pi))
         parts.append(
             _joint(base, name, (0.0, wheel.left, wheel.radius), joint=prefix + wheel.joint)
         )

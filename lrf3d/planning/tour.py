@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.base.errors import InputError
 from lrf3d.casting import PlanarCaster
-from lrf3d.geometry.lines import Bool, Float, Int, lengths
+from lrf3d.geometry.lines import ROUNDING, Bool, Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import COMFORT, FreeSpace
 from lrf3d.planning.rooms import true_rooms
@@ -205,7 +205,7 @@ def _two_opt(order: list[int], metres: Float, kept: int) -> list[int]:
         gain = np.triu(steps[:-1, None] + steps[1:] - away[:-2, 1:-1] - away[1:-1, 2:], 1)
         first, last = np.unravel_index(np.argmax(gain[kept:]), gain[kept:].shape)
         # Rounding alone must not reverse a piece back and forth forever.
-        if gain[kept + first, last] <= 1e-9:
+        if gain[kept + first, last] <= ROUNDING:
             return [order[at - 1] for at in tour[1:-1]]
         piece = slice(kept + first + 1, last + 2)
         tour[piece] = tour[piece][::-1]

@@ -146,7 +146,7 @@ class _Path:
         Where it turns farther, the point to steer at would be behind it, or at its own position.
         """
         headings = np.arctan2(*np.diff(self.points, axis=0).T[::-1])
-        sharp = np.abs(wrap_angle(np.diff(headings))) > np.radians(100.0)
+        sharp = np.abs(wrap_angle(np.diff(headings))) > np.radians(100)
         return [*self.stations[1:-1][sharp].tolist(), self.length]
 
     def progress(self, pose: Pose, reach: float, limit: float) -> float:
@@ -200,8 +200,8 @@ def _command(
     # Bearings [rad] of the point to steer at beyond which a robot turns in place, en route and at
     # the start, where walls may be near: from 15° the arc to a point 1 m ahead keeps within 0.07 m
     # of the straight line.
-    facing_away = math.radians(75.0)
-    facing = math.radians(15.0)
+    facing_away = math.radians(75)
+    facing = math.radians(15)
     # It turns in place instead of circling the goal; at the start until it faces it.
     if abs(bearing) > (facing if starting else facing_away):
         return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))

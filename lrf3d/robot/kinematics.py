@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError, shown
-from lrf3d.geometry.lines import Float, is_finite, number, numbers
+from lrf3d.geometry.lines import ROUNDING, Float, is_finite, number, numbers
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 
@@ -129,13 +129,13 @@ class AckermannDrive:
     """
 
     wheelbase: float
-    most: float = math.radians(45.0)
+    most: float = math.radians(45)
     commands: ClassVar[str] = "speed [m/s] and steering angle [rad]"
 
     def __post_init__(self) -> None:
         number(self.wheelbase, "ackermann drive: wheelbase", "metres", positive=True)
         # Largest steering angle [rad]: at 90° a car would turn about its own rear axle.
-        steepest = math.radians(85.0)
+        steepest = math.radians(85)
         number(self.most, "ackermann drive: most", "radians", positive=True, most=steepest)
 
     def twist(self, speed: float, steering: float) -> Twist:
@@ -307,7 +307,7 @@ def _sample_times(duration: float, dt: float) -> Float:
         )
     # Rounding must neither lose the last sample nor add one just before the end.
     times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
-    return np.append(times if duration - times[-1] > 1e-9 * dt else times[:-1], duration)
+    return np.append(times if duration - times[-1] > ROUNDING * dt else times[:-1], duration)
 
 
 def _chain_arcs(

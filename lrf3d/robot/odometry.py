@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
-from lrf3d.geometry.lines import Float, Value, as_rows, is_finite, number
+from lrf3d.geometry.lines import ROUNDING, Float, Value, as_rows, is_finite, number
 from lrf3d.geometry.pose import between, compose
 
 # What the vertical accelerometer of a robot at rest measures [m/s²].
@@ -233,7 +233,7 @@ class InertialUnit:
             self._motion = Motion(time, np.array(pose))
             return np.empty((0, 4))
         self._motion = self._motion.on_to(time, np.array(pose))
-        count = int(np.floor((time - self._begin) * imu.rate + 1e-9)) - self._count
+        count = int(np.floor((time - self._begin) * imu.rate + ROUNDING)) - self._count
         times = self._begin + (self._count + 1.0 + np.arange(count)) / imu.rate
         self._count += count
         densities = np.array([imu.gyro_noise, *2 * [imu.accelerometer_noise]])

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import Float, Value, numbers, read_only, sealed, whole_number, wrap_angle
+from lrf3d.geometry.lines import (
+    LARGEST_TIME,
+    Float,
+    Value,
+    numbers,
+    read_only,
+    sealed,
+    whole_number,
+    wrap_angle,
+)
 from lrf3d.geometry.pose import as_poses
 
 
@@ -41,8 +50,7 @@ class Trajectory(Value):
                 f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
                 " for each pose"
             )
-        # Stamps in nanoseconds would be larger after 30,000 years.
-        if not (np.abs(instants) <= 1e12).all() or not (np.diff(instants) > 0.0).all():
+        if not (np.abs(instants) <= LARGEST_TIME).all() or not (np.diff(instants) > 0.0).all():
             raise InputError("trajectory: expected increasing times of at most 1e12 s")
         self.__dict__.update(times=instants, poses=poses)
 

@@ -9,7 +9,7 @@ import contextlib
 import json
 import logging
 import struct
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
@@ -89,13 +89,12 @@ class Client:
 class Channels:
     """A server with a channel for each topic, and its clients."""
 
-    def __init__(self, stream: Stream, host: str, port: int, sites: Collection[str]) -> None:
+    def __init__(self, stream: Stream, host: str, port: int) -> None:
         try:
             from websockets.asyncio.server import serve as listen
         except ImportError as error:
             raise missing_extra(f"Foxglove needs a server ({error})", "foxglove") from None
         self._stream = stream
-        self._sites = sites
         self._numbers = {topic.name: number for number, topic in enumerate(stream.topics, 1)}
         self._clients = list[Client]()
         # Time and data of the last message for late subscribers, by channel.
@@ -171,7 +170,7 @@ class Channels:
         for origin in request.headers.get_all("Origin"):
             site = urlsplit(origin)
             is_page = site.scheme in ("http", "https", "")
-            if is_page and site.hostname not in OWN_NAMES and origin not in self._sites:
+            if is_page and site.hostname not in OWN_NAMES and origin not in SITES:
                 self._stream.say("warning", f"a page of {shown(origin)} was refused")
                 return connection.respond(403, "pages of other sites may not drive the robot\n")
         return None
@@ -265,20 +264,19 @@ def serve_foxglove(
     host: str = "127.0.0.1",
     port: int = PORT,
     rng: int = 0,
-    sites: Collection[str] = SITES,
     say: Callable[[str, str], None],
     started: Callable[[str], None] = lambda address: None,
 ) -> None:
     """Serve a robot to Foxglove until the program is interrupted.
 
-    Programs, pages of this machine and pages of the given sites may connect; others are refused.
+    Programs, pages of this machine and pages of `SITES` may connect; others are refused.
 
     Raises:
         MissingLibraryError: The libraries of the extra ``foxglove`` are not installed.
         OutputError: The port is taken.
     """
     stream = Stream(scenario, Settings(rng=rng, lines=True), say)
-    channels = Channels(stream, host, port, sites)
+    channels = Channels(stream, host, port)
     try:
         started(channels.address)
         stream.run(channels.publish, channels.serve)

@@ -15,7 +15,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, check_names, expect, missing_extra
 from lrf3d.base.interrupts import asked
-from lrf3d.geometry.lines import Float, is_finite, number, whole_number
+from lrf3d.geometry.lines import ROUNDING, Float, is_finite, number, whole_number
 from lrf3d.geometry.pose import Pose, as_pose, between
 from lrf3d.laser import Stamp
 from lrf3d.laser.cloud_sensors import CloudSensors
@@ -330,7 +330,7 @@ class Stream:
         self._count = 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
         # Number of ticks from scan to scan; rounding must not add one.
-        self.ticks = ceil(self.interval / LONGEST_TICK - 1e-9)
+        self.ticks = ceil(self.interval / LONGEST_TICK - ROUNDING)
         wheels = scenario.odometry or (WheelOdometry() if settings.wheels else None)
         robots = live_fleet(scenario, settings.robots, rng=settings.rng, wheels=wheels)
         self.robots = [

@@ -200,7 +200,7 @@ def score_map(
         )
     sample_tolerance = 0.1  # Largest distance of a right sample from a wall [m].
     # Largest angle between a right sample's segment and the wall [rad].
-    sample_angle = np.deg2rad(5.0)
+    sample_angle = np.deg2rad(5)
     near = {"reach": sample_tolerance, "angle": sample_angle}
     offsets = sample_offsets(found, walls, **near)
     right = np.isfinite(offsets)

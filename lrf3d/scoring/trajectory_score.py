@@ -183,11 +183,14 @@ def _other_clock(truth: Trajectory, estimate: Trajectory) -> str:
     """How the stamps of an estimate may be brought to the clock of the true trajectory."""
     theirs = float(np.ptp(estimate.times))
     ours = float(np.ptp(truth.times))
-    for unit, factor in (("nano", 1e9), ("micro", 1e6), ("milli", 1e3)):
-        if 0.3 * factor < theirs / ours < 3.0 * factor:
-            return f"; expected seconds, they look like {unit}seconds"
     late = float(estimate.times[0] - truth.times[0])
-    return f"; shifted by {-late:.6f} s they would" if 0.3 < theirs / ours < 3.0 else ""
+    said = {
+        9: "; expected seconds, they look like nanoseconds",
+        6: "; expected seconds, they look like microseconds",
+        3: "; expected seconds, they look like milliseconds",
+        0: f"; shifted by {-late:.6f} s they would",
+    }
+    return next((text for n, text in said.items() if 0.3 < theirs / ours / 10**n < 3.0), "")
 
 
 def rigid_alignment(points: Float, onto: Float) -> Pose:

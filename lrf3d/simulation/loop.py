@@ -358,7 +358,7 @@ class Simulation:
     @property
     def milliseconds_an_update(self) -> float | None:
         """Mean time of the mapper's updates after the first [ms]; None if there are none."""
-        return 1e3 * self._seconds / (self.done - 1) if self.done > 1 else None
+        return 1000 * self._seconds / (self.done - 1) if self.done > 1 else None
 
 
 def _equipped(

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from lrf3d.base.errors import InputError, check_names, each_of, expect, shown
 from lrf3d.base.interrupts import Progress, check, silent, stoppable
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.geometry.lines import Float, number, sealed, whole_number
+from lrf3d.geometry.lines import LARGEST_TIME, Float, number, sealed, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import lasers_of
@@ -31,9 +31,6 @@ from lrf3d.simulation.loop import Simulation, Step
 from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.simulation.steering import Controller
 from lrf3d.world import World
-
-# The earliest time of a scan [s]: nanoseconds of times farther from 0 do not fit into stamps.
-EARLIEST = -1e12
 
 
 class Runnable(Protocol):
@@ -348,7 +345,7 @@ class Recorder:
             expect(map, LineMap, "recorder: map")
         later = scans[0].time if scans[0].time > self._last else self._last + SCAN_INTERVAL
         time = later if time is None else time
-        if number(time, "recorder: time", "seconds", least=EARLIEST) <= self._last:
+        if number(time, "recorder: time", "seconds", least=-LARGEST_TIME) <= self._last:
             raise InputError(f"recorder: time {time:g} s; expected one after {self._last:g} s")
         if len(self) and (estimate is None) != (not self._estimates):
             raise InputError("recorder: estimate: give one for every scan or for none")

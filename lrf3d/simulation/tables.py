@@ -141,7 +141,7 @@ def lidar_of(preset: str = "", **values: Any) -> Lidar:
 # The keys of the table of a lidar.
 LIDAR: Mapping[str, Converter] = {
     "preset": schema.text(),
-    "elevations_deg": several(partial(number, least=-90.0, most=90.0), "elevations"),
+    "elevations_deg": several(partial(number, least=-90, most=90), "elevations"),
     "columns": partial(whole_number, least=1),
     **dict.fromkeys(("range_min", "range_max", "scan_duration"), partial(number, least=0.0)),
     "mount": mount_of,
@@ -152,7 +152,7 @@ LIDAR: Mapping[str, Converter] = {
 DEPTH_CAMERA: Mapping[str, Converter] = {
     **{key: LIDAR[key] for key in ("range_min", "range_max", "mount", "name")},
     **dict.fromkeys(("width", "height"), LIDAR["columns"]),
-    "fov_deg": partial(number, positive=True, most=179.0),
+    "fov_deg": partial(number, positive=True, most=179),
 }
 
 

@@ -200,8 +200,19 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
 
 
 def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tuple[int, int]]]:
-    """Scans of the first laser, the robot's poses (k, 3), and pairs between which it moved."""
-    own = [scan for scan in scans if scan.laser == scans[0].laser and scan.hits.any()]
+    """Scans of the first laser, the robot's poses (k, 3), and pairs between which it moved.
+
+    Where a driver sends a turn in parts, those of the first part's field are compared.
+    """
+    field = scans[0].angles[[0, -1]]
+    same = 0.1  # Angle between the ends of two fields that are the same [rad].
+    own = [
+        scan
+        for scan in scans
+        if scan.laser == scans[0].laser
+        and scan.hits.any()
+        and np.abs(scan.angles[[0, -1]] - field).max() < same
+    ]
     robots = np.array([scan.robot for scan in own]).reshape(-1, 3)
     pairs = list[tuple[int, int]]()
     first = 0

@@ -109,7 +109,7 @@ def _crossing(begins: Float, along: Float, others: Float, beside: Float) -> tupl
     They are NaN for lines less than 15° apart, which are one wall with a gap and no corner.
     """
     sine = cross(along, beside)
-    sine[np.abs(sine) <= np.sin(np.radians(15.0))] = np.nan
+    sine[np.abs(sine) <= np.sin(np.radians(15))] = np.nan
     first = cross(others - begins, beside) / sine
     second = cross(others - begins, along) / sine
     return first, second, begins + first[:, None] * along

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import ROUNDING, Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 
@@ -117,7 +117,7 @@ def city(size: float, seed: int) -> World:
     heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
     # Brick, sandstone, clay, slate and plaster.
     facades = "b5654e c8b494 a88468 929aa2 cfc4b0".split()
-    shades = np.array([[*bytes.fromhex(each)] for each in facades]) / 255.0
+    shades = np.array([[*bytes.fromhex(each)] for each in facades]) / 255
     colours = shades[rng.integers(0, len(shades), blocks**2)]
     return World(
         np.round(plain.segments, 3), plain.objects, heights, f"city {seed}", colours=colours
@@ -214,7 +214,7 @@ def _divide(
         axis = 1 - axis
     free = [
         cut
-        for cut in np.arange(low[axis] + smallest_room, high[axis] - smallest_room + 1e-9, 0.1)
+        for cut in np.arange(low[axis] + smallest_room, high[axis] - smallest_room + ROUNDING, 0.1)
         if not any(
             along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
             for along, at, door in doors

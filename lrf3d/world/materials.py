@@ -90,7 +90,7 @@ class Material:
 
 
 LIMITS = dict.fromkeys(("diffuse", "specular", "lobe_deg", "transmission"), 1.0)
-LIMITS |= {"lobe_deg": 90.0, "index": 10.0, "retro": 1e6}
+LIMITS |= {"lobe_deg": 90, "index": 10, "retro": 10**6}
 """Largest value of each field but the name."""
 
 # The materials that every world knows, by name: round numbers, typical of new and dry surfaces.

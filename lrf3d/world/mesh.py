@@ -23,7 +23,7 @@ from lrf3d.base.errors import WorldError, shown
 from lrf3d.base.files import own_name, replacing
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, number, quad_indices
 from lrf3d.world.materials import material_of, material_value
-from lrf3d.world.model import World
+from lrf3d.world.model import UNITS, World
 from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repeats, world_of_parts
 
 if TYPE_CHECKING:
@@ -66,9 +66,6 @@ STOREY = 2.7
 # width.
 HIGH = 5.0
 SLENDER = 2.0
-
-# Units in which meshes are made, by their size [m].
-UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet", 1e3: "km"}
 
 
 def _size_doubt(world: World, scale: float) -> str:
@@ -210,7 +207,7 @@ def _looks(mesh: Any, name: str) -> Part:
     """A part without walls that looks like a mesh."""
     look = getattr(mesh.visual, "material", None)
     factor = getattr(look, "baseColorFactor", None)
-    colour = None if factor is None else np.asarray(factor[:3]) / 255.0
+    colour = None if factor is None else np.asarray(factor[:3]) / 255
     # The material that lrf3d wrote, or else the built-in one of the name that the mesh's own has.
     written = material_of(mesh.metadata.get("material"))
     material = written or material_of(str(getattr(look, "name", None)).lower())

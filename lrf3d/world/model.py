@@ -41,6 +41,13 @@ SHEET = 2.0
 # town. Below 7.5, centimetres would be taken for inches; the message names the resulting size.
 TYPICAL = 12.0
 
+# Metres in an inch, and in a foot.
+INCH = 0.0254
+FOOT = 0.3048
+
+# Units in which plans and meshes are made, by their size [m].
+UNITS = {0.001: "millimetres", 0.01: "centimetres", INCH: "inches", FOOT: "feet", 1000.0: "km"}
+
 # Largest factor by which a plan is enlarged.
 LARGEST_SCALE = 1e6
 
@@ -199,11 +206,11 @@ def size_problem(world: World, least: float = SHEET) -> str | None:
     # A town may be as large, but its walls are shorter.
     if most.max() <= 1000.0 or usual <= 100.0:
         return None
-    scales = {0.01: "centimetres", 0.001: "millimetres", 0.0254: "inches"}
     between = np.sqrt(usual * most.max())
-    scale = min(scales, key=lambda each: abs(np.log(each * between / TYPICAL)))
+    small = [each for each in UNITS if each < FOOT]
+    scale = min(small, key=lambda each: abs(np.log(each * between / TYPICAL)))
     large = f"{width:,.0f} m by {height:,.0f} m, with walls of {usual:,.0f} m, is too large"
-    fitting = f"{scale * width:.3g} m by {scale * height:.3g} m, if it is in {scales[scale]}"
+    fitting = f"{scale * width:.3g} m by {scale * height:.3g} m, if it is in {UNITS[scale]}"
     return f"{large} to plan a route in; --scale {scale:g} makes it {fitting}"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from lrf3d.base.errors import WorldError
 from lrf3d.base.files import own_name
-from lrf3d.geometry.lines import Float, Int, lengths
+from lrf3d.geometry.lines import ROUNDING, Float, Int, lengths
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
@@ -129,7 +129,7 @@ def _looks(world: World, number: int) -> dict[str, Any]:
 
 def world_of_walls(segments: Float, heights: Float, path: Path, gap: float = TOUCHING) -> World:
     """The world of segments (n, 4), with heights (n,), of which repeated ones count once."""
-    kept = np.flatnonzero(lengths(segments) > 1e-9)
+    kept = np.flatnonzero(lengths(segments) > ROUNDING)
     kept = kept[without_repeats(segments[kept])]
     segments = segments[kept]
     heights = heights[kept]

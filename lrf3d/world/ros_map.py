@@ -177,7 +177,7 @@ def cells_of_map(picture: Path, values: Mapping[str, Any], occupied: Bool, free:
     light, opaque = _light(picture)
     unknown = ~occupied & ~free
     # Between the thresholds are cells whose occupancy is low or high, but not enough.
-    grey = unknown & ((np.round(255.0 * light) != UNKNOWN) & opaque)[::-1]
+    grey = unknown & ((np.round(255 * light) != UNKNOWN) & opaque)[::-1]
     if values["mode"] == "raw":
         grey[:] = False
     balance = Balance("cell", occupied.size, int(occupied.sum()))
@@ -193,7 +193,7 @@ def _darkest(picture: Path, values: Mapping[str, Any]) -> str:
     share = (light if values["negate"] else 1.0 - light)[opaque]
     if values["mode"] == "raw" or not share.size or share.max() - share.min() < LEAST_SHARE:
         return "all cells are alike, or no occupied one is next to another"
-    darkest = float(np.floor(100.0 * share.max()) / 100.0)
+    darkest = float(np.floor(100 * share.max()) / 100)
     least = values["occupied_thresh"]
     if darkest >= least:
         return "no occupied cell is next to another"
@@ -206,13 +206,13 @@ def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     """Which cells (rows, columns) are occupied and which free, the first row at the bottom."""
     light, opaque = _light(picture)
     share = light if values["negate"] else 1.0 - light
-    value = np.round(255.0 * light)
+    value = np.round(255 * light)
     # map_saver writes one grey for unknown cells, even if free_thresh is just above it; read by the
     # rule alone, they would be free.
     known = opaque if values["mode"] == "scale" else (value != UNKNOWN) | bool(values["negate"])
     if values["mode"] == "raw":
         # The value of a pixel is the occupancy in percent, not negated; above 100 it is unknown.
-        share = value / 100.0
+        share = value / 100
         known = share <= 1.0
     occupied = known & (share >= values["occupied_thresh"])
     return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]

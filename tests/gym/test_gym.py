@@ -128,21 +128,6 @@ def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():
             env.reset(seed=0, options={name: value})
 
 
-def test_episodes_are_cut_off_and_robots_placed_again_in_the_next_step():
-    envs = DriveVectorEnv(4, CORRIDOR, max_steps=3)
-    envs.reset(seed=1)
-    still = np.zeros((4, 2))
-    cuts = []
-    for _ in range(8):
-        before = envs.poses.copy()
-        _, rewards, ended, cut, _ = envs.step(still)
-        cuts.append(cut.all())
-        assert not ended.any()
-        moved = (envs.poses != before).any(axis=1)
-        assert (rewards[moved] == 0.0).all() and moved.all() == (len(cuts) in (4, 8))
-    assert cuts == [False, False, True, False, False, False, True, False]
-
-
 def test_robots_start_clear_of_walls_and_their_goals_lie_within_reach():
     task = DriveVectorEnv(300, CORRIDOR)
     task.reset(seed=3)
@@ -314,8 +299,9 @@ def test_robots_are_placed_again_when_the_mode_says(mode):
     starts = env.poses.copy()
     moved, cuts = [], []
     for _ in range(4):
-        _, _, _, cut, infos = env.step(np.tile([0.0, 0.2], (2, 1)))
+        _, rewards, ended, cut, infos = env.step(np.tile([0.0, 0.2], (2, 1)))
         moved.append((env.poses[:, :2] != starts[:, :2]).any())
+        assert not ended.any() and not (moved[-1] and mode.name == "NEXT_STEP" and rewards.any())
         cuts.append(bool(cut.all()))
         if cuts[-1]:
             assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP)

@@ -61,14 +61,10 @@ def test_a_route_is_followed_without_coming_near_a_wall(seed, radius, east):
     boxes = [box(east + 13.0 * (s // 3), 12.0 * (s % 3), *rng.uniform(4.0, 10.0, 2)) for s in spots]
     world = town(boxes)
     route = plan_route(world, radius=radius)
-    assert route.ndim == 2 and len(route) >= 2 and route.shape[1] == 2
-    buildings = [shapely.Polygon(corners[:, :2]) for corners in boxes]
     # All passages are at least 2 m wide.
     assert distance_to_walls(world, route) >= radius + 0.25
     drive = follow_route(route, speed=3.0, lookahead=1.0)
     assert find_collision(drive, world, radius) is None
-    for inside in buildings:
-        assert not shapely.contains_xy(inside, route[:, 0], route[:, 1]).any()
 
 
 @pytest.mark.slow

@@ -62,23 +62,6 @@ def test_the_robot_drives_an_exact_arc_and_stops_without_commands():
     assert made.robots[0].robot.pose == (x, y, theta) and said[0][0] == "warning"
 
 
-def test_a_robot_rests_at_a_wall_and_can_turn_and_drive_away():
-    made, _ = stream(cmd_timeout=0.0)
-    [*made.tick()]
-    robot = made.robots[0].robot
-    made.robots[0].command(2.0, 0.1)
-    for _ in range(40):
-        [*made.step()]
-    assert robot.bumped and robot.speed == robot.turning == 0.0
-    x, y, theta = robot.pose
-    assert 2.5 < math.hypot(x, y) and x < 3.0 - 0.35 + 1e-9
-    for command in ((0.0, 1.0), (-1.0, 0.0)):
-        made.robots[0].command(*command)
-        [*made.step()]
-        assert not robot.bumped
-    assert robot.pose.theta == pytest.approx(theta + 0.1) and robot.pose.x < x - 0.09
-
-
 def test_invalid_commands_and_poses_are_reported_and_change_nothing():
     made, said = stream()
     made.robots[0].command(math.nan, 0.0)

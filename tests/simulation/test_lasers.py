@@ -50,7 +50,8 @@ def test_the_beams_of_each_laser_leave_from_its_mount_and_end_at_walls(run):
 
 def test_a_file_holds_all_lasers_and_a_stopped_run_goes_on(run, tmp_path):
     def simulation():
-        return lrf3d.Simulation(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=[QUIET, QUIET])
+        sensors = {"odometry": lrf3d.WheelOdometry(), "imu": lrf3d.Imu(rate=30.0)}
+        return lrf3d.Simulation(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=[QUIET, QUIET], **sensors)
 
     whole = lrf3d.record(simulation(), tmp_path / "whole.npz")
     assert whole.lasers == run.lasers and np.array_equal(whole.ranges, run.ranges)
@@ -192,8 +193,6 @@ def test_a_carmen_log_has_all_lasers_with_their_mounts(tmp_path):
     truth = lrf3d.load_log(path, poses="truth")
     for scan, true in zip(truth.scans[6:8], run.scans_at(3), strict=True):
         assert scan.pose == pytest.approx(true.pose, abs=1e-9)
-    found = lrf3d.slam_log(log).trajectory.poses
-    assert np.hypot(*(found - run.trajectory.poses)[:, :2].T).max() < 0.03
     # Without odometry in its place, the mount of a further laser is unknown.
     lines = path.read_text().splitlines()
     front = [line for line in lines if not line.startswith("ROBOTLASER2 ")]

@@ -5,7 +5,6 @@ from typing import get_type_hints
 import lrf3d
 from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.simulation.mappers import FullMapper, OptionalParts
-from lrf3d.slam import SlamMapper
 
 ROOM = lrf3d.load_world("paper_room")
 DRIVE = [(1, 1, 0), (1.2, 1, 0)]
@@ -54,16 +53,6 @@ def test_all_that_a_mapper_is_asked_for_is_declared():
     declared = {name for name in dir(FullMapper) if not name.startswith("_")}
     assert mapper.names <= declared
     assert declared == {"update", "map", "estimate", "several", "mode", "drive", "report"}
-
-
-def test_the_parts_of_a_full_mapper_are_used():
-    mapper = SlamMapper(rng=0)
-    parts = OptionalParts(mapper)
-    drive = lrf3d.follow_route([[1, 1], [2, 1]], speed=1.0)
-    simulation = lrf3d.Simulation(ROOM, drive, mapper=mapper, odometry=WheelOdometry(), rng=0)
-    steps = list(simulation)
-    assert len(simulation.estimate) == len(steps) and parts.report == mapper.report
-    assert simulation.estimate.errors(drive.poses)[-1] < 0.1
 
 
 def test_several_lasers_are_typed_as_they_are_taken():

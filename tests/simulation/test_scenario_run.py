@@ -1,9 +1,5 @@
 """What Scenario.run and simulate give is what ``lrf3d run`` gives."""
 
-import re
-from functools import partialmethod
-from pathlib import Path
-
 import numpy as np
 import pytest
 from program import lrf3d as program
@@ -13,7 +9,6 @@ import lrf3d
 from lrf3d.laser import Chain, ConstantNoise, Quantised
 from lrf3d.laser.noise import FLOOR
 
-README = Path(__file__).parents[2] / "README.md"
 OBSTACLE = "[[obstacle]]\nroute = [[2.0, 2.0], [6.0, 2.0]]\nspeed = 0.7\n"
 
 
@@ -43,18 +38,6 @@ def test_a_scenario_runs_as_the_command_line_does(world, tmp_path):
     scenario = lrf3d.load_scenario(world)
     same(scenario.run(rng=5, scans=12), there)
     same(lrf3d.simulate(scenario, rng=5, scans=12), there)
-
-
-def test_the_lines_of_the_readme_give_the_map_of_the_command_line(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    lines = re.search(r"```python\n(.*?)```", README.read_text(), re.DOTALL)[1]
-    simulation = lrf3d.Scenario.simulation
-    with monkeypatch.context() as patch:
-        patch.setattr(lrf3d.Scenario, "simulation", partialmethod(simulation, scans=12))
-        patch.setattr(lrf3d, "render_video", lambda run, path: None)
-        exec(compile(lines, "README.md", "exec"), {})
-    program("run", "city", "--seed", 0, "--scans", 12, "--no-video", "--out", tmp_path / "out")
-    assert Path("map.geojson").read_bytes() == (tmp_path / "out/map.geojson").read_bytes()
 
 
 @pytest.mark.slow

@@ -46,6 +46,19 @@ def test_poses_that_do_not_fit_the_scans_are_named(changed, reason, scans):
     assert reason in (doubt or "") and bool(doubt) == bool(reason)
 
 
+def test_parts_of_a_turn_are_compared_with_their_like(scans):
+    caster = lrf3d.PlanarCaster(lrf3d.load_scenario("corridor").world)
+    places = np.array([scan.pose for scan in scans])
+    parts = []
+    for number in range(480):
+        share = number / 8
+        pose = [np.interp(share, np.arange(60.0), each) for each in places.T]
+        begin = -np.pi + np.pi / 3 * (number % 6)
+        field = lrf3d.LaserRangeFinder(begin, begin + np.pi / 3, 60)
+        parts.append(caster.cast(field, pose))
+    assert doubtful_poses(parts) is None
+
+
 @pytest.mark.parametrize(("declared", "named"), [(0.015, False), (0.025, False), (0.029, True)])
 def test_a_mount_is_named_only_where_it_fits_clearly_better(declared, named, scans, monkeypatch):
     def apart(one, other, turn, sense):

@@ -65,7 +65,7 @@ def map_(log: LaserLog, args: Namespace, console: Console) -> None:
     }
     share = explained = ""
     if score.returns:
-        share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
+        share = f"{100 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
         explained = f"{share}, which it was not built from"
         if score.explained < LEAST_EXPLAINED:
             warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
@@ -269,7 +269,7 @@ def _timed(console: Console) -> Iterator[tuple[Progress, Callable[[], float]]]:
             stamps.append(perf_counter())
             progress(done, count)
 
-        yield note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+        yield note, lambda: 1000 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
 
 
 def _filled(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:

@@ -247,7 +247,7 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
         "two numbers of scans, such as 120:2400",
     ),
     "FROM:TO": (
-        _two(":", lambda *ends: max(map(abs, ends)) <= 360.0 and ends[0] != ends[1], float),
+        _two(":", lambda *ends: max(map(abs, ends)) <= 360 and ends[0] != ends[1], float),
         "two bearings in degrees, such as 130:140",
     ),
     "I/N": (

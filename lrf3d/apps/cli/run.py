@@ -74,7 +74,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
         "sigma_m": _sigma(scenario, args), "planned": scenario.planned,
         **_figures(main, run, output.path),
-        "seconds": seconds, "milliseconds_a_scan": 1e3 * seconds / updates if updates else None,
+        "seconds": seconds, "milliseconds_a_scan": 1000 * seconds / updates if updates else None,
         "milliseconds_an_update": main.milliseconds_an_update,
     }  # fmt: skip
     if scenario.poses is not None and "controller" not in named:

@@ -53,7 +53,7 @@ def render(run: Run, args: Namespace, console: Console) -> None:
     if picture:
         console.print({"picture": str(path)}, [("picture", str(path))])
         return
-    each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
+    each = 1000 * drawn["seconds"] / max(drawn["frames"], 1)
     width, height = drawn["size"]
     by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
     console.print(

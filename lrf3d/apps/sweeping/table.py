@@ -24,7 +24,7 @@ MEASURES = {
     "length_f1": ("length F1", 1.0, 3),
     "segment_f1": ("segment F1", 1.0, 3),
     "segment_ratio": ("segments", 1.0, 2),
-    "perpendicular_rms": ("RMS [mm]", 1e3, 1),
+    "perpendicular_rms": ("RMS [mm]", 1000, 1),
     "object_purity": ("purity", 1.0, 3),
     "object_ratio": ("objects", 1.0, 2),
 }
@@ -93,7 +93,7 @@ class SweepTable:
     def __str__(self) -> str:
         seeds = counted(self.plan.seeds, "seed")
         return (
-            f"{table(*self._cells(' ± '))}\nMean of {seeds} ± half of its {100.0 * CONFIDENCE:g} %"
+            f"{table(*self._cells(' ± '))}\nMean of {seeds} ± half of its {100 * CONFIDENCE:g} %"
             " interval. segments: per visible wall; objects: per visible\nobject; 1 is ideal."
         )
 
@@ -190,7 +190,7 @@ def figures_of(result: SweepTable) -> dict[str, tuple[str, Callable[[Path], obje
     figures: dict[str, tuple[str, Callable[[Path], object]]] = {}
     plan = result.plan
     varied = {name: each for name, each in plan.varied.items() if len(each) > 1}
-    seeds = f"{plan.seeds} seeds  ·  mean and its {100.0 * CONFIDENCE:g} % interval"
+    seeds = f"{plan.seeds} seeds  ·  mean and its {100 * CONFIDENCE:g} % interval"
     numbers = [name for name in varied if not isinstance(varied[name][0], str | bool)]
     for world, column in product(plan.worlds, numbers):
         others = [name for name in varied if name not in (column, "mapper")]

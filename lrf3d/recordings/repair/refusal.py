@@ -4,11 +4,9 @@ import numpy as np
 
 from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
+from lrf3d.geometry.lines import LARGEST_TIME
 from lrf3d.laser import doubtful_ranges, doubtful_unit
 from lrf3d.recordings.log import LaserLog
-
-# Largest stamp [s]: larger ones are nanoseconds, and a float rounds two of these to one.
-LATEST_STAMP = 1e12
 
 # Least number of beams of a scan that show a wall.
 LEAST_BEAMS = 3
@@ -19,7 +17,7 @@ def refuse_useless(log: LaserLog) -> None:
     if not log.scans:
         raise InputError("a log without scans; expected at least one")
     latest = np.abs(np.concatenate([log.odometry.times, log.times])).max()
-    if latest > LATEST_STAMP:
+    if latest > LARGEST_TIME:
         raise InputError(f"a stamp of {latest:g} s; expected seconds")
     # Ranges in millimetres, taken for metres, would make a map that fills the memory.
     if doubt := doubtful_unit(np.concatenate([scan.ranges[scan.hits] for scan in log.scans])):

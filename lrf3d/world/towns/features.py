@@ -51,8 +51,8 @@ CLOSING = 0.05
 STRAIGHT = 0.01
 
 # A full turn, and the latitude of a pole [°].
-TURN = 360.0
-POLE = 90.0
+TURN = 360
+POLE = 90
 
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8

@@ -9,12 +9,10 @@ from collections.abc import Mapping
 from operator import mul
 from typing import Any
 
+from lrf3d.world.model import FOOT, INCH
+
 # Height of a storey [m], for buildings with only a number of levels.
 LEVEL_HEIGHT = 3.0
-
-# Metres in a foot, and in an inch.
-FOOT = 0.3048
-INCH = 0.0254
 
 # Metres in the units of heights.
 UNITS = {
@@ -23,7 +21,7 @@ UNITS = {
     **dict.fromkeys(("in", "inch", "inches", '"', "″"), INCH),
     "mm": 1e-3,
     "cm": 1e-2,
-    "km": 1e3,
+    "km": 1000.0,
     "yd": 0.9144,
 }
 
