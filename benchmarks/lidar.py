@@ -1,23 +1,36 @@
 """How long does the scan of a lidar take, and how far is its worst range off single exact beams?
 
-PlanarCaster casts lidars and depth cameras by skylines, bare Embree the same beams one by one, with
-its rays prepared beforehand, in turns. All beams of both are compared with those that are cast one
-by one in float64 at the triangles of the walls; the tests compare with rational numbers.
+PlanarCaster casts lidars and depth cameras by skylines; bare Embree, and Open3D and MuJoCo where
+they are installed, the same beams one by one, with their rays prepared beforehand, in turns. All
+beams are compared with those that are cast one by one in float64 at the triangles of the walls; the
+tests compare with rational numbers. Then dynamic obstacles, rolling scans, and environments.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
 from time import process_time
 from typing import Annotated, Any
 
 import numpy as np
+import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from benchmarks.report import Report
 from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float
+from lrf3d.gym import DriveVectorEnv
 from lrf3d.laser import DepthCamera, Lidar
+from lrf3d.robot import Trajectory
+from lrf3d.simulation.scenario import load_scenario
 from lrf3d.world import World, load_world
+from lrf3d.world.generators import generate_city
 from lrf3d.world.mesh import extrude, upright
 
 # [m] A range that is off by more is grossly wrong: lasers err by as much.
@@ -67,6 +80,9 @@ def scene_of(world: World, floor: float) -> tuple[Callable[[Any, Any], Float], A
 def bench(
     *,
     seconds: Annotated[float, "Time for each comparison [s]."] = 2.0,
+    walls: Annotated[int, "Walls of the large town."] = 100_000,
+    robots: Annotated[int, "Robots of the environment."] = 1024,
+    footprints: Annotated[str | None, "A world of buildings with heights, such as GeoJSON."] = None,
 ) -> Report:
     """Time lidars and depth cameras against bare Embree, and count wrong beams of both."""
     report = Report(__doc__.splitlines()[0])
@@ -75,7 +91,16 @@ def bench(
             given = load_world(world)
             bare = World(given.segments, given.objects, given.heights, world)
             compare(report, name, sensor, bare, PLACES[world], seconds)
+    large = generate_city(walls)
+    compare(report, "64 x 1,024", SENSORS["64 x 1,024"][0], large, PLACES["city"], seconds)
+    if footprints is not None:
+        town = load_world(footprints)
+        place = (*town.bounds.mean(axis=0).tolist(), 0.0)
+        compare(report, "128 x 2,048", SENSORS["128 x 2,048"][0], town, place, seconds)
+    moving(report, seconds)
+    environments(report, robots)
     report.notes.append("wrong: of all beams, off by over 1 cm, or a return where there is none")
+    report.notes += [f"{name} is not installed" for name in OTHERS if not library(name)]
     return report
 
 
@@ -91,11 +116,13 @@ def compare(
     ways = beams.astype(np.float32)
     place = np.array([*pose[:2], sensor.mount[2]])
     origins = np.tile((place - [*world.origin, 0.0]).astype(np.float32), (len(ways), 1))
-    ours_s, embree_s = in_turns([lambda: cast(sensor, pose), lambda: run(origins, ways)], seconds)  # type: ignore[arg-type]
+    triangles = kept[1].reshape(-1, 3, 3)
+    installed = [name for name in OTHERS if library(name)]
+    others = [OTHERS[name](triangles, origins, ways) for name in installed]
+    calls = [lambda: cast(sensor, pose), lambda: run(origins, ways), *others]  # type: ignore[arg-type]
+    ours_s, *others_s = in_turns(calls, seconds)
     found: Any = cast(sensor, pose)  # type: ignore[arg-type]
     ours = (found.ranges if isinstance(sensor, Lidar) else found.depth).ravel()
-    theirs = np.asarray(run(origins, ways), dtype=np.float64)
-    theirs[theirs > sensor.range_max] = np.inf
     mesh = extrude(world)
     mesh.apply_translation([*world.origin, 0.0])
     beyond: Any = EmbreeCaster(mesh)
@@ -108,13 +135,128 @@ def compare(
         world=world.name,
         walls=len(world.segments),
         ours_s=ours_s,
-        embree_s=embree_s,
-        ratio=embree_s / ours_s,
         wrong=int(wrong(ours, true).sum()),
         worst_m=float(np.abs(ours[both] - true[both]).max()),
-        embree_wrong=int(wrong(theirs, true).sum()),
-    )
+        **{
+            f"{other}_{what}": figure
+            for other, call, spent in zip(["embree", *installed], calls[1:], others_s, strict=True)
+            for what, figure in (
+                ("ratio", spent / ours_s), ("wrong", int(wrong(within(call(), sensor), true).sum()))
+            )
+        },
+    )  # fmt: skip
     del kept
+
+
+def within(ranges: Any, sensor: Lidar | DepthCamera) -> Float:
+    """Ranges (n,) of others, where those beyond range_max do not return."""
+    found = np.asarray(ranges, dtype=np.float64)
+    return np.where(found > sensor.range_max, np.inf, found)
+
+
+def library(name: str) -> Any:
+    """A library that may be installed, or None; Open3D also needs libraries of the system."""
+    with suppress(ImportError):
+        return import_module(name)
+
+
+def open3d_rays(triangles: Any, origins: Any, ways: Any) -> Callable[[], Any]:
+    """What casts rays by Open3D on one core."""
+    o3d = library("open3d")
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    tensor = o3d.core.Tensor
+    numbers = np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)
+    scene.add_triangles(tensor(triangles.reshape(-1, 3)), tensor(numbers))
+    rays = tensor(np.hstack([origins, ways]))
+    return lambda: scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
+
+
+def mujoco_rays(triangles: Any, origins: Any, ways: Any) -> Callable[[], Any]:
+    """What casts rays by MuJoCo, at a mesh."""
+    mujoco = library("mujoco")
+    spec = mujoco.MjSpec()
+    numbers = np.arange(3 * len(triangles), dtype=np.int32)
+    shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    vertices = triangles.ravel().astype(np.float64)
+    spec.add_mesh(name="walls", uservert=vertices, userface=numbers, inertia=shell)
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    count = len(ways)
+    lengths = np.linalg.norm(ways.astype(np.float64), axis=1)
+    beams = (ways / lengths[:, None]).astype(np.float64).ravel()
+    place = origins[0].astype(np.float64)
+    hits = np.empty(count, np.int32)
+    ranges = np.empty(count)
+
+    def cast() -> Any:
+        far = mujoco.mjMAXVAL
+        mujoco.mj_multiRay(
+            model, data, place, beams, None, 1, -1, hits, ranges, None, count, far
+        )  # fmt: skip
+        return np.where(ranges < 0.0, np.inf, ranges) / lengths
+
+    return cast
+
+
+# Other programs by the name of their package, each with what casts prepared rays.
+OTHERS = {"open3d": open3d_rays, "mujoco": mujoco_rays}
+
+
+def moving(report: Report, seconds: float) -> None:
+    """Time scans among five dynamic obstacles, and rolling ones, against still scans of walls."""
+    lidar = level(64, 1024, 22.5)
+    caster = PlanarCaster(load_world("city"))
+    place = PLACES["city"]
+    around = 3.0 * np.column_stack([np.cos(np.arange(5)), np.sin(np.arange(5)), np.zeros(5)])
+    square = 0.3 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    path = [Trajectory([0.0], [at + place]) for at in around]
+    crowd = Crowd([DynamicObstacle(square, each, 1.7) for each in path])
+    rolling = replace(lidar, scan_duration=0.1)
+    forward = Conditions(motion=np.array([0.1, 0.0, 0.02]))
+    run, _ = scene_of(caster.world, lidar.range_max)
+    ways = lidar.directions(place).reshape(-1, 3).astype(np.float32)
+    origins = np.tile([*(np.array(place[:2]) - caster.world.origin), 0.5], (len(ways), 1))
+    boxes = [
+        trimesh.creation.box((0.6, 0.6, 1.7)).apply_translation([*at[:2], 0.35]) for at in around
+    ]
+    scene = EmbreeScene()
+    small: Any = trimesh.util.concatenate(boxes)
+    kept = TriangleMesh(scene, small.vertices.astype(np.float32), small.faces.astype(np.int32))
+    middle = np.zeros_like(ways)
+    still_s, crowd_s, rolling_s, embree_s = in_turns(
+        [
+            lambda: caster.cast_lidar(lidar, place),
+            lambda: caster.cast_lidar(lidar, place, Conditions(obstacles=crowd)),
+            lambda: caster.cast_lidar(rolling, place, forward),
+            lambda: np.minimum(
+                run(origins.astype(np.float32), ways), scene.run(middle, ways, query="DISTANCE")
+            ),
+        ],
+        seconds,
+    )
+    report.add(
+        "moving",
+        scene="five obstacles",
+        ours_s=crowd_s,
+        to="Embree, second scene",
+        ratio=embree_s / crowd_s,
+    )
+    report.add("moving", scene="rolling", ours_s=rolling_s, to="still", ratio=still_s / rolling_s)
+    del kept
+
+
+def environments(report: Report, robots: int) -> None:
+    """Count the steps of robots with a lidar of 16 x 180 beams, a second of CPU time."""
+    lidar = replace(level(16, 180, 15.0), name="lidar")
+    for world in ("city", "paper_room"):
+        scenario = load_scenario(world).changed(lidars=[lidar])
+        envs = DriveVectorEnv(robots, scenario)
+        envs.reset(seed=0)
+        actions = np.random.default_rng(0).uniform(-1.0, 1.0, (robots, 2))
+        (step_s,) = in_turns([partial(envs.step, actions)], 0.0)
+        report.add("environments", world=world, robots=robots, steps_each_s=robots / step_s)
 
 
 def in_turns(calls: Sequence[Callable[[], object]], seconds: float) -> list[float]:

@@ -23,7 +23,7 @@ from lrf3d.casting.kernels.raising import raise_fan, raise_obstacles, raise_rays
 from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.casting.kernels.skyline import ENTRY
 from lrf3d.casting.kernels.tree import Plain, build_tree
-from lrf3d.geometry.lines import TINY, Float, Int, Records, sealed
+from lrf3d.geometry.lines import TINY, Bool, Float, Int, Records, sealed
 from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.depth_camera import DepthCamera
 from lrf3d.laser.lidar import Lidar
@@ -40,6 +40,10 @@ WHOLE = 1e-9
 
 # Beams of lidars that are cast at a time: their ranges and noise fit into a cache of 2 MB.
 AT_ONCE = 1 << 16
+
+# [m] An outline that is nowhere wider is a wall: old ones of stone are 0.5 m thick, and no robot
+# drives in it.
+THICKEST = 0.6
 
 # [m] Length in the plane that stands for 0, of a beam straight up or down.
 UPRIGHT = 1e-20
@@ -199,6 +203,24 @@ def solids(world: World) -> Solids:
     return Solids(areas[solid], area, inner, corners)
 
 
+def in_walls(world: World, centres: Float, places: Float, z: float) -> Bool:
+    """Which sensors at places (n, 2) and a height are in walls, or behind them.
+
+    Behind is what walls of that height part from the centres (n, 2) of the robots.
+    """
+    high = np.flatnonzero(world.heights >= z)
+    tree = shapely.STRtree(shapely.linestrings(world.segments[high].reshape(-1, 2, 2)))
+    points = shapely.points(places)
+    arms = shapely.linestrings(np.stack([centres, places], axis=1))
+    behind, _ = tree.query(arms, predicate="intersects")
+    _, near = tree.query(points, predicate="dwithin", distance=THICKEST)
+    own = high[np.isin(world.objects[high], world.objects[high[near]])]
+    areas = solids(World(world.segments[own], world.objects[own], world.heights[own])).areas
+    thin = areas[shapely.is_empty(shapely.buffer(areas, -0.5 * THICKEST))]
+    inside, _ = shapely.STRtree(thin).query(points, predicate="within")
+    return np.isin(np.arange(len(places)), [*behind, *inside])
+
+
 def cast_lidar(
     walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions = STILL
 ) -> tuple[Float, Rows]:
@@ -275,7 +297,7 @@ def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tu
                 else:
                     walls.keep(skies)
             found = ranges[: len(part)] if order is None else ranges[: len(part), :, order]
-            yield part, np.ascontiguousarray(found.transpose(0, 2, 1))
+            yield part, found.transpose(0, 2, 1)
 
 
 def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:

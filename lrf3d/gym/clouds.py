@@ -1,6 +1,7 @@
 """What the lidars and depth cameras of robots see, as observations of environments."""
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 from gymnasium import spaces
@@ -8,10 +9,11 @@ from numpy.typing import NDArray
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.kernels.fleets import CHOICES, scatter_ranges
 from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import as_pose, compose
-from lrf3d.laser import Chain, DepthCamera, Lidar, Noise
+from lrf3d.laser import Chain, ConstantNoise, DepthCamera, Lidar, Noise, ProportionalNoise
 from lrf3d.simulation.clouds import measured
 from lrf3d.simulation.scenario import Scenario
 
@@ -27,7 +29,10 @@ class CloudObserver:
         self, scenario: Scenario, caster: PlanarCaster, noise: Noise, crowd: Crowd
     ) -> None:
         self._caster = caster
-        self._noise = Chain([noise])
+        self._noise = chain = Chain([noise])
+        # The constant and the growing part of noises that only scatter ranges.
+        plain = all(isinstance(each, ConstantNoise | ProportionalNoise) for each in chain.noises)
+        self._spread = chain.spread if plain else None
         self._crowd = crowd
         self._sensors: dict[str, Lidar | DepthCamera] = {}
         for kind, sensors in (("lidar", scenario.lidars), ("depth", scenario.depth_cameras)):
@@ -48,14 +53,32 @@ class CloudObserver:
     ) -> dict[str, NDArray[np.float32]]:
         """The observations of robots at poses (k, 3) and times (k,), with their numbers (k,)."""
         found = {}
+        # The noise of range finders is the same with lidars and without them.
+        own_rng = rng.spawn(1)[0]
         for name, sensor in self._sensors.items():
             seen = np.empty((len(poses), *_shape(sensor)), np.float32)
+            key = np.uint64(own_rng.integers(1 << 63))
+            near = sensor.range_min
+            far = sensor.range_max
             for numbers, ranges in self._cast(sensor, poses, times, own):
+                if self._spread is not None:
+                    floor, growth = self._spread
+                    limits = near, far, floor, growth / far
+                    scatter_ranges(ranges, numbers, limits, key, self._quantiles, seen)
+                    continue
                 walls = np.zeros(ranges.shape, np.int32)
-                noisy = measured(self._noise, sensor.planar, ranges, walls, rng)
-                seen[numbers] = noisy.clip(0.0, sensor.range_max, out=noisy)
+                noisy = measured(self._noise, sensor.planar, ranges, walls, own_rng)
+                seen[numbers] = noisy.clip(0.0, far, out=noisy)
             found[name] = seen
         return found
+
+    @cached_property
+    def _quantiles(self) -> NDArray[np.float32]:
+        """The quantiles of the normal distribution in the middle of 65,536 equal shares."""
+        from scipy.special import ndtri
+
+        count = int(CHOICES) + 1
+        return np.asarray(ndtri((np.arange(count) + 0.5) / count), np.float32)
 
     def _cast(
         self, sensor: Lidar | DepthCamera, poses: Float, times: Float, own: Int

@@ -90,9 +90,10 @@ class Canvas:
         self.ignored = Counter[str]()
         self._items: tuple[Any, ...] = ()
         self.marks = list[Mark]()
-        # What the reader assumed, in words, and what it doubts.
+        # What the reader assumed, in words.
         self.said = ""
-        self.doubt = ""
+        # Share of the sheet that pictures cover.
+        self.pictured = 0.0
         # Unit of the drawing [m], after scaling.
         self.unit = 1.0
         # The scale of the drawing, and factors that may correct it, with their reasons.

@@ -11,13 +11,16 @@ import numpy as np
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float
 from lrf3d.plans.rules.doors import Door
-from lrf3d.plans.rules.enclosure import closes_rooms, drawn_cells
+from lrf3d.plans.rules.enclosure import closes_rooms, drawn_cells, shut_share
 
 # Least and largest width [m] of a door that is not doubted: a cupboard's, and a double door's.
 DOOR = (0.5, 2.0)
 
 # Largest share of the area or of the thick walls of a plan that is left out and not doubted.
 LEFT_OUT = 0.1
+
+# Share of a sheet above which a picture may be its plan.
+PICTURED = 0.15
 
 # Number of walls up to which a plan need not close a room, as a corridor or a sketch.
 FEW = 12
@@ -34,10 +37,21 @@ def of_doors(doors: Sequence[Door]) -> str:
 
 
 def of_rooms(walls: Float) -> str:
-    """A doubt about walls (n, 4) [m] of which hardly any closes a room."""
-    if len(walls) <= FEW or closes_rooms(*drawn_cells(walls)):
-        return ""
-    return NO_ROOM
+    """A doubt about walls (n, 4) [m] that hardly close a room, or rooms without doors."""
+    return "" if len(walls) <= FEW else of_cells(*drawn_cells(walls))
+
+
+def of_cells(dark: Bool, metre: float) -> str:
+    """The same for dark cells, of which there are so many per metre."""
+    if not closes_rooms(dark, metre):
+        return NO_ROOM
+    shut = shut_share(dark, metre)
+    return f"no door leads to {shut:.0%} of the rooms" if shut > LEFT_OUT else ""
+
+
+def of_pictures(share: float) -> str:
+    """A doubt about pictures that cover a share of a drawing."""
+    return f"a picture covers {min(share, 1):.0%} of it and is not read" if share > PICTURED else ""
 
 
 # The doubt about walls that close no room.
@@ -47,6 +61,11 @@ NO_ROOM = "hardly any of it closes a room: is it a plan?"
 def of_outside(out: float, whole: float) -> str:
     """A doubt about a part next to a plan, of areas [m²], that is large for a legend."""
     return f"a part of {out:.3g} m² next to it is left out" if out > LEFT_OUT * whole else ""
+
+
+def of_dark(share: float) -> str:
+    """A doubt about a picture that leaves out a share of what is dark."""
+    return f"{share:.0%} of what is dark is left out" if share > 0.5 else ""
 
 
 def of_thick(thick: Bool, walls: Bool) -> str:

@@ -110,7 +110,7 @@ def parts_of(strokes: Strokes, marks: list[Mark], walls: Float, own: Int, role: 
     heights = np.where(furniture, FURNITURE_HEIGHT, DEFAULT_HEIGHT)
     found = [part(walls, "wall", own, kinds=kinds, heights=heights)]
     for name, each in strokes.found.items():
-        door = each & ((strokes.role == "door") | np.isin(name, ["door stroke", "leaf stroke"]))
+        door = each & ((strokes.role == "door") | (name == "door stroke"))
         found += [
             part(strokes.segments[chosen], kind, strokes.mark[chosen], rules=name)
             for kind, chosen in (("door", door), ("nothing", each & ~door))

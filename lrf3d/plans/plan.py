@@ -28,7 +28,7 @@ from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
-from lrf3d.plans.doubts import of_doors, of_outside, of_rooms
+from lrf3d.plans.doubts import of_doors, of_outside, of_pictures, of_rooms
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared
 from lrf3d.plans.rules.enclosure import THICKEST
@@ -226,7 +226,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     counts["doorway line"] = len(cut)
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     outside = strokes.segments[strokes.found["outside line"]]
-    doubts = [canvas.doubt, size_doubt(canvas, strokes)]
+    doubts = [of_pictures(canvas.pictured), size_doubt(canvas, strokes)]
     if not doubts[1]:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
@@ -275,8 +275,7 @@ def _balance(
         if rule.counted:
             fates |= items(strokes.found[rule.name], rule.name)
     fates |= items(strokes.left, "doorway line") | items(kept, "")
-    for rule in RULES[:2]:
-        fates |= items(strokes.found[rule.name], "")
+    fates |= items(strokes.found["door stroke"], "")
     left_out = Counter(filter(None, fates.values()))
     return Balance("item", canvas.held, len(fates) - left_out.total(), dict(left_out))
 
@@ -353,8 +352,11 @@ def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
         if 2.0 * shape.area > THICKEST * shape.length:
             pale = marks[number].contrast < FLOOR and roles[number] != "wall"
             inner = tree.query(shape, predicate="contains_properly")
-            # Marks are in the order of painting: later ones inside are drawn on this area.
-            if pale or (inner > number).any():
+            # Marks are in the order of painting: later ones inside are drawn on this area. A wall
+            # has no outline that is darker than itself.
+            edge = marks[min(number + 1, len(marks) - 1)]
+            outlined = edge.items == marks[number].items and edge.contrast > marks[number].contrast
+            if pale or outlined or (inner > number).any():
                 roles[number] = "floor"
     for number in stands:
         shape = shapes[number]

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lrf3d.base.errors import InputError
 from lrf3d.casting import PlanarCaster
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.casting.skyline import Conditions
+from lrf3d.casting.skyline import Conditions, in_walls
 from lrf3d.geometry.lines import Float, sealed
 from lrf3d.geometry.pose import as_pose, compose
 from lrf3d.laser import (
@@ -59,6 +60,18 @@ class Clouds:
     def _caster(self) -> PlanarCaster:
         # Most robots have no lidar and no depth camera.
         return PlanarCaster(self._world)
+
+    def check(self, times: Float, poses: Float) -> None:
+        """Check that no sensor is in a wall with the robot at poses (n, 3) at times (n,) [s]."""
+        for sensor in self.sensors:
+            places = compose(poses, np.array(sensor.planar.mount))[:, :2]
+            found = in_walls(self._world, poses[:, :2], places, sensor.mount[2])
+            for k in np.flatnonzero(found)[:1]:
+                x, y = places[k]
+                raise InputError(
+                    f"{sensor.name}: at {times[k]:g} s it is in or behind a wall, at ({x:.2f},"
+                    f" {y:.2f}), {sensor.mount[2]:g} m high; give another mount or drive"
+                )
 
     def at(self, state: RobotState) -> tuple[Iterator[LidarScan], Iterator[DepthImage]]:
         """The scans of all lidars and the images of all depth cameras, cast one by one."""

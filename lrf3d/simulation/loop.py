@@ -162,6 +162,9 @@ class Simulation:
         attitude: The pitch and roll of the robot, which tilt all its sensors; the mapper takes them
             to be level. On even ground if not given.
 
+    Raises:
+        InputError: An argument is invalid, or the robot or the mount of a lidar is in a wall.
+
     Examples:
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
@@ -240,6 +243,7 @@ class Simulation:
             cloud_sensors = replace(cloud_sensors, seed=seed)
             check_duration(cloud_sensors.sweep, self.drive)
         self.clouds = Clouds(world, cloud_sensors, crowd)
+        self.check_mounts(on_collision)
         self.attitude = attitude
         self._tilting = Tilting(attitude)
         # The pose by odometry at the last scan, and what the IMU measured before it.
@@ -276,6 +280,18 @@ class Simulation:
     def estimate(self) -> EstimatedTrajectory | None:
         """The trajectory that the mapper estimates, if it does."""
         return self._mapper.estimate
+
+    def check_mounts(self, on_collision: object = None) -> None:
+        """Check that the drive, or its start, brings no lidar or depth camera into a wall.
+
+        Drives that may go through walls are not checked.
+        """
+        if callable(on_collision) or on_collision == "ignore":
+            return
+        if isinstance(self.drive, Trajectory):
+            self.clouds.check(self.drive.times, self.drive.poses)
+        else:
+            self.clouds.check(np.zeros(1), np.array([self.drive.driven.pose]))
 
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps."""

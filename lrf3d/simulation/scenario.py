@@ -342,7 +342,7 @@ class Scenario(Value):
             checks = "raise" if on_collision is None else checks
             settings["robot"] = scenario.robot
         noises, usual = scenario.measuring(*measured)
-        return Simulation(
+        simulation = Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
             noise=noises, mapper=usual if mapper is None else mapper, film=scenario.film,
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
@@ -350,6 +350,8 @@ class Scenario(Value):
             lidars=scenario.lidars, depth_cameras=scenario.depth_cameras,
             attitude=scenario.attitude, **settings,
         )  # fmt: skip
+        simulation.check_mounts(on_collision)
+        return simulation
 
     def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> tuple[Any, Mapper]:
         """The noises of the lasers, or the one given, and a LineMapper set up for them."""

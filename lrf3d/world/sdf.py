@@ -1,12 +1,15 @@
 """Worlds of Gazebo in SDF (``.sdf``, ``.world``): shapes that stand become walls with heights.
 
-Boxes, cylinders, spheres, polylines and meshes of collisions, or of visuals where a link has none,
+Solids, polylines and meshes of collisions, or of visuals where a link has none,
 are cut at the height of the beams, or at half their height if they are lower; each shape is an
 object with the name of its model. Models of ``include`` and meshes are searched by their names in
 the folder of the file, in those above it, and in ``models`` beside it; nothing is fetched. Models
 with sensors are robots, which are left out. Shapes that are not used are counted by reason.
 """
 
+import re
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,6 +35,27 @@ MOST_SHAPES = 100_000
 
 # Sides of cylinders and spheres: with 48 a circle of 1 m is 2 mm off.
 SIDES = 48
+
+# Sizes of round shapes with an axis, and how many numbers each is.
+ROUND = {"radius": 1, "length": 1}
+
+# Solids: their sizes, and the mesh that trimesh.creation makes of them, around its middle.
+SOLIDS: dict[str, tuple[dict[str, int], Callable[..., Any]]] = {
+    "box": ({"size": 3}, lambda make, size: make.box(size)),
+    "cylinder": (ROUND, lambda make, r, length: make.cylinder(r[0], length[0], sections=SIDES)),
+    "capsule": (ROUND, lambda make, r, length: make.capsule(length[0], r[0], [SIDES, SIDES])),
+    "cone": (
+        ROUND,
+        lambda make, r, length: make.cone(r[0], length[0], sections=SIDES).apply_translation(
+            [0.0, 0.0, -0.5 * length[0]]
+        ),
+    ),
+    "sphere": ({"radius": 1}, lambda make, r: make.uv_sphere(r[0], [SIDES, SIDES])),
+    "ellipsoid": (
+        {"radii": 3},
+        lambda make, radii: make.uv_sphere(1.0, [SIDES, SIDES]).apply_scale(radii),
+    ),
+}
 
 # Models of Gazebo that have no walls.
 WITHOUT_WALLS = ("sun", "ground plane")
@@ -59,8 +83,14 @@ def read_sdf(path: Path, cut: float | None = None) -> World:
     return world_of_parts(reading.parts, own_name(path))
 
 
+def _element(path: Path) -> Element:
+    """The element of a file, which may be no XML, but what Gazebo reads: with -- in comments."""
+    plain = re.sub(rb"<!--.*?-->", b"", path.read_bytes(), flags=re.DOTALL)
+    return ElementTree.fromstring(re.sub(rb"&(?![#\w]+;)", b"&amp;", plain))
+
+
 def _root(path: Path) -> Element:
-    root = ElementTree.parse(path).getroot()
+    root = _element(path)
     if root.tag != "sdf":
         raise WorldError(f"its root is <{one_line(root.tag, 40)}>, expected <sdf>")
     return root
@@ -91,7 +121,13 @@ class _SdfWalls:
                 self.balance.all += 1
                 self.balance.leave("sun or ground plane" if plain else f"missing model: {name}")
                 continue
-            for model in _root(sdf).findall("model"):
+            try:
+                models = _root(sdf).findall("model")
+            except (ElementTree.ParseError, WorldError):
+                self.balance.all += 1
+                self.balance.leave(f"unreadable model: {one_line(_name(uri), 60)}")
+                continue
+            for model in models:
                 own = include if include.find("pose") is not None else model
                 self._add_model(model, pose @ _pose(own, scope), sdf, depth + 1)
 
@@ -130,6 +166,8 @@ class _SdfWalls:
 
     def _add_walls(self, triangles: Float, name: str) -> str:
         """Add the cut of triangles (n, 3, 3); why there is none, if so."""
+        if not len(triangles):
+            return "mesh without triangles"
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
             return "shape of a place too far away"
         low = float(triangles[..., 2].min())
@@ -151,16 +189,10 @@ class _SdfWalls:
         """The mesh of a shape, z up; None if its kind is not read, or why it is left out."""
         import trimesh
 
-        make = trimesh.creation
-        if kind.tag == "box":
-            return make.box(_numbers(kind.findtext("size", ""), 3))
-        if kind.tag == "cylinder":
-            radius, length = (
-                _numbers(kind.findtext(each, ""), 1)[0] for each in ("radius", "length")
-            )
-            return make.cylinder(radius, length, sections=SIDES)
-        if kind.tag == "sphere":
-            return make.uv_sphere(_numbers(kind.findtext("radius", ""), 1)[0], count=[SIDES, SIDES])
+        if kind.tag in SOLIDS:
+            sizes, make = SOLIDS[kind.tag]
+            values = {name: _numbers(kind.findtext(name, ""), sizes[name]) for name in sizes}
+            return make(trimesh.creation, *values.values())
         if kind.tag == "polyline":
             low = np.array([[*_numbers(at.text or "", 2), 0.0] for at in kind.findall("point")])
             high = low + np.array([0.0, 0.0, _numbers(kind.findtext("height", ""), 1)[0]])
@@ -219,7 +251,9 @@ def _file_of_model(place: Path) -> Path | None:
     if place.is_file():
         return place
     config = place / "model.config"
-    named = ElementTree.parse(config).findtext("sdf", "").strip() if config.is_file() else ""
+    named = ""
+    with suppress(OSError, ElementTree.ParseError):
+        named = _element(config).findtext("sdf", "").strip()
     found = (place / each for each in (named, "model.sdf") if each)
     return next((each for each in found if each.is_file()), None)
 

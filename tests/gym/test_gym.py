@@ -345,3 +345,21 @@ def test_lidars_and_depth_cameras_are_observed_as_they_are_cast(crowded):
         assert np.array_equal(seen["lidar"][robot], scan.ranges.clip(0, 100).astype(np.float32))
         image = caster.cast_depth(camera, pose, now)
         assert np.array_equal(seen["depth"][robot], image.depth.clip(0, 20).astype(np.float32))
+
+
+def test_the_noise_of_lidars_is_normal_and_leaves_range_finders_alone():
+    walls = lrf3d.World([[-9, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
+    plain = Scenario(walls, lrf3d.LaserRangeFinder(beams=5), radius=0.2)
+    lidar = lrf3d.Lidar(np.linspace(-0.06, 0.06, 6), columns=90, range_max=50.0)
+    envs = DriveVectorEnv(60, replace(plain, lidars=(lidar,)), sigma=0.5)
+    seen, _ = envs.reset(seed=3)
+    assert np.array_equal(DriveVectorEnv(60, plain, sigma=0.5).reset(seed=3)[0]["ranges"],
+                          seen["ranges"])  # fmt: skip
+    true = np.array([lrf3d.PlanarCaster(walls).cast_lidar(lidar, p).ranges for p in envs.poses])
+    # Every beam meets a wall or the floor.
+    drawn = (seen["lidar"] - true) / (0.01 * true)
+    moments = [np.mean(drawn**k) for k in (1, 2, 4)]
+    assert moments == pytest.approx([0.0, 1.0, 3.0], abs=0.1)
+    neighbours = drawn[:, 1:] * drawn[:, :-1], drawn[..., 1:] * drawn[..., :-1]
+    assert [each.mean() for each in neighbours] == pytest.approx([0.0, 0.0], abs=0.03)
+    assert not np.array_equal(envs.step(np.zeros((60, 2)))[0]["lidar"], seen["lidar"])

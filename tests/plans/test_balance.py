@@ -182,6 +182,13 @@ def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tm
     assert (f"--scale {scale} " in doubt and "12 m by 8 m, 1 door" in doubt) if scale else not doubt
 
 
+def row_of_rooms(count, open_):
+    """The walls of rooms of 4 by 4 m in a row, of which the first few inner walls have a door."""
+    sides = [[4 * n, y, 4 * n + 4, y] for n in range(count) for y in (0, 4)]
+    inner = [[4 * n, 0, 4 * n, 3.0 if 0 < n <= open_ else 4] for n in range(count + 1)]
+    return np.array(sides + inner, float)
+
+
 @pytest.mark.parametrize(
     ("phrase", "doubt"),
     [
@@ -191,10 +198,22 @@ def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tm
         (doubts.of_thick(np.array([True] * 8), np.array([True] * 4 + [False] * 4)), "50% of"),
         (doubts.of_rooms(np.array([[n, 0, n, 1] for n in range(20)], float)), doubts.NO_ROOM),
         (doubts.of_rooms(np.array([[0, 0, 9, 0]], float)), ""),
+        # Rooms in a row; each has a door to the next, or the last of them has none.
+        (doubts.of_rooms(row_of_rooms(4, open_=3)), ""),
+        (doubts.of_rooms(row_of_rooms(4, open_=2)), "no door leads to 25% of the rooms"),
+        (doubts.of_pictures(0.9), "a picture covers 90%"), (doubts.of_pictures(0.1), ""),
+        (doubts.of_dark(0.6), "60% of what is dark"), (doubts.of_dark(0.4), ""),
     ],
 )  # fmt: skip
 def test_what_rules_cannot_settle_is_doubted(phrase, doubt):
     assert phrase.startswith(doubt) and bool(phrase) == bool(doubt)
+
+
+def test_coloured_rooms_with_dark_outlines_are_no_solid_blocks(tmp_path):
+    rooms = [f'<rect x="{x}" y="1" width="4" height="5" fill="#d33"/>' for x in (1, 5, 9)]
+    sheet = '<svg width="15m" height="8m" viewBox="0 0 15 8" stroke="#000" stroke-width=".02">'
+    (tmp_path / "a.svg").write_text(f"{sheet}{''.join(rooms)}</svg>")
+    assert lengths(read_plan(tmp_path / "a.svg").segments).sum() == pytest.approx(44, abs=0.1)
 
 
 def test_a_doubt_names_the_editor(tmp_path):

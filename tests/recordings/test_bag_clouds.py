@@ -114,6 +114,16 @@ def test_a_tilted_or_hanging_lidar_is_made_level(tmp_path):
         assert np.abs(near).min(axis=0).max() < 1e-4
 
 
+def test_lines_of_a_rosette_are_not_rings(tmp_path):
+    lidar = lrf3d.Lidar(np.radians(np.linspace(-12, 12, 25)), columns=720, mount=(0, 0, 0.8))
+    scan = cast((0, 0, 0), lidar)
+    mixed = np.random.default_rng(0).integers(4, size=len(scan.rings))
+    log = load_log(bag(tmp_path / "b", cloud(scan, 0.0, "f4 f4 f4", ring="", line=("u1", mixed))))
+    # Each is level on average, and has points of all heights, as near as 3 m.
+    assert "points within 0.2 m of the lidar's height" in log.notes[0]
+    assert "720 beams" in log.notes[0] and log.scans[0].ranges.min() > 3 - 1e-5
+
+
 def quaternion(*turns):
     from lrf3d.messages.clouds import quaternion
 

@@ -9,7 +9,7 @@ import lrf3d
 from lrf3d.geometry.pose import between
 from lrf3d.recordings.log import LaserLog, WheelRecord
 from lrf3d.recordings.repair.recording import recordings_of
-from lrf3d.recordings.repair.repairs import SOLVING, figures_of
+from lrf3d.recordings.repair.repairs import SOLVING, figures_of, repaired_log
 from lrf3d.recordings.repair.sweep import SWEEP as REPAIR
 from lrf3d.slam.offline import solve_log
 
@@ -101,3 +101,9 @@ def test_a_recording_with_unsaid_sweeps_is_solved_and_says_so():
     assert figures_of(solution.recording)["sweep"] == pytest.approx(SWEEP, rel=0.02)
     assert any("unrolled" in sentence for sentence in solution.recording.sentences)
     assert np.hypot(*between(solution.poses, poses)[:, :2].T).max() < 0.1
+
+
+def test_scans_at_known_poses_are_unrolled_for_a_map_too():
+    scans, _ = recording(SWEEP)
+    [said] = repaired_log(LaserLog("hall", scans)).notes
+    assert "unrolled" in said

@@ -73,6 +73,14 @@ FORMS = {
     "spaces before a list": "\n".join(
         f"{row[0]} {-np.pi / 2} {np.radians(89)} {np.pi / 180} {BEAMS} {', '.join(row[4:])}"
         for row in ROWS),
+    "records with pairs of a bearing and a range": json.dumps([
+        dict(zip(["time", "x", "y", "theta", "scan"], [*map(float, row[:4]), [
+            [k - 90.0, float(r)] for k, r in enumerate(row[4:])]], strict=True))
+        for row in ROWS]),
+    "records with lists of bearings": "\n".join(
+        json.dumps({"theta": np.radians(np.arange(-90.0, 90.0)).tolist(), "time": float(row[0]),
+                    "readings": [*map(float, row[4:])], "odometry": [*map(float, row[1:4])]})
+        for row in ROWS),
     "records by their numbers": json.dumps({
         f"scan{k}": dict(zip(["time", "x", "y", "theta", "ranges"],
                              [*map(float, row[:4]), [float(r) for r in row[4:]]], strict=True))

@@ -1,5 +1,7 @@
 """Lidars and depth cameras on a drive: what a step measures, a run casts again."""
 
+import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -224,3 +226,14 @@ def test_lidars_of_a_fleet_see_the_other_robots(controlled: bool) -> None:
     runs = lrf3d.simulate_fleet(world, drives, starts=starts, rng=0, lidars=lidar, **more)
     first, second = (run.lidar(0).ranges[:, 4] for run in runs)
     assert first[0] < 3.0 and second.round(6)[0] == 6.0 and first[1] > 9.0
+
+
+@pytest.mark.parametrize(("x", "arm"), [(2.1, 0.0), (1.8, 0.3), (1.8, 0.9), (2.0, 0.0)])
+def test_a_lidar_in_or_behind_a_wall_is_one_line(x: float, arm: float) -> None:
+    wall = lrf3d.World([[2, 0, 2.2, 0], [2.2, 0, 2.2, 5], [2.2, 5, 2, 5], [2, 5, 2, 0]], [0] * 4)
+    drive = [(0, 2, 0), (x, 2, 0)]
+    for z, where in (0.5, f"at 1 s it is in or behind a wall, at ({x + arm:.2f}, 2.00)"), (2.6, ""):
+        lidar = lrf3d.Lidar([0.0], columns=4, mount=(arm, 0, z))
+        with pytest.raises(lrf3d.InputError, match=re.escape(where)) if where else nullcontext():
+            lrf3d.Simulation(wall, drive, lidars=lidar)
+    lrf3d.Simulation(wall, drive, lidars=lidar, on_collision="ignore")

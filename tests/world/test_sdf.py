@@ -64,6 +64,33 @@ def test_beams_meet_the_walls_where_rays_meet_the_shapes(tmp_path):
     assert circle.area == pytest.approx(np.pi * 0.49, rel=0.01)
 
 
+ROUND = {
+    "<cone><radius>2</radius><length>1</length></cone>": 1.5,
+    "<capsule><radius>2</radius><length>1</length></capsule>": 2.0,
+    "<ellipsoid><radii>2 2 0.5</radii></ellipsoid>": 3**0.5,
+}
+
+
+@pytest.mark.parametrize("geometry", ROUND)
+def test_round_shapes_are_cut_where_the_beams_are(geometry, tmp_path):
+    # Their middles are 0.25 m above the beams.
+    pose = "<pose>0 0 0.75 0 0 0</pose>"
+    world = world_of(tmp_path, model(shape(geometry), pose=pose))
+    assert np.abs(outline(world).bounds) == pytest.approx([ROUND[geometry]] * 4, rel=0.01)
+
+
+def test_what_is_no_xml_but_read_by_gazebo_is_read(tmp_path):
+    (tmp_path / "crate").mkdir()
+    (tmp_path / "crate" / "model.config").write_text("<model><author>A & B</author></model>")
+    box = model(shape(BOX.format(2)))
+    (tmp_path / "crate" / "model.sdf").write_text(f"<sdf><!-- gz --levels -->{box}</sdf>")
+    (tmp_path / "broken.sdf").write_text("<sdf><model>")
+    names = ["crate", "broken.sdf"]
+    with pytest.warns(Lrf3dNote, match=r"1 unreadable model \(broken.sdf\)"):
+        world = world_of(tmp_path, *(f"<include><uri>{name}</uri></include>" for name in names))
+    assert len(world.segments) == 4
+
+
 def test_a_polyline_is_the_walls_between_its_points(tmp_path):
     corners = [(0, 0), (3, 0), (3, 1), (1, 0.5), (0, 2)]
     points = "".join(f"<point>{x} {y}</point>" for x, y in corners)

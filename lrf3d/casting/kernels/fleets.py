@@ -1,4 +1,4 @@
-"""Lidars of many robots, compiled: the fans of all poses, one after the other."""
+"""Lidars of many robots, compiled: the fans of all poses one after the other, and their noise."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,16 @@ from lrf3d.casting.kernels.layers import read_layers
 from lrf3d.casting.kernels.raising import raise_fan
 from lrf3d.casting.kernels.tree import Plain
 from lrf3d.compiling import compiled
-from lrf3d.geometry.lines import Float, Records
+from lrf3d.geometry.lines import Float, Int, Records
+
+# Odd multipliers of the hash of counters (splitmix64, Steele et al. 2014).
+STRIDE = np.uint64(0x9E3779B97F4A7C15)
+MIX_FIRST = np.uint64(0xBF58476D1CE4E5B9)
+MIX_LAST = np.uint64(0x94D049BB133111EB)
+
+# The 64 bits of a hash choose the quantiles of four beams.
+BITS = np.uint64(16)
+CHOICES = np.uint64(0xFFFF)
 
 
 @compiled
@@ -26,3 +35,38 @@ def cast_fans(
             return k
         read_layers(rays, eye[0], layers, range_max, skies, ranges[k], hits)
     return len(poses)
+
+
+@compiled
+def scatter_ranges(
+    ranges: Float, numbers: Int, sensor: Plain, key: np.uint64, quantiles: NDArray[np.float32],
+    seen: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Fill the rows of seen (n, layers, columns) from true ranges (k, layers, columns), with noise.
+
+    The sensor is its least and largest range, which stand for too near and no return, and the
+    constant and the growing part of the standard deviation of its ranges. The quantiles (65536,)
+    are those of the normal distribution; the key and the place of a beam choose one, so that the
+    noise of a beam depends on no other.
+    """
+    near, far, floor, growth = sensor
+    for k in range(len(numbers)):
+        out = seen[numbers[k]]
+        layers, columns = out.shape
+        drawn = (layers + 3) // 4
+        for i in range(columns):
+            counter = np.uint64((numbers[k] * columns + i) * drawn)
+            mixed = key
+            for r in range(layers):
+                if r % 4 == 0:
+                    counter += np.uint64(1)
+                    mixed = key + STRIDE * counter
+                    mixed = (mixed ^ (mixed >> np.uint64(30))) * MIX_FIRST
+                    mixed = (mixed ^ (mixed >> np.uint64(27))) * MIX_LAST
+                    mixed ^= mixed >> np.uint64(31)
+                found = ranges[k, r, i]
+                if -np.inf < found < np.inf:
+                    spread = np.sqrt(floor * floor + growth * growth * found * found)
+                    found += spread * quantiles[mixed & CHOICES]
+                mixed >>= BITS
+                out[r, i] = 0.0 if found < near else min(found, far)

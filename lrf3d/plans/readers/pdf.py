@@ -30,11 +30,13 @@ from lrf3d.plans.canvas import (
     curve_points,
     scale_of,
 )
+from lrf3d.plans.doubts import PICTURED
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.enclosure import LEAST_CLOSED, closed_share, drawn_cells
 from lrf3d.plans.rules.layers import rename
-from lrf3d.plans.scale import sheet_scales
+from lrf3d.plans.rules.strokes import Strokes
+from lrf3d.plans.scale import sheet_scales, size_doubt
 
 try:
     import pypdf
@@ -53,9 +55,6 @@ LABELS = (raw.FPDF_PAGEOBJ_PATH, raw.FPDF_PAGEOBJ_TEXT)
 
 # Largest depth of nested forms.
 DEEPEST = 50
-
-# Share of a page above which a picture may be its plan, if its lines enclose no rooms.
-PICTURED = 0.15
 
 # Share of a page that the picture of a scan fills at least: it may have a border.
 FILLED = 0.5
@@ -90,21 +89,22 @@ def draw(
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size))
     rename(canvas, "latin-1")
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
-    share = painter.pictured / float(size.prod())
+    canvas.pictured = share = painter.pictured / float(size.prod())
     few = lines <= MOST_ON_SCAN
+    canvas.scale = scale
+    canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
         plan = _scanned(handle, unit, size, threshold)
-        return plan._replace(said=f"page {page} of {len(document)}, {plan.said}")
-    if share > PICTURED:
-        canvas.doubt = f"a picture covers {share:.0%} of the page, and is not read"
+        number = np.arange(len(plan.segments))
+        seen = Strokes(plan.segments, number, number, np.full(len(number), "wall"))
+        said = f"page {page} of {len(document)}, {plan.said}"
+        return plan._replace(said=said, doubt=size_doubt(canvas, seen) or plan.doubt)
     pages = len(document) - 1
     notes = raw.FPDFPage_GetAnnotCount(handle)
     for reason in ["other page"] * pages + ["annotation"] * notes:
         canvas.leave(reason)
     held = sum(each.type != raw.FPDF_PAGEOBJ_FORM for each in handle.get_objects(max_depth=DEEPEST))
     canvas.held = held + pages + notes
-    canvas.scale = scale
-    canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if not lines and len(document) > 1:
         others = [n + 1 for n in range(min(len(document), MOST_TRIED)) if _is_drawn(document[n])]
         advice = f"--page {others[0]} shows some" if others else "no page does"
@@ -116,8 +116,8 @@ def draw(
 
 def _scanned(page: Any, unit: float, size: Float, threshold: float | None) -> Plan:
     """The plan of a scanned page of some size (2,) [m]."""
-    # Pixels of two centimetres, or 6,000 along a side.
-    side = max(0.02, float(size.max()) / 6000)
+    # Pixels of two centimetres, but 1,000 to 6,000 along a side.
+    side = float(np.clip(0.02, *(size.max() / [6000, 1000])))
     objects = [raw.FPDFPage_GetObject(page, n) for n in range(raw.FPDFPage_CountObjects(page))]
     # Lines and texts on a scan are labels, not its plan.
     labels = [o for o in objects if raw.FPDFPageObj_GetType(o) in LABELS]

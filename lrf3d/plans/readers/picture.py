@@ -19,10 +19,10 @@ from lrf3d.base.errors import WorldError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
-from lrf3d.plans.doubts import NO_ROOM, of_outside, of_thick
+from lrf3d.plans.doubts import of_cells, of_dark, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
-from lrf3d.plans.rules.enclosure import THICKEST, closes_rooms
+from lrf3d.plans.rules.enclosure import THICKEST, reduced
 from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
@@ -129,7 +129,11 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; `lrf3d edit` draws walls on it")
+    balance = left_out.balance(
+        walls | furniture | drawn_on(dark.shape, np.concatenate(thin), LEAST)
+    )
     doubts = [of_thick(left_out.thick, grown(walls | furniture, RIM))]
+    doubts.append(of_dark(1.0 - balance.used / dark.sum()))
     whole = float(np.ptp(segments.reshape(-1, 2), axis=0).prod())
     doubts.append(of_outside(left_out.outside * side**2, whole))
     if _is_in_pieces(lengths(segments), SHORT * side):
@@ -138,8 +142,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
             held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
             remedy = "cut it to the plan, or choose --threshold and look at `lrf3d world show`"
             raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
-    elif not closes_rooms(walls, pixels, thin[0]):
-        doubts = [NO_ROOM]
+    else:
+        doubts.append(of_cells(*reduced(walls, pixels, thin[0])))
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     left = dark & ~grown(walls | furniture, RIM)
     seen = [
@@ -154,9 +158,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         said=f"walls are {darker}{how}{coarse}",
         doubt="; ".join(filter(None, doubts)),
         gap=0.5 * side,
-        balance=left_out.balance(
-            walls | furniture | drawn_on(dark.shape, np.concatenate(thin), LEAST)
-        ),
+        balance=balance,
         unit=resolution,
     )
 

@@ -128,6 +128,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
     up[1, 2] = scale * PIXEL * height
     sheet = sheet._replace(matrix=up @ sheet.matrix)
     painter.children(root, painter.state(root, sheet, transformed=False))
+    canvas.pictured /= width * height * (scale * PIXEL) ** 2
     for element, defined in painter.items(root):
         canvas.held += 1
         if defined:
@@ -201,6 +202,8 @@ class _ElementPainter(NamedTuple):
         self.canvas.count()
         name = _tag(element)
         if name not in SHAPES and name not in GROUPS:
+            if name == "image":
+                self._picture(element, self.state(element, outer))
             if name not in DEFINITIONS:
                 self.leave([element], COUNTED.get(name, name))
             return
@@ -215,6 +218,12 @@ class _ElementPainter(NamedTuple):
             self.children(element, _viewport(element, element, state))
         else:
             self.children(element, state)
+
+    def _picture(self, element: Element, state: State) -> None:
+        """Add the share of the sheet that a picture covers."""
+        wide, high = state.size
+        sides = _length(element, "width", wide) * _length(element, "height", high)
+        self.canvas.pictured += abs(sides * np.linalg.det(state.matrix[:2, :2]))
 
     def _use(self, element: Element, state: State) -> None:
         target = self.target(element)

@@ -1,7 +1,7 @@
 """Doors that stand open, found by how they are drawn, and the doorways that they leave.
 
 Segments enter; doors leave, with the segments that draw their leaves and arcs. A door is a leaf and
-its quarter arc, or a leaf alone that stands in the corner of a wall.
+its quarter arc.
 """
 
 from functools import partial
@@ -12,7 +12,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
-from lrf3d.plans.rules.sheet import THICKEST_WALL, as_lines, is_alone
+from lrf3d.plans.rules.sheet import THICKEST_WALL, as_lines
 
 # Largest turn [rad] between two neighbouring chords of an arc: a circle drawn with fewer than a
 # dozen chords is a polygon.
@@ -71,13 +71,9 @@ class _Walls(NamedTuple):
         ways = np.stack([along, -along], axis=1).reshape(-1, 2)
         return cls(ends, ways, cKDTree(ends), shapely.STRtree(as_lines(segments)).query)
 
-    def at(self, place: Float, reach: float) -> Int:
-        """The numbers of the ends within a reach [m] of a place (2,)."""
-        return np.array(self.tree.query_ball_point(place, reach), dtype=np.int64)
-
     def leading(self, place: Float, way: Float, reach: float) -> Float:
         """The ends (k, 2) at a place (2,) from which walls lead in a direction (2,)."""
-        near = self.at(place, reach)
+        near = np.array(self.tree.query_ball_point(place, reach), dtype=np.int64)
         return self.ends[near[self.ways[near] @ way > 0.98]]
 
 
@@ -148,54 +144,6 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
         if len(chords) > 2 and WIDTHS[0] < radius < WIDTHS[1] and off < 0.02 * radius:
             found.append((chords, about + np.array([cx, cy]), radius))
     return found
-
-
-def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool]:
-    """Find doors drawn as a leaf without an arc, and which segments (n,) are such leaves.
-
-    A leaf is an isolated line. It leads from the corner of a wall with two faces into a room, and
-    is as long as the gap from there to the corner where the face of the wall goes on.
-    """
-    doors = list[Door]()
-    found = np.zeros(len(segments), dtype=bool)
-    long = lengths(segments)
-    leaves = np.flatnonzero(free & is_alone(line) & (long > WIDTHS[0]) & (long < WIDTHS[1]))
-    walls = _Walls.of(segments[free])
-    for leaf in leaves[:MOST_DOORS]:
-        door = _door_of_leaf(segments[leaf].reshape(2, 2), long[leaf], walls)
-        if door is not None:
-            doors.append(door)
-            found[leaf] = True
-    return doors, found
-
-
-def _door_of_leaf(leaf: Float, long: float, walls: _Walls) -> Door | None:
-    """The door of a leaf (2, 2), if it stands in a corner of walls."""
-    corner = 0.02  # Distance [m] within which lines meet in a corner.
-    near = [walls.at(end, corner) for end in leaf]
-    # At least two other lines end at the hinge, and none at the tip.
-    at = int(len(near[1]) > 2)
-    if len(near[at]) < 3 or len(near[1 - at]) > 1:
-        return None
-    hinge, tip = leaf[[at, 1 - at]]
-    for end in walls.at(hinge, 1.08 * long):
-        gap = walls.ends[end] - hinge
-        width = float(np.hypot(*gap))
-        turn = np.arccos(np.clip(gap @ (tip - hinge) / (width * long + 1e-9), -1.0, 1.0))
-        fits = width >= 0.92 * long and SWEEP[0] / 2 < turn < SWEEP[1]
-        if fits and _goes_on(hinge, gap, near[at], end, walls):
-            return Door(np.stack([hinge, walls.ends[end], tip]), width)
-    return None
-
-
-def _goes_on(hinge: Float, gap: Float, corner: Int, end: int, walls: _Walls) -> bool:
-    """Whether a wall goes on beyond an empty gap (2,) that leads from the hinge to its end."""
-    width = np.hypot(*gap)
-    away = walls.ends[end ^ 1] - walls.ends[end]
-    on = np.abs(cross(gap, away)) < 0.02 * width and gap @ away > 0.0
-    back = max(abs(walls.ways[each] @ gap) for each in corner) > 0.99 * width
-    between = shapely.linestrings([hinge + 0.05 * gap, hinge + 0.95 * gap])
-    return bool(on and back) and not len(walls.near(between, predicate="intersects"))
 
 
 def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:

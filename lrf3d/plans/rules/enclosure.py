@@ -6,11 +6,11 @@ plans: a town of solid blocks, and a few long walls.
 
 import numpy as np
 import shapely
-from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, label
 
-from lrf3d.geometry.lines import Bool, Float, lengths
-from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
+from lrf3d.geometry.lines import Bool, Float, Int, lengths
+from lrf3d.plans.rules.left_out import drawn_on
+from lrf3d.world.grid_walls import extent_of, grown, on_border, parts_of, walls_of_grid
 
 # Largest mean thickness [m] of a wall that is drawn as an area; only a thicker area may be a floor.
 THICKEST = 0.6
@@ -37,45 +37,74 @@ LEAST_BLOCKS = 12
 LONGEST = 0.3
 
 
-def closes_rooms(walls: Bool, pixels: float, thin: Float | None = None) -> bool:
-    """Whether walls, and thin ones (n, 4) [pixels], may be a plan; `pixels`: pixels per metre."""
+def reduced(walls: Bool, pixels: float, thin: Float | None = None) -> tuple[Bool, float]:
+    """The cells of walls, and of thin ones (n, 4) [pixels], in a border; their number per metre.
+
+    Args:
+        walls: Which pixels (rows, columns) are walls.
+        pixels: Pixels per metre.
+        thin: Walls that are lines.
+    """
     step = -(-max(walls.shape) // CELLS)
     rows, columns = (np.arange(0, side, step) for side in walls.shape)
-    image = Image.fromarray(
-        np.logical_or.reduceat(np.logical_or.reduceat(walls, rows), columns, axis=1)
-    )
-    for side in () if thin is None else thin / step:
-        ImageDraw.Draw(image).line([*side], fill=1)
-    dark = np.pad(np.asarray(image, dtype=np.bool_), BORDER)
-    sides = walls_of_grid(dark)
-    metre = pixels / step
-    extent = np.ptp(sides.reshape(-1, 2), axis=0).max() if len(sides) else 0.0
-    if (
-        not extent
-        or closed_share(dark, 0.0 if extent <= MODEL * metre else DOOR * metre) > LEAST_CLOSED
-    ):
+    cells = np.logical_or.reduceat(np.logical_or.reduceat(walls, rows), columns, axis=1)
+    if thin is not None:
+        cells |= drawn_on(cells.shape, thin / step)
+    return np.pad(cells, BORDER), pixels / step
+
+
+def closes_rooms(dark: Bool, metre: float) -> bool:
+    """Whether dark cells may be a plan; `metre`: cells per metre."""
+    extent = extent_of(dark)
+    if not extent or closed_share(dark, _door(extent, metre)) > LEAST_CLOSED:
         return True
     core = distance_transform_edt(dark) > 0.5 * THICKEST * metre
     solid = grown(core, 0.5 * THICKEST * metre) & dark
-    long = np.sort(lengths(sides))[::-1]
+    long = np.sort(lengths(walls_of_grid(dark)))[::-1]
     half = long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())]
-    few = half > LONGEST * extent and solid.sum() < 0.9 * dark.sum()
-    return bool(few or parts_of(core)[1] >= LEAST_BLOCKS)
+    town = parts_of(core)[1] >= LEAST_BLOCKS
+    return bool(town if solid.sum() > 0.9 * dark.sum() else half > LONGEST * extent)
 
 
-def closed_share(dark: Bool, door: float = 0.0) -> float:
+def shut_share(dark: Bool, metre: float) -> float:
+    """The share of the rooms, by area, from which no door leads to most of the others.
+
+    Houses that are closed on all sides stand apart, and each has rooms of its own.
+    """
+    rooms = _rooms(dark, 0.5 * _door(extent_of(dark), metre)) > 0
+    spaces, count = label(~dark)
+    houses, _ = label(spaces != spaces[0, 0])
+    area = np.bincount(spaces[rooms], minlength=count + 1)
+    house = np.zeros(count + 1, dtype=np.int64)
+    if not area[spaces[0, 0]]:
+        house[spaces[rooms]] = houses[rooms]
+    main = np.zeros(houses.max() + 1)
+    np.maximum.at(main, house, area)
+    return float(1.0 - main.sum() / max(area.sum(), 1.0)) if area.any() else 0.0
+
+
+def closed_share(dark: Bool, door: float | None = None) -> float:
     """The share of the hull of dark cells that they close, but for doors of a width [cells].
 
     Without a width, that of a model's doors is taken.
     """
-    points = np.argwhere(dark)
-    reach = 0.5 * (door or DOOR_OF_MODEL * float(np.ptp(points, axis=0).max(initial=1)))
-    rooms, count = label(distance_transform_edt(~dark) > reach)
-    closed = np.arange(count + 1) > 0
-    closed[on_border(rooms)] = False
-    space = grown(closed[rooms], reach) & ~dark
-    hull = shapely.convex_hull(shapely.multipoints(points))
+    reach = 0.5 * (_door(extent_of(dark), np.inf) if door is None else door)
+    space = grown(_rooms(dark, reach) > 0, reach) & ~dark
+    hull = shapely.convex_hull(shapely.multipoints(np.argwhere(dark)))
     return float(space.sum() / max(hull.area, 1.0))
+
+
+def _door(extent: float, metre: float) -> float:
+    """The width [cells] of the doors of a plan of an extent [cells]."""
+    return DOOR_OF_MODEL * extent if extent <= MODEL * metre else DOOR * metre
+
+
+def _rooms(dark: Bool, reach: float) -> Int:
+    """The numbers of the rooms that cells farther than a reach [cells] from dark ones are in."""
+    rooms, count = label(distance_transform_edt(~dark) > reach)
+    closed = np.arange(count + 1)
+    closed[on_border(rooms)] = 0
+    return np.asarray(closed[rooms])
 
 
 def drawn_cells(walls: Float) -> tuple[Bool, float]:
@@ -84,7 +113,4 @@ def drawn_cells(walls: Float) -> tuple[Bool, float]:
     scale = CELLS / max(float(np.ptp(points, axis=0).max()), 1e-9)
     lines = scale * (walls - np.tile(points.min(axis=0), 2)) + BORDER
     columns, rows = (np.ceil(lines.reshape(-1, 2).max(axis=0)).astype(int) + BORDER).tolist()
-    image = Image.new("1", (columns, rows))
-    for line in lines:
-        ImageDraw.Draw(image).line([*line], fill=1)
-    return np.asarray(image, dtype=np.bool_), scale
+    return drawn_on((rows, columns), lines), scale

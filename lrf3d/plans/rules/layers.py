@@ -17,7 +17,7 @@ WORDS = {
         " title titl titul titel ttlb legend leyend label schrift beschrift etiquet rotul testo"
         " testi texto scritt opis cajetin cartigl cartouch tabel stempel iden grid raster stramien"
         " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
-        " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
+        " retin skrav defpoint vport viewport border clng ceil roof lite elec echel escala"
         " podzial masstab schaal flooring tile paving pavim fliese"
         " fluchtweg rettungsplan evac egress landscap plnt parket parquet carpet projec ovhd"
         " текст размер штрих оси осей штамп легенд масштаб надпис выноск экспликац отмет потол"

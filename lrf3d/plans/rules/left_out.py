@@ -56,12 +56,13 @@ class LeftOut:
         return balance
 
 
-def drawn_on(shape: tuple[int, ...], lines: Float, width: int) -> Bool:
+def drawn_on(shape: tuple[int, ...], lines: Float, width: int = 1) -> Bool:
     """The cells of a grid of a shape under lines (n, 4) [cells] of a width [cells]."""
     rows, columns = shape
     image = Image.new("1", (columns, rows))
-    for line in lines:
-        ImageDraw.Draw(image).line([*line], fill=1, width=width)
+    pen = ImageDraw.Draw(image)
+    for line in lines.tolist():
+        pen.line(line, fill=1, width=width)
     return np.asarray(image, dtype=np.bool_)
 
 

@@ -15,6 +15,10 @@ LEAST_ALIKE = 5
 # Largest distance [m] between two neighbours of a pattern: that of large tiles.
 WIDEST = 0.7
 
+# Least distance [m] between two neighbours of a pattern, and least length of its lines: the chords
+# of a traced scan are shorter, and there are tens of thousands.
+CLOSEST = 0.02
+
 # Distance [m] within which parallels are compared: a little over two neighbours.
 REACH = 1.5
 
@@ -57,17 +61,14 @@ def _parallels(middles: Float, along: Float, across: Float, long: Float) -> tupl
     reach = REACH
     rays = _lines_through(middles, reach * across)
     sample = 1 + len(middles) // 100
-    while (
-        reach > 0.2
-        and sample * tree.query(rays[::sample], predicate="intersects").shape[1] > MOST_PAIRS
-    ):
+    while sample * tree.query(rays[::sample], predicate="intersects").shape[1] > MOST_PAIRS:
         reach *= 0.5
         rays = _lines_through(middles, reach * across)
     one, other = tree.query(rays, predicate="intersects")
     off = ((middles[other] - middles[one]) * across[one]).sum(axis=1)
     turned = np.abs(cross(along[one], along[other]))
     alike = np.minimum(long[one], long[other]) > 0.5 * np.maximum(long[one], long[other])
-    fits = (turned < 0.01) & (np.abs(off) > 0.02) & alike
+    fits = (turned < 0.01) & (np.abs(off) > CLOSEST) & alike
     return one[fits], other[fits], off[fits]
 
 

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry.lines import Bool, Float, Int, lengths
-from lrf3d.plans.rules.doors import Door, find_doors, find_leaves
+from lrf3d.plans.rules.doors import Door, find_doors
 from lrf3d.plans.rules.letters import is_lettering
-from lrf3d.plans.rules.patterns import is_pattern
+from lrf3d.plans.rules.patterns import CLOSEST, is_pattern
 from lrf3d.plans.rules.sheet import is_annotation, is_aside, is_frame
 from lrf3d.world.model import SHEET
 
@@ -94,9 +94,9 @@ class Rule(NamedTuple):
     counted: bool = True
 
 
-def _opened(strokes: Strokes, find: Callable[..., tuple[list[Door], Bool]]) -> Bool:
+def _opened(strokes: Strokes) -> Bool:
     drawn = strokes.left & np.isin(strokes.role, MAY_OPEN)
-    doors, opened = find(strokes.segments, strokes.line, drawn)
+    doors, opened = find_doors(strokes.segments, strokes.line, drawn)
     strokes.doors += doors
     return opened
 
@@ -137,13 +137,7 @@ RULES = [
     Rule(
         "door stroke",
         "A leaf and the quarter arc that its tip sweeps.",
-        partial(_opened, find=find_doors),
-        False,
-    ),
-    Rule(
-        "leaf stroke",
-        "An isolated line from the corner of a wall, as long as the gap to where the wall goes on.",
-        partial(_opened, find=find_leaves),
+        _opened,
         counted=False,
     ),
     Rule(
@@ -160,7 +154,9 @@ RULES = [
     Rule(
         "pattern line",
         "Tiles and hatching: five or more parallels at one distance.",
-        lambda strokes: strokes.among(strokes.free, is_pattern),
+        lambda strokes: strokes.among(
+            strokes.free & (lengths(strokes.segments) > CLOSEST), is_pattern
+        ),
     ),
     Rule("letter stroke", "Words: rows of small parts that differ from each other.", _letters),
     Rule("frame line", "The box around all on a sheet, and its title block.", _frame),

@@ -90,9 +90,7 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
         if array.dtype.kind in "fiu"
     }
     table = Table.named(intake, numbers)
-    if table.values.get("ranges", np.empty(0)).ndim == 1 and table.settings:
-        # The message of a single scan.
-        table.values["ranges"] = table.values["ranges"][None]
+    _shape(table)
     if table.values.get("ranges", np.empty(0)).ndim != 2:
         names = one_line(", ".join(f"{name} {array.shape}" for name, array in arrays.items()), 200)
         raise InputError(
@@ -100,6 +98,18 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
             f" name one of the {what} 'ranges'"
         )
     return table
+
+
+def _shape(table: Table) -> None:
+    """Give ranges the shape of scans: those of one scan, or pairs (k, n, 2) with bearings."""
+    ranges = table.values.get("ranges", np.empty(0))
+    if ranges.ndim == 1 and table.settings:
+        table.values["ranges"] = ranges[None]
+    elif ranges.shape[2:] == (2,):
+        # Bearings rise, or fall, from beam to beam.
+        even = np.abs(np.sign(np.diff(ranges, axis=1)).mean(axis=(0, 1)))
+        table.values["angles"] = ranges[..., even.argmax()].ravel()
+        table.values["ranges"] = ranges[..., even.argmin()]
 
 
 def record_table(intake: Intake) -> Table:
@@ -116,7 +126,9 @@ def records(intake: Intake) -> dict[str, Float]:
         if isinstance(part, str) and not part.strip():
             continue
         try:
-            row = _record(read(part), rows)
+            row = dict(_flat(read(part), ""))
+            if rows and row.keys() != rows[0].keys():
+                raise ValueError("other fields than the first")
         except (ValueError, TypeError, RecursionError) as error:
             intake.refuse(number, one_line(str(error), 90), "record")
             continue
@@ -158,14 +170,6 @@ def _values(document: Any) -> Sequence[Any]:
     values = list(document.values())
     kinds = {tuple(each) if isinstance(each, dict) else () for each in values}
     return values if len(values) > 1 and len(kinds) == 1 and () not in kinds else [document]
-
-
-def _record(value: Any, others: Sequence[dict[str, Float]]) -> dict[str, Float]:
-    """The numbers in a record, which must have the names of those in the others."""
-    row = dict(_flat(value, ""))
-    if others and row.keys() != others[0].keys():
-        raise ValueError("other fields than the first")
-    return row
 
 
 def _columns(rows: Sequence[dict[str, Float]], notes: list[str]) -> dict[str, Float]:

@@ -57,6 +57,8 @@ ROLE_OF = {word: role for role, words in SYNONYMS.items() for word in words.spli
 MESSAGE_FIELDS = {
     "angle_min": "first",
     "angle_max": "last",
+    "min_theta": "first",
+    "max_theta": "last",
     "angle_increment": "step",
 } | dict.fromkeys(
     "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split(), ""
@@ -144,6 +146,8 @@ class Table:
         table = cls(intake, {})
         for name, array in arrays.items():
             role, unit = meaning(name)
+            # A list for each scan holds bearings, and no heading.
+            role = {("theta", 2): "angles"}.get((role, array.ndim), role)
             if role == "poses" and array.shape[-1:] == (3,):
                 poses = dict(zip(("x", "y", "theta"), array.T, strict=True))
                 table.values |= poses | table.values

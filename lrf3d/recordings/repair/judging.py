@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lrf3d.base.interrupts import check
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
-from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE, PAIR
+from lrf3d.recordings.repair.turns import MOST_DISTANCE, PAIR
 
 # Largest number of pairs that are compared; more take longer and decide no better.
 MOST_PAIRS = 120
+
+# Least number of pairs that decide: three quick turns of a drive have 14, and show a sweep clearly.
+LEAST_PAIRS = 12
 
 # Turn [rad] after which a scan forms a pair with the one before: large enough to show a wrong fan,
 # since one that is a third too wide makes this turn wrong by a tenth of a radian.
@@ -52,7 +55,7 @@ def explained(
     converter: ScanConverter,
     scan_of: Callable[[int], LaserScan],
     poses: Float,
-    pairs: list[list[int]],
+    pairs: list[list[int]] | Int,
 ) -> Float:
     """Share (p,) of each pair's second scan that the first explains, matched near poses (k, 3)."""
     shares = []

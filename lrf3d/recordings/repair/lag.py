@@ -15,8 +15,9 @@ from lrf3d.recordings.repair.wheel_path import WheelPath
 # Bounds of the lag [odometry lines].
 LAGS = np.array([-1.0, 2.0])
 
-# Bound of the lag in both directions [s], where that is wider than `LAGS`.
-LATEST = 0.5
+# Bound of the lag in both directions [s], where wider than `LAGS`. A lag of this much may be
+# more. A real log whose scans were shifted to be 0.84 s late is corrected by 0.83 s.
+LATEST = 1.0
 
 
 class Lag(NamedTuple):
@@ -33,7 +34,9 @@ def find(recording: Recording) -> Lag | None:
     path = recording.path
     lags = fitted_lag(recording.turns, path, recording.exact_places, recording.purpose.sure)
     first, last = (path.interval * lags[[0, -1]]).tolist()
-    if not lags.any() or max(abs(first), abs(last)) < recording.purpose.least_lag:
+    most = max(abs(first), abs(last))
+    # Where a line is worth more than that, stamps are in no unit of time.
+    if not lags.any() or not recording.purpose.least_lag <= most <= 2.0 * LATEST:
         return None
     return Lag(lags, (first, last))
 
@@ -98,7 +101,8 @@ def sentence(lag: Lag) -> str:
         when = f"late, by {first:.2f} s at the beginning and {last:.2f} s at the end"
     elif first < 0.0:
         when = f"{-first:.2f} s early"
-    return f"by their turns, scans are stamped {when}: corrected"
+    rest = " by as much, but it may be more" * (max(abs(first), abs(last)) >= LATEST)
+    return f"by their turns, scans are stamped {when}: corrected{rest}"
 
 
 LAG = Repair(

@@ -19,16 +19,13 @@ from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.judging import pairs_along
+from lrf3d.recordings.repair.judging import LEAST_PAIRS, pairs_along
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import CLEARLY
 
 # Least distance of the laser from the centre [m], or turn [rad], that is corrected: less moves a
 # map no more than the odometry's own noise does.
 LEAST = 0.1
-
-# Least number of pairs of scans, each of which gives two equations for four unknowns.
-LEAST_PAIRS = 12
 
 # Residual [m] beyond which pairs of scans count linearly: the noise of matching and of odometry.
 NOISE = 0.02
@@ -52,8 +49,12 @@ def find(recording: Recording) -> Pose | None:
     driven, seen = _motions(recording)
     if len(seen) < LEAST_PAIRS:
         return None
-    mount, off = _fitted(driven, seen, FARTHEST)
-    _, centred = _fitted(driven, seen, 1e-9)
+    (_, centred), straight, turned = (
+        _fitted(driven, seen, farthest)
+        for farthest in ((1e-9, 1e-9), (FARTHEST, 1e-9), (FARTHEST, FARTHEST))
+    )
+    # A robot that turns on the spot does not show a turn of its laser.
+    mount, off = turned if straight[1] > CLEARLY * turned[1] else straight
     is_away = max(np.hypot(mount.x, mount.y), abs(mount.theta)) > LEAST
     return mount if is_away and centred > CLEARLY * off else None
 
@@ -74,7 +75,7 @@ def _motions(recording: Recording) -> tuple[Float, Float]:
     return driven, seen
 
 
-def _fitted(driven: Float, seen: Float, farthest: float) -> tuple[Pose, float]:
+def _fitted(driven: Float, seen: Float, farthest: tuple[float, float]) -> tuple[Pose, float]:
     """Fit the mount and the error of distances to motions (k, 3) of the robot and of the laser.
 
     The mount is at most as far [m], [rad] from the centre. Returned with it is the median distance
@@ -90,9 +91,10 @@ def _fitted(driven: Float, seen: Float, farthest: float) -> tuple[Pose, float]:
         aside = sin * x + (cos - 1.0) * y + (1.0 + scale) * driven[:, 1] - moved[:, 1]
         return np.concatenate([ahead, aside])
 
-    bounds = np.array([farthest, farthest, farthest, LARGEST_ERROR])
+    distance, turned = farthest
+    bounds = np.array([distance, distance, turned, LARGEST_ERROR])
     turns = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
-    starts = (np.array([0.0, 0.0, turn, 0.0]) for turn in turns if abs(turn) < bounds[2])
+    starts = (np.array([0.0, 0.0, turn, 0.0]) for turn in turns if abs(turn) < turned)
     fits = [
         least_squares(left, start, bounds=(-bounds, bounds), loss="huber", f_scale=NOISE)
         for start in starts

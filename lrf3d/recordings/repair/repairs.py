@@ -43,7 +43,7 @@ SOLVING = Purpose()
 # lag that fits clearly better: with odometry once a second, a wrong one fits 1.8 times better, and
 # blurs the map.
 MAPPING = Purpose(
-    ("copies", "stamps", "jumps", "standing", "sweep"), sure=CLEARLY, least_lag=LATE, known=True
+    ("copies", "stamps", "jumps", "standing"), sure=CLEARLY, least_lag=LATE, known=True
 )
 
 # Localisation leaves out lag and sweep: it searches in wider steps than they move a scan.

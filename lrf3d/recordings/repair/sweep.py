@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, usual_step
+from lrf3d.geometry.lines import Float, Int, usual_step
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.judging import MOST_PAIRS, WIDEST, explained, is_clear
+from lrf3d.recordings.repair.judging import LEAST_PAIRS, MOST_PAIRS, WIDEST, explained, is_clear
 from lrf3d.recordings.repair.lag import fitted_again
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import LEAST_PAIRS, MOST_DISTANCE
+from lrf3d.recordings.repair.turns import MOST_DISTANCE
 
 # Longest revolution of a mirror [s]: lasers that take longer are turned as a whole.
 LONGEST = 0.25
@@ -59,7 +59,9 @@ def find(recording: Recording) -> Sweep | None:
         return None
     places = recording.moments
     poses = recording.path.at(places)
-    pairs = _pairs(poses, scans[0])
+    pairs = _uneven_pairs(poses)
+    if len(pairs) < LEAST_PAIRS and np.ptp(scans[0].angles) > WHOLE_FAN:
+        pairs = _closing_pairs(poses)
     if len(pairs) < LEAST_PAIRS:
         return None
     rolled = partial(_rolled, recording, places, interval)
@@ -93,14 +95,7 @@ def _rolled(
     return replace(scan, motion=motion, time_increment=increment)
 
 
-def _pairs(poses: Float, scan: LaserScan) -> list[list[int]]:
-    """Pairs of scans at poses (k, 3) that show whether scans like one take some time."""
-    pairs = _uneven_pairs(poses)
-    is_round = np.ptp(scan.angles) > WHOLE_FAN
-    return _closing_pairs(poses) if is_round and len(pairs) < LEAST_PAIRS else pairs
-
-
-def _uneven_pairs(poses: Float) -> list[list[int]]:
+def _uneven_pairs(poses: Float) -> Int:
     """Pairs of scans at nearby poses (k, 3) whose turn rates differ, the most different first."""
     rates = np.gradient(poses[:, 2])
     x, y, turn = (poses[APART:] - poses[:-APART]).T
@@ -108,11 +103,10 @@ def _uneven_pairs(poses: Float) -> list[list[int]]:
     near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(turn) < WIDEST) & (change > LEAST_CHANGE)
     first = np.flatnonzero(near)
     first = first[np.argsort(-change[first], kind="stable")[:MOST_PAIRS]]
-    pairs: list[list[int]] = np.column_stack([first, first + APART]).tolist()
-    return pairs
+    return np.column_stack([first, first + APART])
 
 
-def _closing_pairs(poses: Float) -> list[list[int]]:
+def _closing_pairs(poses: Float) -> Int:
     """Pairs of scans at nearby poses (k, 3) between which the robot kept turning at one rate."""
     rates = np.abs(np.gradient(poses[:, 2]))
     first = np.flatnonzero(rates > LEAST_CHANGE)
@@ -120,7 +114,7 @@ def _closing_pairs(poses: Float) -> list[list[int]]:
     first, second = np.array([first, second])[:, second < len(poses)]
     x, y, turn = (poses[second] - poses[first]).T
     near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(np.abs(turn) - CLOSING) < 0.5 * WIDEST)
-    pairs: list[list[int]] = np.column_stack([first, second])[near].tolist()
+    pairs: Int = np.column_stack([first, second])[near]
     return pairs[:: len(pairs) // MOST_PAIRS + 1]
 
 

@@ -32,6 +32,7 @@ from lrf3d.studio.scene.shapes import (
     Seen,
     Soft,
     Tints,
+    single,
     together,
 )
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
@@ -297,6 +298,20 @@ class Scene:
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
             drawn.append((lines._replace(colours=colours), *others))
         lines, points, light = map(together, zip(*drawn, strict=True))
+        if run.attitudes is not None:
+            from scipy.spatial.transform import Rotation
+
+            # Level beams turn with the robot, around where it stands.
+            *place, theta = run.trajectory.poses[number].tolist()
+            centre = np.array([*place, 0.0]) - self._frame
+            lean = Rotation.from_euler("ZYX", [theta, *run.attitudes[number]])
+            lean *= Rotation.from_euler("Z", -theta)
+            starts, ends, places = (
+                single(centre + lean.apply(each - centre))
+                for each in (lines.starts, lines.ends, points.places)
+            )
+            lines = lines._replace(starts=starts, ends=ends)
+            points = points._replace(places=places)
         return lines, points, light
 
     def _glass_beams(self, moment: Moment) -> Lines | None:

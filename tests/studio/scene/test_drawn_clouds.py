@@ -45,3 +45,17 @@ def test_scenes_and_glb_files_show_clouds_only_of_robots_with_a_lidar(run):
         view = Look(np.array([0, 0, 9.0]), np.zeros(3), 1.0, (0.0, 1.0, 0.0))
         marks = dict(scene.seen(scene.timeline.moment(0.5), view, (64, 36)).marks)
         assert ("clouds" in marks) == there
+
+
+def test_hits_of_a_tilted_laser_are_drawn_where_they_are():
+    walls = lrf3d.World([[4, -9, 4, 9], [-4, -9, -4, 9]], heights=[9.0, 9.0])
+    drive = [(0.5, 1, 0.3), (0.6, 1, 0.3)]
+    lrf = lrf3d.LaserRangeFinder(beams=37, mount=(0.2, 0.1, 0.5))
+    run = lrf3d.simulate(walls, drive, lrf, attitude=lrf3d.Attitude(0.2, -0.1))
+    scene = Scene(Timeline(run))
+    lines, points, _ = scene._beams_at(scene.timeline.moment(0.0))
+    x, _, z = np.add(points.places, [*scene.origin, 0.0]).T
+    assert len(z) > 20 and np.ptp(z) > 0.4
+    assert np.minimum(np.abs(z), np.abs(np.abs(x) - 4)).max() < 1e-5
+    ends = np.concatenate([lines.ends, points.places])
+    assert np.linalg.matrix_rank(ends - ends[0], tol=1e-4) == 2

@@ -43,6 +43,9 @@ UNEVEN = 0.15
 # [rad] The steepest elevation of a ring that stands for the level plane: 0.5 m in 10 m.
 LEVEL = 0.05
 
+# The share of a ring's points that has to be level.
+MOST = 0.9
+
 # [m] Half the height of the band around a lidar without a level ring.
 HALF_BAND = 0.2
 
@@ -224,24 +227,27 @@ class CloudScans:
     def _choose(self, places: Float, bearings: Float, rings: Int | None) -> None:
         """Choose the ring or the band, and the number of beams, by the first cloud."""
         numbers = np.unique(rings) if rings is not None else np.empty(0, dtype=np.int64)
-        elevations = [
-            float(np.median(np.arctan2(places[own, 2], np.hypot(*places[own, :2].T))))
-            for own in (rings == number for number in numbers)
-        ]
+        elevations = np.arctan2(places[:, 2], np.hypot(*places[:, :2].T))
+        usual = [float(np.median(elevations[rings == number])) for number in numbers]
+        # The lines of a rosette, and the rings of a tilted lidar, are level only on average.
+        steepest = [np.quantile(np.abs(elevations[rings == number]), MOST) for number in numbers]
         # Of two rings that are equally level the upper one does not see the floor.
-        ranked = np.lexsort((numbers, -np.sign(elevations), np.round(np.abs(elevations), 3)))
+        ranked = np.lexsort((numbers, -np.sign(usual), np.round(steepest, 3)))
         like = np.ones(len(bearings), dtype=np.bool_)
         if len(ranked):
             best = int(ranked[0])
             like = rings == numbers[best]
-            if self.band is None and abs(elevations[best]) < LEVEL:
+            if self.band is None and steepest[best] < LEVEL:
                 self._ring = int(numbers[best])
-                above = f"{np.degrees(elevations[best]):.1f}° above the level"
+                above = f"{np.degrees(usual[best]):.1f}° above the level"
                 self._words = f"ring {self._ring} of {len(numbers)}, {above} (or give --height)"
         if self._ring is None:
             self._words = self._band_words()
-        # Without rings, bearings of several layers lie between each other.
-        step = step_of(bearings[like]) if len(ranked) else USUAL_STEP
+        order = np.argsort(bearings[like])
+        # Without rings, and in lines of a rosette, bearings of several layers lie between each
+        # other; neighbours on a ring are of one height, even on a tilted one.
+        apart = np.median(np.abs(np.diff(elevations[like][order]))) if len(ranked) else np.inf
+        step = step_of(bearings[like][order]) if apart < LEVEL else USUAL_STEP
         self._beams = round(2.0 * np.pi / step)
         self._words += f", {counted(self._beams, 'beam')}"
 
@@ -294,8 +300,8 @@ class CloudScans:
 
 
 def step_of(bearings: Float) -> float:
-    """The usual step [rad] between the bearings (n,) of one ring."""
-    gaps = np.diff(np.sort(bearings))
+    """The usual step [rad] between the ascending bearings (n,) of one ring."""
+    gaps = np.diff(bearings)
     gaps = gaps[gaps > SAME]
     return max(float(np.median(gaps)), FINEST_STEP) if len(gaps) >= ENOUGH else USUAL_STEP
 
