@@ -412,8 +412,8 @@ def read_scenario_file(name_or_path: str | Path, scale: float = 1.0, **options: 
 
 
 def _path_along(route: Float, speed: float) -> Patrol | Trajectory:
-    """The path of an obstacle along way-points (m, 2) [m]; at a single one it stands."""
-    if len(route) > 1:
+    """The path of an obstacle along way-points (m, 2) [m]; if these are one place it stands."""
+    if (route != route[0]).any():
         return Patrol(route, speed)
     return Trajectory([0.0, 1.0], np.tile(np.append(route[0], 0.0), (2, 1)))
 

@@ -182,7 +182,7 @@ OBJECT: Mapping[str, Converter] = {
 
 # The keys of a dynamic obstacle.
 OBSTACLE: Mapping[str, Converter] = {
-    "route": rows("x", "y"),
+    "route": rows("x", "y", least=2),
     "points": rows("x", "y", least=3),
     **dict.fromkeys(("speed", "radius", "height"), LENGTH),
 }

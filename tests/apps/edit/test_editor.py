@@ -67,14 +67,14 @@ def test_goals_and_rooms_that_are_not_reached_are_named_with_the_reason(tmp_path
     editor = Editor(tmp_path / "new.toml")
     narrow = {"doorway": [{"at": [4, 2.5], "width": 0.6}]}
     robot = {"start": [1, 1, 0], "radius": 0.35, "route": [[3, 4], [0.02, 2.5], [7, 4]]}
-    editor.decide({**ROOMS, **narrow, "robot": robot, "obstacle": [{"route": [[3, 1]]}]})
+    editor.decide({**ROOMS, **narrow, "robot": robot, "obstacle": [{"route": [[3, 1]] * 2}]})
     header, _ = unpacked(editor.rooms())
     assert ["too narrow" in room["why"] for room in header["rooms"]] == [False, True]
     here, wall, beyond = header["goals"]
     assert (here, beyond) == ("", "no way leads there") and "stops 0.4 m short" in wall
     # The notes of the planner say nothing of it again, nor of rooms that were not asked for.
     assert unpacked(editor.route())[0]["notes"] == []
-    # An obstacle at a single point stands.
+    # An obstacle whose way is one place stands.
     assert np.ptp(editor.scenario.obstacles[0].path.at([0, 9]), axis=0).max() == 0.0
 
 

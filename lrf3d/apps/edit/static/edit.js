@@ -487,7 +487,7 @@ function panelOf(one) {
   const parts = {
     wall: () => wallPanel(one, set, size),
     doorway: () => [size("width [m]", "width", 0.9)],
-    obstacle: () => [size("radius [m]", "radius", 0.3), ...(edits.obstacle[one.number].route.length > 1 ? [size("speed [m/s]", "speed", 0.5)] : [])],
+    obstacle: () => [size("radius [m]", "radius", 0.3), ...(!tools.select.stays(edits.obstacle[one.number]) ? [size("speed [m/s]", "speed", 0.5)] : [])],
     "robot.start": () => [field("heading [°]", edits.robot.start[2], (value) => set({ start: [...edits.robot.start.slice(0, 2), Number(value) || 0] }))],
   };
   const moved = one.table === "wall" ? "its ends can be dragged" : one.table === "keep_out" ? "its corners can be dragged" : "drag it to move it";

@@ -200,9 +200,13 @@ export function makeTools(editor) {
     if (one.table !== "keep_out") sheet.ring(context, points[one.table === "robot.route" ? one.place : 0], colour, sizes[one.table] ?? 0);
   }
 
+  // Whether an obstacle stands: its way is one place.
+  const stays = ({ route }) => route.every((each) => away(each, route[0]) === 0);
+
   function moveDecided(edits, one, to) {
     if (one.table === "robot.start") edits.robot.start = [...rounded(to), edits.robot.start[2]];
     else if (one.table === "doorway") edits.doorway[one.number].at = rounded(to);
+    else if (one.table === "obstacle" && stays(edits.obstacle[one.number])) edits.obstacle[one.number].route.fill(rounded(to));
     else pointsOf(edits, one)[one.place] = rounded(to);
   }
 
@@ -364,6 +368,7 @@ export function makeTools(editor) {
       exists,
       named,
       drop: deleteDecided,
+      stays,
       says() {
         return this.one && exists(this.one) ? named(this.one) : this.over >= 0 ? editor.described(this.over) : "";
       },
@@ -598,7 +603,7 @@ export function makeTools(editor) {
     obstacle: {
       cursor: "crosshair",
       hint: "click where it stands and press Enter, or click all of its way there and back",
-      ...polyline((edits, points) => (edits.obstacle ??= []).push({ route: points, radius: editor.obstacle.radius, ...(points.length > 1 && { speed: editor.obstacle.speed }) }), 1, false, "an obstacle", "Enter: it stands here"),
+      ...polyline((edits, points) => (edits.obstacle ??= []).push(points.length > 1 ? { route: points, ...editor.obstacle } : { route: [points[0], points[0]], radius: editor.obstacle.radius }), 1, false, "an obstacle", "Enter: it stands here"),
     },
   };
 }
