@@ -1,7 +1,8 @@
 """Likelihood field: how well the hits of scans fit a map of cells, and at which poses.
 
 The log likelihood of a hit in each cell enters, as in Thrun et al. (2005, section 6.4), with hits
-in the frame of a robot. The mean over the hits leaves, and poses near guesses where it is highest.
+in the frame of a robot. The mean over the hits leaves, and poses near guesses where it is highest;
+or the sum of coarse scores at all positions of a lattice.
 """
 
 import numpy as np
@@ -14,6 +15,11 @@ from lrf3d.matching.surface import placement
 # Log likelihoods of a hit in the cells (rows, columns) of a map. The border cells stand for all
 # cells beyond the map.
 Likelihood = NDArray[np.float32]
+
+# Scores of the coarse cells of a map, sorted by their place between the positions of a lattice with
+# a stride: (row % stride, column % stride, row // stride, column // stride). So the cells at one
+# offset from all positions of a row are adjacent.
+Lattice = NDArray[np.int16]
 
 
 def some(hits: Records, most: int) -> Records:
@@ -36,6 +42,31 @@ def mean_score(pose: Float, hits: Records, cells: Likelihood, side: float) -> fl
         row = min(max(int(np.floor(y / side)) + 1, 0), rows - 1)
         total += cells[row, column]
     return total / max(len(hits), 1)
+
+
+@compiled
+def lattice_scores(hits: Records, cells: Lattice, cell: float, headings: Float) -> Lattice:
+    """The sums (a, rows, columns) of the scores of hits, for each heading (a,) and position.
+
+    Positions are the middles of the cells whose row and column are multiples of the stride.
+    """
+    stride, _, rows, columns = cells.shape
+    scores = np.zeros((len(headings), rows, columns), np.int16)
+    for a in range(len(headings)):
+        at = placement(np.array([0.5, 0.5, headings[a]]))
+        for hit in hits:
+            x = at.x + (at.cos * hit.x - at.sin * hit.y) / cell
+            y = at.y + (at.sin * hit.x + at.cos * hit.y) / cell
+            right, column = divmod(int(np.floor(x)), stride)
+            up, row = divmod(int(np.floor(y)), stride)
+            first = max(0, -right)
+            last = min(columns, columns - right)
+            for r in range(max(0, -up), min(rows, rows - up)):
+                sums = scores[a, r, first:last]
+                values = cells[row, column, r + up, first + right : last + right]
+                for c in range(last - first):
+                    sums[c] += values[c]
+    return scores
 
 
 @inner

@@ -16,7 +16,7 @@ from lrf3d.base.errors import InputError, shown
 from lrf3d.geometry.lines import Float, Int, Records, is_finite, whole_number
 from lrf3d.geometry.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import lasers_of
+from lrf3d.laser.range_finder import CENTRE, lasers_of
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.matching.key_scans import Key, Moment, ScanConverter
@@ -49,7 +49,70 @@ FARTHEST_STEP = 1000.0
 NEGLIGIBLE = 0.02
 
 
-class Slam:
+class Tracker:
+    """Places scans one after another, in a frame that drifts: closes no loops, draws no map."""
+
+    def __init__(
+        self,
+        lasers: tuple[LaserRangeFinder, ...] = (),
+        start: Pose = CENTRE,
+        laser_offset: float = 0.0,
+        key_distance: float = KEY_DISTANCE,
+        wheels: Wheels | None = None,
+    ) -> None:
+        self._lasers = lasers
+        self._time: float | None = None
+        self.converter = ScanConverter(laser_offset)
+        self._front = FrontEnd(start, key_distance, wheels)
+        # How the front end placed each scan, in its own drifting frame.
+        self.tracked: list[Tracked] = []
+
+    def track(
+        self, scan: object, odometry: Sequence[float] | Float | None
+    ) -> tuple[Moment, Key, Key | None]:
+        """Place the next scan; returns it, checked and converted, and the key scan it becomes."""
+        scans, increment, since = self._checked(scan, odometry)
+        candidate = self.converter.candidate(scans, len(self.tracked))
+        self.tracked.append(self._front.track(candidate, increment, since))
+        key = self._front.add_key(candidate) if self._front.key_due() else None
+        return scans, candidate, key
+
+    def _checked(
+        self, scan: object, odometry: Sequence[float] | Float | None
+    ) -> tuple[Moment, Float | None, float]:
+        """Check the scans and unroll them; return also the increment, and the time since the last.
+
+        Without stamps, scans are taken to come once a second.
+        """
+        scans = self._checked_scans(scan)
+        increment = None if odometry is None else _checked_increment(odometry)
+        time = scans[0].time
+        since = 0.0 if self._time is None else time - self._time
+        self._time = time
+        rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
+        scans = tuple(
+            unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
+        )
+        return scans, increment, since if since > 0.0 else 1.0
+
+    def _checked_scans(self, scan: object) -> Moment:
+        """Check that a moment has one scan of each laser, each with all its beams."""
+        scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
+        found = tuple(each for each in scans if isinstance(each, LaserScan))
+        if not 0 < len(scans) == len(found):
+            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
+        if self._lasers and len(found) != len(self._lasers):
+            raise InputError(f"slam: {len(found)} scans of {len(self._lasers)} lasers")
+        for number, each in enumerate(found):
+            beams = len(each.ranges)
+            expected = self._lasers[number].beams if self._lasers else max(beams, 1)
+            if beams != expected:
+                due = f"{expected}, as its laser" if self._lasers else "at least one"
+                raise InputError(f"slam: scan of {beams} beams; expected {due}")
+        return found
+
+
+class Slam(Tracker):
     """Tracks a robot and maps its world, from scans and odometry increments alone.
 
     Args:
@@ -95,15 +158,11 @@ class Slam:
                 f"slam: laser_offset and key_distance are {shown(values)}; expected finite numbers,"
                 " the second one positive"
             )
-        self._lasers = () if lrf is None else lasers_of(lrf)
-        self._time: float | None = None
-        self.converter = ScanConverter(laser_offset)
-        self._front = FrontEnd(as_pose(start), key_distance, wheels)
+        lasers = () if lrf is None else lasers_of(lrf)
+        super().__init__(lasers, as_pose(start), laser_offset, key_distance, wheels)
         self.closer = LoopCloser(self._front.mixed_pixels)
         self.closer.ruled_out = [*apart]
         self._known = [*close]
-        # How the front end placed each scan, in its own drifting frame.
-        self.tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
         # The pose graph: the estimated poses (k, 3) of the key scans, and the measured relative
         # poses between them.
@@ -146,46 +205,10 @@ class Slam:
             InputError: It is not a scan, its number of beams is 0 or not that of the range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        scans, increment, since = self._checked(scan, odometry)
-        candidate = self.converter.candidate(scans, len(self.tracked))
-        self.tracked.append(self._front.track(candidate, increment, since))
-        if self._front.key_due():
-            self._add_to_graph(self._front.add_key(candidate), scans)
+        scans, _, key = self.track(scan, odometry)
+        if key is not None:
+            self._add_to_graph(key, scans)
         self._update_map_poses()
-
-    def _checked(
-        self, scan: object, odometry: Sequence[float] | Float | None
-    ) -> tuple[Moment, Float | None, float]:
-        """Check the scans and unroll them; return also the increment, and the time since the last.
-
-        Without stamps, scans are taken to come once a second.
-        """
-        scans = self._checked_scans(scan)
-        increment = None if odometry is None else _checked_increment(odometry)
-        time = scans[0].time
-        since = 0.0 if self._time is None else time - self._time
-        self._time = time
-        rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
-        scans = tuple(
-            unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
-        )
-        return scans, increment, since if since > 0.0 else 1.0
-
-    def _checked_scans(self, scan: object) -> Moment:
-        """Check that a moment has one scan of each laser, each with all its beams."""
-        scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
-        found = tuple(each for each in scans if isinstance(each, LaserScan))
-        if not 0 < len(scans) == len(found):
-            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
-        if self._lasers and len(found) != len(self._lasers):
-            raise InputError(f"slam: {len(found)} scans of {len(self._lasers)} lasers")
-        for number, each in enumerate(found):
-            beams = len(each.ranges)
-            expected = self._lasers[number].beams if self._lasers else max(beams, 1)
-            if beams != expected:
-                due = f"{expected}, as its laser" if self._lasers else "at least one"
-                raise InputError(f"slam: scan of {beams} beams; expected {due}")
-        return found
 
     def _add_to_graph(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or make it a vertex of the graph and close loops."""

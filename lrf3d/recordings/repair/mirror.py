@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.base.errors import InputError, Lrf3dWarning
-from lrf3d.geometry.lines import sealed
+from lrf3d.geometry.lines import Float, sealed
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import CLEARLY, LEAST_PAIRS, LEAST_TURN
@@ -26,27 +26,37 @@ WHOLE = np.pi
 
 
 def find(recording: Recording) -> bool | None:
-    """Whether the laser turns clockwise, by the turns (k − 1,) [rad] between its scans."""
-    turns = recording.turns
-    x, y, wheels = np.diff(recording.path.at(recording.exact_places), axis=0).T
-    turned = np.abs(wheels)
-    clear = BENT * np.hypot(x, y)
-    if turned[turned > clear].sum() > WHOLE and recording.shown_share(clear) < LEAST_SHOWN:
-        warnings.warn(
-            f"{recording.log.name}: its scans do not turn with the robot: the laser does not scan"
-            " a level plane, or the poses are not those of its robot",
-            Lrf3dWarning, stacklevel=4,
-        )  # fmt: skip
-    known = np.isfinite(turns) & (turned > LEAST_TURN)
+    """Whether the laser turns clockwise, by the turns between its scans."""
+    steps = np.diff(recording.path.at(recording.exact_places), axis=0)
+    mirrored = _is_mirrored(recording.turns, steps[:, 2])
+    _warn_of_another_plane(recording, steps)
+    return mirrored or None
+
+
+def _is_mirrored(turns: Float, wheels: Float) -> bool:
+    """Whether the turns (k − 1,) [rad] of scans are opposite to those of the odometry."""
+    known = np.isfinite(turns) & (np.abs(wheels) > LEAST_TURN)
     if known.sum() < LEAST_PAIRS:
-        return None
+        return False
     alike, mirrored, in_degrees = (
         float(np.median(np.abs(turns[known] - share * wheels[known])))
         for share in (1.0, -1.0, np.radians(1.0))
     )
-    if CLEARLY * in_degrees < alike and np.quantile(turned, 0.9) > HUGE:
+    if CLEARLY * in_degrees < alike and np.quantile(np.abs(wheels), 0.9) > HUGE:
         raise InputError("the odometry turns in degrees, by its scans; expected radians")
-    return CLEARLY * mirrored < alike or None
+    return CLEARLY * mirrored < alike
+
+
+def _warn_of_another_plane(recording: Recording, steps: Float) -> None:
+    """Warn of scans that do not turn with the robot, whose steps between scans are (k − 1, 3)."""
+    turned = np.abs(steps[:, 2])
+    clear = BENT * np.hypot(*steps[:, :2].T)
+    if turned[turned > clear].sum() > WHOLE and recording.shown_share(clear) < LEAST_SHOWN:
+        warnings.warn(
+            f"{recording.log.name}: its scans do not turn with the robot: the laser does not scan"
+            " a level plane, or the poses are not those of its robot",
+            Lrf3dWarning, stacklevel=5,
+        )  # fmt: skip
 
 
 def apply(recording: Recording, _: bool) -> Recording:

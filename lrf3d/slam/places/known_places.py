@@ -13,11 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from lrf3d.compiling import compiled
 from lrf3d.geometry.lines import Bool, Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import between, compose
 from lrf3d.laser.free_space import distinct_poses
-from lrf3d.matching.likelihood import Likelihood, climbed, mean_score, some
-from lrf3d.matching.search import CELL, Field, window_scores
+from lrf3d.matching.likelihood import (
+    Lattice,
+    Likelihood,
+    climbed,
+    lattice_scores,
+    mean_score,
+    some,
+)
+from lrf3d.matching.search import CELL
 from lrf3d.simulation.run import Run
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
@@ -51,11 +59,6 @@ MOST_POSITIONS = 40_000
 # Number of hits that the coarse search uses.
 SEARCHED_HITS = 100
 
-# Number of these by which positions are ranked first, and the share of the positions, one in so
-# many, that are then searched.
-ROUGH_HITS = 25
-ROUGH_SHARE = 6
-
 # Largest number of places that are scored with all hits.
 MOST_PLACES = 30
 
@@ -71,10 +74,27 @@ class Fit(NamedTuple):
     score: float
 
 
-def is_same(first: Float, second: Float) -> bool:
-    """Whether two poses (3,) are the same place."""
-    x, y, turn = first - second
-    return bool(np.hypot(x, y) < APART and abs(wrap_angle(turn)) < TURNED)
+@compiled
+def is_same(first: Float, second: Float, apart: float, turned: float) -> bool:
+    """Whether two poses (3,) are within a distance [m] and a turn [rad] of each other."""
+    turn = abs(first[2] - second[2])
+    near = np.hypot(first[0] - second[0], first[1] - second[1]) < apart
+    return bool(near and min(turn, 2.0 * np.pi - turn) < turned)
+
+
+@compiled
+def distinct(poses: Float, apart: float, turned: float, most: int) -> Int:
+    """The indices of at most some poses (k, 3), the best first, that repeat no better one."""
+    found = np.empty(most, np.int64)
+    count = 0
+    for k in range(len(poses)):
+        repeats = False
+        for n in found[:count]:
+            repeats = repeats or is_same(poses[k], poses[n], apart, turned)
+        if not repeats and count < most:
+            found[count] = k
+            count += 1
+    return found[:count]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,20 +168,30 @@ class KnownPlaces:
         return cells[np.ix_(rows, columns)]
 
     @cached_property
-    def _field(self) -> Field:
+    def _lattice(self) -> Lattice:
         """The coarse map that is searched: high in walls and next to them, low in free cells."""
         distance = self._coarse(self._distance)
         # A wall may touch just the corner of a coarse cell.
         steps = [distance <= 0.7 * CELL, distance <= BLUR, self._coarse(self.free)]
-        return Field(np.select(steps, [3, 2, -1]).astype(np.int8), 0.0, 0.0)
+        scores = np.select(steps, [3, 2, -1]).astype(np.int16)
+        free = self._coarse(self.free & (self._distance >= ROOM))
+        stride = int(np.ceil(max(2.0, np.sqrt(free.sum() / MOST_POSITIONS))))
+        high, wide = (size + -size % stride for size in scores.shape)
+        scores = np.pad(scores, [(0, high - len(scores)), (0, wide - len(scores.T))])
+        blocks = scores.reshape(high // stride, stride, wide // stride, stride)
+        return np.ascontiguousarray(blocks.transpose(1, 3, 0, 2))
 
     @cached_property
     def _positions(self) -> Int:
-        """Columns and rows (s, 2) of the coarse cells in which the robot may be."""
+        """Rows and columns (s, 2) of the lattice at which the robot may be."""
+        stride = len(self._lattice)
         free = self._coarse(self.free & (self._distance >= ROOM))
-        stride = int(np.ceil(max(2.0, np.sqrt(free.sum() / MOST_POSITIONS))))
-        rows, columns = np.nonzero(free[::stride, ::stride])
-        return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
+        return np.argwhere(free[::stride, ::stride])
+
+    def _poses(self, positions: Int, headings: Float) -> Float:
+        """Poses (k, 3) at positions (k, 2) of the lattice, with headings (k,)."""
+        places = CELL * (len(self._lattice) * positions[:, ::-1] + 0.5)
+        return compose(self.origin, np.column_stack([places, headings]))
 
     def search(self, hits: Records) -> list[Fit]:
         """The places on the whole map where hits fit best, the best first.
@@ -169,11 +199,17 @@ class KnownPlaces:
         The robot is where the map is free, and the hits are in its frame.
         """
         few = some(hits, SEARCHED_HITS)
-        near = distinct(self.climbed(self._peaks(few), few))[:MOST_PLACES]
-        return distinct(self.climbed(np.array([each.pose for each in near]), hits)) if near else []
+        near = self._reached(self._peaks(few), few)
+        return self._reached(np.array([each.pose for each in near]).reshape(-1, 3), hits)
+
+    def _reached(self, guesses: Float, hits: Records) -> list[Fit]:
+        """The places to which the score of hits leads from guesses (k, 3), the best first."""
+        fits = sorted(self.climbed(guesses, hits), key=lambda each: -each.score)
+        poses = np.array([each.pose for each in fits]).reshape(-1, 3)
+        return [fits[k] for k in distinct(poses, APART, TURNED, MOST_PLACES)]
 
     def climbed(self, guesses: Float, hits: Records) -> list[Fit]:
-        """The places (k,) to which the score of hits leads from guesses (k, 3)."""
+        """The poses (k,) to which the score of hits leads from guesses (k, 3)."""
         local = between(self.origin, guesses)
         poses, scores = climbed(local, hits, self._scores, self.side)
         return [*map(Fit, compose(self.origin, poses), scores.tolist())]
@@ -207,50 +243,26 @@ class KnownPlaces:
         """Poses (k, 3) spread evenly over the map."""
         count = 100
         chosen = np.linspace(0, len(self._positions) - 1, min(count, len(self._positions)))
-        cells = self._positions[chosen.astype(np.int64)]
         golden = np.pi * (3.0 - np.sqrt(5.0))  # Multiples of this angle are spread evenly.
-        headings = wrap_angle(golden * np.arange(len(cells)))
-        return compose(self.origin, np.column_stack([CELL * (cells + 0.5), headings]))
+        headings = wrap_angle(golden * np.arange(len(chosen)))
+        return self._poses(self._positions[chosen.astype(np.int64)], headings)
 
     def _peaks(self, hits: Records) -> Float:
         """The poses (k, 3) of the coarse search at which most hits lie in walls, the best first."""
-        cells = self._positions
-        centre = np.array([0.5 * CELL, 0.5 * CELL, 0.0])
-        parts = []
+        poses = []
         scored = []
         heading_parts = 16  # Number of parts in which the headings are searched.
-        most_peaks = 200  # Number of the best poses of each part that are kept.
+        most_peaks = 200  # Number of the best positions of each part that are kept.
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), heading_parts):
-            # Positions that are poor by a part of the hits are not scored by all of them.
-            rough = window_scores(some(hits, ROUGH_HITS), self._field, centre, cells, headings).max(
-                axis=0
-            )
-            least = min(len(cells), max(most_peaks, len(cells) // ROUGH_SHARE))
-            kept = cells[np.argpartition(rough, len(cells) - least)[len(cells) - least :]]
-            scores = window_scores(hits, self._field, centre, kept, headings)
-            most = min(most_peaks, scores.size)
-            best = np.argpartition(scores, scores.size - most, axis=None)[scores.size - most :]
-            a, s = np.unravel_index(best, scores.shape)
-            scored.append(scores[a, s])
-            parts.append(np.column_stack([centre[:2] + CELL * kept[s], headings[a]]))
-        ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
-        peaks: list[Float] = []
+            scores = lattice_scores(hits, self._lattice, CELL, headings)
+            highest = scores.max(axis=0)[*self._positions.T]
+            most = max(len(highest) - most_peaks, 0)
+            best = np.argpartition(highest, most)[most:]
+            scored.append(highest[best])
+            turned = scores[:, *self._positions[best].T].argmax(axis=0)
+            poses.append(self._poses(self._positions[best], headings[turned]))
+        ranked = np.concatenate(poses)[np.argsort(-np.concatenate(scored), kind="stable")]
         most_climbed = 120  # Largest number of poses from which the score is climbed.
         next_peak = 0.5  # Least distance between them [m],
         next_turn = 0.15  # or turn [rad].
-        while len(ranked) and len(peaks) < most_climbed:
-            peak, *_ = ranked
-            peaks.append(peak)
-            x, y, turn = np.abs(ranked - peak).T
-            far = x * x + y * y > next_peak * next_peak
-            ranked = ranked[far | (np.minimum(turn, 2.0 * np.pi - turn) > next_turn)]
-        return compose(self.origin, np.array(peaks).reshape(-1, 3))
-
-
-def distinct(places: list[Fit]) -> list[Fit]:
-    """The places, the best first, without those that repeat a better one."""
-    found: list[Fit] = []
-    for place in sorted(places, key=lambda each: -each.score):
-        if not any(is_same(place.pose, each.pose) for each in found):
-            found.append(place)
-    return found
+        return ranked[distinct(ranked, next_peak, next_turn, most_climbed)]

@@ -17,7 +17,7 @@ from lrf3d.matching.key_scans import Key
 from lrf3d.matching.likelihood import some
 from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
-from lrf3d.slam.places.known_places import LEAST, KnownPlaces, is_same
+from lrf3d.slam.places.known_places import APART, LEAST, TURNED, KnownPlaces, is_same
 
 # Distance [m] or turn [rad] after which the next scan is used; nearer ones see the same.
 SPACING = np.array([0.4, 0.5])
@@ -202,7 +202,7 @@ class PlaceSearch:
         middle = len(window) // 2
         for half in (window[:middle], window[middle:]):
             first, *_ = self._places.search(_laid_out(half, place.at))
-            if not is_same(first.pose, place.pose):
+            if not is_same(first.pose, place.pose, APART, TURNED):
                 return False
         return True
 
@@ -279,4 +279,8 @@ def _agree(now: Hypothesis, before: Hypothesis) -> bool:
     """Whether two searches by different scans found the same place, and it stood out in both."""
     there = compose(now.pose, between(now.at.pose, before.at.pose))
     apart = before.at.number < now.sure
-    return min(now.log_odds, before.log_odds) > 0.0 and apart and is_same(there, before.pose)
+    return (
+        min(now.log_odds, before.log_odds) > 0.0
+        and apart
+        and is_same(there, before.pose, APART, TURNED)
+    )

@@ -14,16 +14,15 @@ from lrf3d.base.errors import InputError, shown
 from lrf3d.base.interrupts import Progress, check, silent, stoppable
 from lrf3d.geometry.lines import Bool, Float
 from lrf3d.geometry.pose import bent, between, compose
-from lrf3d.laser.unrolling import unrolled
 from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run
 from lrf3d.recordings.repair.repairs import LOCALISING, repair
 from lrf3d.simulation.run import Run
-from lrf3d.slam import Slam
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.offline import read
 from lrf3d.slam.places.known_places import KnownPlaces
 from lrf3d.slam.places.place_search import PlaceSearch
+from lrf3d.slam.slam import Tracker
 from lrf3d.world import World, load_world
 
 # A robot was carried if it is found farther than this [m] from where its steps lead.
@@ -118,15 +117,15 @@ def localise_log(
         scans=recording.scans,
         notes=(*recording.log.notes, *recording.sentences),
     )
-    slam = Slam(laser_offset=log.odometry.laser_offset)
+    tracker = Tracker(laser_offset=log.odometry.laser_offset)
     search = PlaceSearch(places)
     for number, (scan, step) in enumerate(zip(log.scans, recording.increments, strict=True)):
-        slam.update(scan, step)
-        search.see(number, slam.converter.candidate(unrolled(scan)), slam.tracked[-1].pose)
+        _, seen, _ = tracker.track(scan, step)
+        search.see(number, seen, tracker.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     search.search()
-    front = np.array([tracked.pose for tracked in slam.tracked])
+    front = np.array([tracked.pose for tracked in tracker.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []
     for found in search.found:
