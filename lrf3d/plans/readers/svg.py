@@ -45,17 +45,9 @@ PIXEL = INCH / 96.0
 
 # Metres in the units of lengths.
 UNITS = {
-    "": PIXEL,
-    "px": PIXEL,
-    "m": 1.0,
-    "cm": 1e-2,
-    "mm": 1e-3,
-    "q": 0.25e-3,
-    "in": INCH,
-    "pt": POINT,
-    "pc": 12.0 * POINT,
-    "em": 16.0 * PIXEL,
-}
+    "": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3,
+    "in": INCH, "pt": POINT, "pc": 12.0 * POINT, "em": 16.0 * PIXEL,
+}  # fmt: skip
 
 # Properties that an element takes over from those around it.
 INHERITED = frozenset(

@@ -97,6 +97,7 @@ class HandDrive:
 
     knows_truth = True
     estimate = None
+    attitudes = None
     # It is shown as fast as it drives.
     playback = 1.0
 

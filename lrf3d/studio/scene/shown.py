@@ -71,6 +71,10 @@ class Shown(Hashable, Protocol):
     def estimate(self) -> EstimatedTrajectory | None:
         """Where the robot believed that it was at its scans, if it was not given its poses."""
 
+    @property
+    def attitudes(self) -> Float | None:
+        """Pitch and roll (k, 2) of the robot at the scans [rad]; None on even ground."""
+
     def scans_at(self, number: int, /) -> tuple[LaserScan, ...]:
         """The scans of all range finders by their number."""
 
