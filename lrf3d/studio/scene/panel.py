@@ -103,7 +103,7 @@ def _mapped(run: Run, moment: Moment, shot: str) -> str:
     if shot in _NEAR:
         return _reflected(run, moment) or _entered(run, moment)
     if shot in _WALLS and len(line_map):
-        return f"{counted(len(line_map), 'wall')} in the map"
+        return f"{counted(len(line_map), 'segment')} in the map"
     return ""
 
 
@@ -130,11 +130,11 @@ def _reflected(run: Run, moment: Moment) -> str:
 
 
 def _entered(run: Run, moment: Moment) -> str:
-    """Text on the walls that have entered the map in the last seconds, if any."""
+    """Text on the segments that have entered the map in the last seconds, if any."""
     earlier = _scan_before(run, moment, _NEWS_TIME)
     new = len(run.map_after(moment.mapped)) - len(run.map_after(earlier))
     seconds = moment.time - run.trajectory.times[earlier]
-    return f"{counted(new, 'new wall')} in {seconds:.0f} s" if new > 0 and seconds >= 1.0 else ""
+    return f"{counted(new, 'new segment')} in {seconds:.0f} s" if new > 0 and seconds >= 1.0 else ""
 
 
 def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
@@ -163,15 +163,15 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
-    """How much time has passed, how fast, and how many walls are mapped, if the head is silent."""
+    """How much time has passed, how fast, and how many segments the map has, if the head is silent."""
     seconds = moment.time - run.trajectory.times.min()
     words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
     # While the camera rises, the run passes faster than elsewhere.
     if playback > 1.0 and shot != "rise":
         words += f" at {playback:.2g} × speed"
-    walls = counted(len(run.map_after(moment.mapped)), "wall")
-    if run.maps and walls not in head:
-        words += f"  ·  {walls}"
+    mapped = counted(len(run.map_after(moment.mapped)), "segment")
+    if run.maps and mapped not in head:
+        words += f"  ·  {mapped}"
     return words
 
 
@@ -193,11 +193,11 @@ def _card(run: Run, playback: float) -> Label:
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):
-        found = f"{counted(len(run.map), 'wall')}, {objects}"
+        found = f"{counted(len(run.map), 'segment')}, {objects}"
         rest = ""
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
-        rest = f"what was never seen is pale  ·  {objects}"
+        rest = f"what was never seen stays dark  ·  {objects}"
     others = [*_drifted(run, playback), *_glass_words(run)]
     return _label([(found, _INK), *((words, _PALE) for words in others or [rest])], _SIZE)
 
@@ -219,7 +219,7 @@ def _glass_words(run: Run) -> list[str]:
     panes = int((run.map.kinds == GLASS).sum())
     known = f"{counted(panes, 'pane')} found" if panes else "none is known as glass"
     share = 100.0 * through / (through + back)
-    return [f"{share:.0f} % of the beams went through glass  ·  {known}"]
+    return [f"{share:.0f} % of the beams at glass went through  ·  {known}"]
 
 
 def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[int, int, int]]]:

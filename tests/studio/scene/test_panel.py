@@ -23,14 +23,14 @@ def said(run, shot="chase", *, time=1.0, playback=1.0, full=False):
 
 def test_a_short_panel_says_what_is_shown_when_and_what_is_found_and_a_full_one_all():
     short, full = (said(city_run(), full=full) for full in (False, True))
-    assert len(short) == 2 and "beams" in short[0] and " walls" in short[1]
+    assert len(short) == 2 and "beams" in short[0] and " segments" in short[1]
     assert len(full) > 3 and full[0] == short[0] and any("beams hit" in line for line in full)
 
 
 def test_a_number_is_said_once_and_a_film_that_runs_faster_says_so():
     run = city_run()
     head, passed = said(run, "whole", playback=3.0)
-    assert head == f"{len(run.map)} walls in the map" and passed == "1 s at 3 × speed"
+    assert head == f"{len(run.map)} segments in the map" and passed == "1 s at 3 × speed"
 
 
 def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
