@@ -163,7 +163,7 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
-    """How much time has passed, how fast, and how many segments the map has, if the head is silent."""
+    """How much time has passed, how fast, and the map's segments if the head does not say."""
     seconds = moment.time - run.trajectory.times.min()
     words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
     # While the camera rises, the run passes faster than elsewhere.
