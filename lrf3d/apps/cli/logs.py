@@ -43,6 +43,10 @@ from lrf3d.world import World
 # Least share of the returns that a right map explains: 0.85 to 1 in buildings, less among trees.
 LEAST_EXPLAINED = 0.6
 
+# Extent of the poses [m] below which a laser is said to stand: less than half a robot. The noise of
+# its poses adds up to metres of path.
+STANDING = 0.2
+
 
 def map_(log: LaserLog, args: Namespace, console: Console) -> None:
     """Map a log whose poses are known, and test the map."""
@@ -321,11 +325,15 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
     if summary["score"]:
         form = "{translation_mean:.4f} ± {translation_std:.4f} m, {rotation_mean:.2f} ±"
         score = f"{form} {{rotation_std:.2f}}° over {{relations}}".format(**summary["score"])
+    drive = f"{found['length_m']:.0f} m"
+    extent = float(np.hypot(*np.ptp(solved.run.trajectory.poses[:, :2], axis=0)))
+    if extent < STANDING:
+        drive = f"none: the laser stands, all poses lie within {extent:.2f} m"
     alone = f"{solved.odometry}; if that is mirrored, so is the map"
     rows = [
         ("odometry", "" if placed else alone),
         *(("", sentence) for sentence in solved.recording.sentences),
-        ("drive", f"{found['length_m']:.0f} m, {closed}"),
+        ("drive", f"{drive}, {closed}"),
         ("", f"{counted(lost, 'scan')} matched nothing: placed as predicted" if lost else ""),
         ("on", on),
         ("map", solved.run.map.counts),

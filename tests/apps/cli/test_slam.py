@@ -41,6 +41,21 @@ def log(log_text, tmp_path):
     return path
 
 
+def test_a_laser_that_stands_is_said_to_stand(tmp_path):
+    lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2 - np.pi / 180, 180, range_max=20.0)
+    scan = lrf3d.PlanarCaster(ROOM).cast(lrf, (2, 2, 0))
+    rng = np.random.default_rng(1)
+    lines = []
+    for time in range(40):
+        readings = scan.ranges + rng.normal(0.0, 0.02, len(scan.ranges))
+        told = " ".join(f"{value:.3f}" for value in readings)
+        lines.append(f"FLASER 180 {told} 2 2 0 2 2 0 {time} host {time}")
+    path = tmp_path / "still.log"
+    path.write_text("\n".join(lines))
+    done = program("slam", path, "--out", tmp_path / "out")
+    assert done.returncode == 0 and "the laser stands, all poses lie within 0.0" in done.stdout
+
+
 def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     true = log_text[1]
     relative = lrf3d.odometry_increments(true[[0, len(true) - 1]])[0]
