@@ -69,7 +69,7 @@ _DRIFTS = Latest()
 def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     if moment.mapped < 0:
-        return "The robot knows nothing yet"
+        return "The robot knows nothing yet" if run.knows_truth else "A recorded drive begins"
     if words := _closing(run, moment, playback):
         return words
     if words := _mapped(run, moment, shot):
