@@ -1,13 +1,14 @@
 """Timeline: where the robot stands and which scan is seen at each time of a film."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
 
+from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Bool, Float, wrap_angle
 from lrf3d.planning.planner import planned_way
 from lrf3d.robot import Trajectory
@@ -16,6 +17,9 @@ from lrf3d.studio.scene.stage.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+
+# The drive between the stops of the run that was asked for last.
+_DRIVES = Latest()
 
 # Share of the time between two stops that the robot stands and scans.
 _STANDING = 0.5
@@ -105,7 +109,7 @@ class Timeline:
         if self.dwells:
             # The last stop is shown as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
-            self.drive = _drive_between_stops(run)
+            self.drive = _DRIVES.of(run, partial(_drive_between_stops, run))
 
     def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
         """Times (frames,) of the run [s] that a film shows, first to last, at least one.
@@ -138,7 +142,6 @@ class Timeline:
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
 
-@lru_cache(maxsize=4)
 def _drive_between_stops(run: Shown) -> Trajectory:
     """A drive through the poses of a run, from each to the next as a unicycle drives."""
     stops = run.trajectory
