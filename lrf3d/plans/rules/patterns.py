@@ -22,6 +22,9 @@ CLOSEST = 0.02
 # Distance [m] within which parallels are compared: a little over two neighbours.
 REACH = 1.5
 
+# Reach [m] that is not halved: lines through one point stay as many as they are.
+LEAST_REACH = 0.2
+
 # Upper bound on the pairs of parallels, as these take seconds to compare. In a drawing with more,
 # lines are close to each other, and the reach is halved until fewer pairs are left.
 MOST_PAIRS = 5_000_000
@@ -61,7 +64,10 @@ def _parallels(middles: Float, along: Float, across: Float, long: Float) -> tupl
     reach = REACH
     rays = _lines_through(middles, reach * across)
     sample = 1 + len(middles) // 100
-    while sample * tree.query(rays[::sample], predicate="intersects").shape[1] > MOST_PAIRS:
+    while (
+        reach > LEAST_REACH
+        and sample * tree.query(rays[::sample], predicate="intersects").shape[1] > MOST_PAIRS
+    ):
         reach *= 0.5
         rays = _lines_through(middles, reach * across)
     one, other = tree.query(rays, predicate="intersects")
