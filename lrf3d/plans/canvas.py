@@ -30,7 +30,7 @@ WHITE = 255.0
 # Contrast of what is painted with a gradient or a pattern, whose colours are not read.
 UNKNOWN = 0.3
 
-# Opacity below which a mark is not seen; one that is as close to 1 hides what is below it.
+# Opacity below which a mark is not seen; one above 1 less this hides what is below it.
 FAINT = 0.02
 
 # Contrast below which a mark has the colour of the paper.

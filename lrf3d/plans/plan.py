@@ -69,7 +69,7 @@ SHARED = 1e-3
 # Least share of the length of outlines that adjacent rooms have in common.
 COMMON = 0.05
 
-# Least number of plans on one sheet that are the houses of one town, and no reason to warn.
+# Number of separate plans from which on a sheet is taken for a town of houses, without a warning.
 TOWN = 10
 
 
@@ -269,6 +269,7 @@ def _balance(
 
     fates = {item: fate or "hidden part" for item, fate in canvas.fates.items()}
     for mark, role in zip(marks, roles, strict=True):
+        # Overwritten below where a stroke of it is used: what is left had only repeated lines.
         fate = ROLES.get(role, f"layer: {mark.layer}")
         fates |= dict.fromkeys(mark.items, "repeated line" if role in STANDS else fate)
     for rule in RULES:

@@ -136,8 +136,9 @@ class LaserLog(Value):
     def of_moments(self) -> "LaserLog":
         """The log in which scans that all lasers took at one moment are joined to one scan.
 
-        Only the first laser is used where most scans have no partners at their moment, or would
-        have to be unrolled first. What is left out is counted in a note.
+        If fewer than half of the scans can be joined, or some have beam times but no motion by
+        which to unroll (deskew) them, those of the first laser alone are kept. What is left out is
+        counted in a note.
         """
         lasers = len(self.lasers)
         rows = self._moments()

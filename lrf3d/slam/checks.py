@@ -202,7 +202,8 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
 def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tuple[int, int]]]:
     """Scans of the first laser, the robot's poses (k, 3), and pairs between which it moved.
 
-    Where a driver sends a turn in parts, those of the first part's field are compared.
+    If the laser's driver splits a revolution into several messages, only those with the field of
+    view of the first are compared.
     """
     field = scans[0].angles[[0, -1]]
     same = 0.1  # Angle between the ends of two fields that are the same [rad].

@@ -50,7 +50,7 @@ MOST_SPREAD = 10.0
 LEAST_TURN_SPREAD = 0.02
 MOST_TURN_SPREAD = 0.3
 
-# Path length [m] that one unmatched scan counts as: its error is that of the least window.
+# Path length [m] whose drift one unmatched scan adds: a tenth of a metre, as the least window has.
 LOST_LENGTH = LEAST_SPREAD / DRIFT
 
 # Closures that must agree before any of them is accepted while the robot drives.

@@ -181,6 +181,7 @@ class GraphPaths:
         covariances = self._covariances[last[reached]]
         first = links["first"]
         second = links["second"]
+        # The other end of the link.
         before[reached] = first + second - reached
         cos = np.cos(poses[first, 2])
         sin = np.sin(poses[first, 2])

@@ -1,8 +1,11 @@
-"""Slam: poses and map from scans and odometry increments alone, up to date after every scan.
+"""Slam: poses and map from scans and odometry increments alone.
+
+The poses are current after every scan; on a long drive the map follows within seconds.
 
 A scan and the odometry increment since the last one enter. The front end places the scan. Every
-half metre a scan becomes a key scan: a vertex of the pose graph, for which loop closures are
-searched. Where a loop closes, the graph is optimised, the poses move, and the map is drawn again.
+half metre or half radian, unless the place is known, a scan becomes a key scan: a vertex of the
+pose graph, for which loop closures are searched. Where a loop closes, the graph is optimised, the
+poses move, and the map is drawn again.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Strokes:
     segments: Float
     # The number (n,) of each stroke's line; consecutive strokes of one line are joined.
     line: Int
-    # The number (n,) of each stroke's mark; areas that cover a mark may cut it into several lines.
+    # The index (n,) of each stroke's piece; areas that cover a piece may cut it into several lines.
     mark: Int
     # The role (n,) of each stroke, mostly by the name of its layer.
     role: Any

@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 class Repair:
     """One thing that may be wrong with a recording.
 
-    ``find`` examines the scans of a laser, a log, or a `Recording`, and returns its finding, or
-    None if nothing is wrong; it raises an InputError where the fault is beyond repair. ``apply``
-    takes the same and the finding, and returns it corrected. ``sentence`` says what was wrong and
-    what was done; it is empty where users need not know. ``figures`` returns the entries of a
-    summary; for a finding of None, those of a recording without the fault.
+    ``find`` examines what is repaired: the scans of a laser as they are read, then a log, and in
+    most repairs a `Recording`. It returns its finding, or None if nothing is wrong, and raises an
+    InputError where the fault is beyond repair. ``apply`` takes the same and the finding, and
+    returns it corrected; a repair of a `Recording` is undone if scans then agree clearly worse.
+    ``sentence`` says what was wrong and what was done; it is empty where users need not know.
+    ``figures`` returns the entries of a summary; for a finding of None, those of a recording
+    without the fault.
     """
 
     name: str

@@ -15,13 +15,14 @@ from lrf3d.recordings.repair.turns import CLEARLY, LEAST_PAIRS, LEAST_TURN
 # seem to stand still, as in a bare corridor, fit turns in degrees, too.
 HUGE = 0.5
 
-# Least share of the turns of a robot that scans of a level plane show.
+# Least share of the robot's turns, by odometry, that its scans show. Below it the laser does not
+# scan a level plane, or the poses are not those of its robot.
 LEAST_SHOWN = 0.1
 
-# Turn per metre of path [rad/m] that is too large to be an error of the wheels.
+# Turn per metre of path [rad/m] above which it is no error of the wheels.
 BENT = 0.1
 
-# Sum of such turns [rad] from which on scans must show them.
+# Sum of the turns above `BENT` [rad] from which on scans must show them.
 WHOLE = np.pi
 
 

@@ -57,9 +57,11 @@ class Recording:
     """Scans (k,) of a log, and the path of their robot through poses (n, 3) at times (n,) [s].
 
     ``places`` (k,) holds for each scan the index of the last pose before it, and ``rows`` (lines,)
-    for each odometry line of the log the index of its pose: lines that are copies share one. Scans
-    are late by ``lags`` (k,) or (1,) [odometry lines]. ``found`` holds what repairs found, by their
-    names, and ``seen_turns`` (k − 1,) [rad] the turns between scans, if a repair has computed them.
+    for each odometry line of the log the index of its pose: lines that are copies share one.
+    ``stamped`` says whether poses have times of their own, as known ones always do; ``converter``
+    prepares scans for matching. Scans are late by ``lags`` (k,) or (1,) [odometry lines]. ``found``
+    holds what repairs found, by their names, and ``seen_turns`` (k − 1,) [rad] the turns between
+    scans, if a repair has computed them.
     """
 
     log: LaserLog
@@ -89,7 +91,7 @@ class Recording:
 
     @cached_property
     def exact_places(self) -> Float:
-        """The places (k,) of scans by their stamps, where odometry is coarse; else `places`."""
+        """As `places` (k,), but between two poses by the stamps where odometry is coarse."""
         places = self.places.astype(np.float64)
         if len(self.times) < 2 or self.path.interval < COARSE:
             return places
@@ -102,7 +104,7 @@ class Recording:
 
     @property
     def moments(self) -> Float:
-        """The places (k,) at which scans were taken, by their stamps and their lag."""
+        """Where on the path scans were taken (k,), by stamps and lag, as indices of poses."""
         return self.exact_places - self.lags
 
     @property

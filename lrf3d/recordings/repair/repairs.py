@@ -40,8 +40,8 @@ REPAIRS = (NO_RETURN, *LOGS, *RECORDINGS)
 SOLVING = Purpose()
 
 # A map keeps the given scans and poses: the repairs named here are left out. Poses move only for a
-# lag that fits clearly better: with odometry once a second, a wrong one fits 1.8 times better, and
-# blurs the map.
+# lag that fits at least three times better than none: with odometry once a second even a wrong lag
+# can fit 1.8 times better, and blurs the map.
 MAPPING = Purpose(
     ("copies", "stamps", "jumps", "standing"), sure=CLEARLY, least_lag=LATE, known=True
 )

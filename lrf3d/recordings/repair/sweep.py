@@ -68,8 +68,8 @@ def find(recording: Recording) -> Sweep | None:
     measured = partial(explained, recording.converter, poses=poses, pairs=pairs)
     shares = {sense: measured(partial(rolled, sense)) for sense in (0, 1, -1)}
     sense = max(shares, key=lambda sense: float(shares[sense].mean()))
-    # What a log declares is the case to beat, as scans of a moment are where it declares nothing;
-    # then the opposite of what is found must be as clearly worse.
+    # What is found must beat the sense that the log declares; without a declaration it must beat
+    # scans that take no time, and the opposite sense must be clearly worse than these.
     gains = [shares[sense] - shares[declared]]
     if not declared:
         gains.append(shares[0] - shares[-sense])
