@@ -33,6 +33,13 @@ NEAR, FAR = 3.0, 10.0
 """Distances [m] over which walls and goals matter: those farther away look alike."""
 
 
+def seen(observation):
+    """Observations as one array (k, beams + 3) from −1 to 1."""
+    distance, cos, sin = observation["goal"].T
+    walls = np.exp(-observation["ranges"] / NEAR)
+    return np.column_stack([walls, np.minimum(distance, FAR) / FAR, cos, sin])
+
+
 class Network:
     """A policy of one hidden layer; all weights are one vector.
 
@@ -46,9 +53,7 @@ class Network:
     @classmethod
     def actions(cls, weights, observation):
         """Actions (k, 2) from −1 to 1 of k robots with weights (k, size), or the same (size,)."""
-        distance, cos, sin = observation["goal"].T
-        walls = np.exp(-observation["ranges"] / NEAR)
-        values = np.column_stack([walls, np.minimum(distance, FAR) / FAR, cos, sin])
+        values = seen(observation)
         begin = 0
         for rows, columns in cls.shapes:
             layer = weights[..., begin : begin + rows * columns].reshape(-1, rows, columns)
@@ -58,11 +63,11 @@ class Network:
         return values
 
 
-def make_robots(count):
+def make_robots(count, max_steps, **options):
     """Robots in the city, with a range finder of few beams and no noise."""
     lrf = lrf3d.LaserRangeFinder(beams=BEAMS, range_max=20.0)
     city = replace(lrf3d.load_scenario("city"), lrf=lrf)
-    return DriveVectorEnv(count, city, sigma=0.0, max_steps=STEPS + 1)
+    return DriveVectorEnv(count, city, sigma=0.0, max_steps=max_steps, **options)
 
 
 def drive(robots, weights, seed, *, paired=False):
@@ -116,12 +121,12 @@ def learn(robots, *, seconds, rng):
         weights = weights + RATE * unbiased / (scale + 1e-8)
 
 
-def draw_curve(curve, path):
-    """Draw how many robots reach their goal over the time of learning."""
+def draw_curve(effort, shares, path, *, unit):
+    """Draw which share of the robots reach their goal over the effort of learning, in a unit."""
     figure = Figure(figsize=(7, 4), layout="constrained")
     axes = figure.add_subplot()
-    axes.plot(curve[:, 0] / 60.0, 100.0 * curve[:, 2], color="tab:blue")
-    axes.set(xlabel="minutes", ylabel="robots at their goal [%]", ylim=(0, 100))
+    axes.plot(effort, 100.0 * shares, color="tab:blue")
+    axes.set(xlabel=unit, ylabel="robots at their goal [%]", ylim=(0, 100))
     axes.set_title("Learning to drive in the city")
     axes.grid(alpha=0.3)
     figure.savefig(path, dpi=120)
@@ -134,12 +139,12 @@ def main():
     parser.add_argument("--robots", type=int, default=512, help="an even number")
     parser.add_argument("--out", type=Path, default=Path("out/learn_to_drive"))
     options = parser.parse_args()
-    robots = make_robots(options.robots)
+    robots = make_robots(options.robots, STEPS + 1)
     rng = np.random.default_rng(0)
     weights, curve = learn(robots, seconds=60.0 * options.minutes, rng=rng)
     options.out.mkdir(parents=True, exist_ok=True)
     np.savez(options.out / "network.npz", weights=weights, curve=curve)
-    draw_curve(curve, options.out / "curve.png")
+    draw_curve(curve[:, 0] / 60.0, curve[:, 2], options.out / "curve.png", unit="minutes")
     print(f"{options.out}/curve.png")
 
 

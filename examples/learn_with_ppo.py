@@ -2,62 +2,40 @@
 
     python examples/learn_with_ppo.py --steps 300000
 
-Robots start anywhere in the city, and each drives to a goal between 5 and 20 m away by its ranges.
-``Robots`` shows the environment of many robots to Stable-Baselines3. The example needs
-``pip install -e '.[gym]' stable-baselines3``, and writes the policy and its learning curve.
+The robots, and what they see, are those of ``learn_to_drive.py``. ``Robots`` shows them to
+Stable-Baselines3. The example needs ``pip install -e '.[gym]' stable-baselines3``, and writes the
+policy and its learning curve.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
-from matplotlib.figure import Figure
+from learn_to_drive import BEAMS, draw_curve, make_robots, seen
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-import lrf3d
-from lrf3d.gym import DriveVectorEnv
-
-BEAMS = 31
-"""Beams of the range finder: a small network learns faster."""
-
 STEPS = 150
 """Length of an episode: 30 s, in which the robot can drive 120 m."""
 
-NEAR, FAR = 3.0, 10.0
-"""Distances [m] over which walls and goals matter: those farther away look alike."""
-
 
 class Robots(VecEnv):
-    """Robots as Stable-Baselines3 has them: their observations are one array from 0 to 1."""
+    """Robots as Stable-Baselines3 has them: their observations are one array."""
 
     def __init__(self, count):
-        lrf = lrf3d.LaserRangeFinder(beams=BEAMS, range_max=20.0)
-        city = replace(lrf3d.load_scenario("city"), lrf=lrf)
-        self.robots = DriveVectorEnv(
-            count, city, sigma=0.0, max_steps=STEPS, autoreset=AutoresetMode.SAME_STEP
-        )
-        seen = spaces.Box(-1.0, 1.0, (BEAMS + 3,), np.float32)
-        super().__init__(count, seen, self.robots.single_action_space)
-
-    @staticmethod
-    def seen(observation):
-        """Observations (k, beams + 3) as the network sees them."""
-        distance, cos, sin = observation["goal"].T
-        walls = np.exp(-observation["ranges"] / NEAR)
-        goals = np.column_stack([np.minimum(distance, FAR) / FAR, cos, sin])
-        return np.concatenate([walls, goals], axis=1).astype(np.float32)
+        self.robots = make_robots(count, STEPS, autoreset=AutoresetMode.SAME_STEP)
+        observed = spaces.Box(-1.0, 1.0, (BEAMS + 3,), np.float32)
+        super().__init__(count, observed, self.robots.single_action_space)
 
     def reset(self):
         """All robots are placed at random."""
         observation, _ = self.robots.reset(seed=self._seeds[0])
         self._reset_seeds()
-        return self.seen(observation)
+        return seen(observation)
 
     def step_async(self, actions):
         """The actions of the next step."""
@@ -68,12 +46,12 @@ class Robots(VecEnv):
         observation, rewards, ended, cut, infos = self.robots.step(self.actions)
         told = [{} for _ in range(self.num_envs)]
         if (done := ended | cut).any():
-            last = self.seen(infos["final_obs"])
+            last = seen(infos["final_obs"])
             for robot in np.flatnonzero(done):
                 told[robot]["terminal_observation"] = last[robot]
                 told[robot]["TimeLimit.truncated"] = bool(cut[robot])
                 told[robot]["reached"] = bool(infos["reached"][robot])
-        return self.seen(observation), rewards.astype(np.float32), done, told
+        return seen(observation), rewards.astype(np.float32), done, told
 
     def close(self):
         """Nothing is held."""
@@ -113,18 +91,6 @@ class Curve(BaseCallback):
         print(f"{self.num_timesteps:9,} steps: at the goal {self.points[-1][1]:4.0%}", flush=True)
 
 
-def draw_curve(points, path):
-    """Draw how many robots reach their goal over the steps of learning."""
-    steps, shares = np.transpose(points)
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(steps / 1e3, 100.0 * shares, color="tab:blue")
-    axes.set(xlabel="thousand steps", ylabel="robots at their goal [%]", ylim=(0, 100))
-    axes.set_title("Learning to drive in the city by PPO")
-    axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-
-
 def main():
     """Learn for some steps."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
@@ -150,7 +116,8 @@ def main():
     model.learn(options.steps, callback=curve)
     options.out.mkdir(parents=True, exist_ok=True)
     model.save(options.out / "policy.zip")
-    draw_curve(curve.points, options.out / "curve.png")
+    steps, shares = np.transpose(curve.points)
+    draw_curve(steps / 1e3, shares, options.out / "curve.png", unit="thousand steps")
     print(f"{options.out}/curve.png")
 
 
