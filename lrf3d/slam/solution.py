@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,6 +57,14 @@ MOST_COVARIANCES = 128
 PAUSE = 1.0
 
 
+class Parts(NamedTuple):
+    """The parts of a drive whose robot was lifted: scans that were placed, their poses (k, 3)."""
+
+    recording: Recording
+    poses: Float
+    words: list[str]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class SolvedLog:
     """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
@@ -64,7 +72,8 @@ class SolvedLog:
     ``poses`` (k, 3) are those at the scans (k,) of the recording, which reports what was repaired.
     The drive was solved ``passes`` times: more than once if its wheels' errors turned out to
     differ from their first estimate. If it was joined with an earlier drive, all poses are in the
-    frame of that one, and the run is that of both.
+    frame of that one, and the run is that of both. Of a drive in ``parts``, the last one is joined
+    with the others in this way.
     """
 
     recording: Recording
@@ -72,6 +81,7 @@ class SolvedLog:
     poses: Float
     passes: int
     joined: Joined | None = None
+    parts: Parts | None = None
 
     def __repr__(self) -> str:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
@@ -89,7 +99,8 @@ class SolvedLog:
     @cached_property
     def line_poses(self) -> Float:
         """Poses (n, 3) of the robot at the odometry lines, as logged."""
-        return self.recording.line_poses(self.poses)
+        recording, poses, _ = self.parts or (self.recording, self.poses, [])
+        return recording.line_poses(poses)
 
     @cached_property
     def check(self) -> SelfCheck:
@@ -101,20 +112,22 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = [MIRROR.sentence(True)] * (MIRROR.name in self.recording.found)
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        doubts = [*([mount] if mount else []), *self._lifted(), *self._unseen()]
+        doubts = [*([mount] if mount else []), *self._put_down(), *self._unseen()]
         doubts += self.check.sentences()
         return [*mirrored, *doubts, *self.tried]
 
-    def _lifted(self) -> list[str]:
-        """Where the robot was lifted and put down, a sentence each."""
+    @cached_property
+    def lifted(self) -> list[int]:
+        """The numbers of the scans at which the robot had been lifted and put down."""
         shares = np.array([scan.explained for scan in self.slam.tracked])
-        found = lifts(self.slam.converter, self.scans, self.poses, shares)
-        return [
-            f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
-            " down, or the log was cut; what follows is misplaced: solve both parts on their own"
-            " and join them by --on"
-            for number in found
-        ]
+        return lifts(self.slam.converter, self.scans, self.poses, shares)
+
+    def _put_down(self) -> list[str]:
+        """Where the robot was lifted and put down, and what became of the parts, in sentences."""
+        if self.parts is not None:
+            return self.parts.words
+        advice = "what follows is misplaced: solve both parts on their own and join them by --on"
+        return [f"{nothing_in_common(number)}; {advice}" for number in self.lifted]
 
     def _unseen(self) -> list[str]:
         """What the scans do not show of the drive, in a sentence."""
@@ -197,14 +210,18 @@ class SolvedLog:
         taken = dict(zip([scan.time for scan in self.log.scans], self.log.parts, strict=True))
         return [taken[scan.time] for scan in self.scans]
 
+    @property
+    def mount(self) -> Pose:
+        """The pose of the laser on the robot."""
+        mount = self.scans[0].mount
+        return Pose(self.log.odometry.laser_offset, 0.0, 0.0) if mount == CENTRE else mount
+
     @cached_property
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam = self.slam
         keys = slam.key_scans
-        mount = self.scans[0].mount
-        if mount == CENTRE:
-            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
+        mount = self.mount
         poses = compose(self.poses, np.array(mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
         if self.joined is not None:
@@ -255,6 +272,14 @@ class SolvedLog:
             ],
             "joined": None if self.joined is None else self.joined.summary(),
         }
+
+
+def nothing_in_common(number: int) -> str:
+    """What happened before a scan at which a robot had been put down, in words."""
+    return (
+        f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
+        " down, or the log was cut"
+    )
 
 
 def maps_of(

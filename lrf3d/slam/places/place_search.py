@@ -7,7 +7,8 @@ which has the same walls, gaps and noise but is nowhere on the map. A place that
 tracked along the drive.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from lrf3d.matching.key_scans import Key
 from lrf3d.matching.likelihood import some
 from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
-from lrf3d.slam.places.known_places import APART, LEAST, TURNED, KnownPlaces, is_same
+from lrf3d.slam.places.known_places import APART, TURNED, KnownPlaces, is_same
 
 # Distance [m] or turn [rad] after which the next scan is used; nearer ones see the same.
 SPACING = np.array([0.4, 0.5])
@@ -36,15 +37,17 @@ PATIENT = 6
 # Number of scans before and after a scan that are matched with it while a place is tracked.
 FOLLOWED = 6
 
-# Number of the best wrong places whose scores give the unit of a lead.
+# Number of places of a search that are followed back through earlier ones.
 COMPARED = 11
 
-# Log odds that a place gains if a search with other scans finds it, too: among about ten wrong
-# places that fit equally well, this happens by chance once in ten times.
-AGREED = 2.3
-
-# Number of earlier searches with which a search is compared; over more, odometry drifts.
+# Number of searches through which places are followed.
 REMEMBERED = 5
+
+# Number of independent hits in a search: hits on one wall, from scans next to each other, are not.
+INDEPENDENT = 6.0
+
+# Mean misfit [log likelihood] of hits at right places that is not the map's: people, noise.
+CLUTTER = 0.2
 
 # Largest log odds of a place that is tracked, so that a kidnapped robot is noticed soon.
 MOST = 7.0
@@ -123,11 +126,17 @@ class PlaceSearch:
         self._is_followed = False
         self._moved = np.array([np.inf, np.inf])
         self._pose: Float | None = None
-        # The scans since the last place was lost, and the best place of each search since then.
+        # The scans since the last place was lost.
         self._drive: list[_Seen] = []
-        self._searched: list[Hypothesis] = []
         self._new = 0
         self._number = 0
+        self._restart()
+
+    def _restart(self) -> None:
+        """Forget what was searched before a place was found or lost."""
+        self._windows: list[_Window] = []
+        self._here = _Tracks(np.array([1.0, 1.0, 1.0]))
+        self._mirrored = _Tracks(np.array([1.0, -1.0, -1.0]))
 
     @property
     def probability(self) -> float:
@@ -148,63 +157,33 @@ class PlaceSearch:
                 self._follow()
             else:
                 # Searches become rarer where nothing is found.
-                often = 1 + len(self._searched) // PATIENT
-                if self._new >= (often * WINDOW if self._searched else FIRST):
+                often = 1 + len(self._windows) // PATIENT
+                if self._new >= (often * WINDOW if self._windows else FIRST):
                     self.search()
         self._keep()
 
     def search(self) -> None:
         """Search the whole map for the last scans, unless the place is known."""
-        window = self._drive[-WINDOW:]
-        if self._is_followed or not self._new or len(window) < FIRST:
+        scans = self._drive[-WINDOW:]
+        if self._is_followed or not self._new or len(scans) < FIRST:
             return
         self._new = 0
-        middle = window[len(window) // 2]
-        now = self._judged(_laid_out(window, middle), middle)
-        if now is None:
+        middle = scans[len(scans) // 2]
+        self._windows.append(_Window(middle, _laid_out(scans, middle)))
+        here = self._here.search(self._places, self._windows)
+        chance = self._mirrored.search(self._places, self._windows)
+        if not here or not chance:
             return
-        now.sure = window[0].number
-        agreeing = sum(_agree(now, each) for each in self._searched[-REMEMBERED:])
-        self._searched.append(now)
-        # Each search with other scans is another chance of a wrong place.
-        chances = max(len(self._drive) / WINDOW, 1.0)
-        log_odds = now.log_odds + AGREED * agreeing - float(np.log(chances))
-        # Halves of fewer scans see the same walls, and may agree on a wrong place.
-        if len(window) == WINDOW and ENOUGH - AGREED <= log_odds < ENOUGH:
-            log_odds += AGREED * self._halves_agree(window, now)
-        self._place = replace(now, log_odds=log_odds)
+        first, *others = here
+        second = max((*others, *chance), key=lambda each: each.score)
+        # Each search is another chance of a wrong place.
+        log_odds = _log_odds(first, second) - float(np.log(len(self._windows)))
+        # If the map lacks most of what the laser saw, the lead of a place means little.
+        if self._places.explained(first.poses[-1], self._windows[-1].hits) < LEAST_EXPLAINED:
+            log_odds = min(log_odds, 0.0)
+        self._place = Hypothesis(first.poses[-1], middle, log_odds, sure=scans[0].number)
         if log_odds >= ENOUGH:
             self._begin(self._place)
-
-    def _judged(self, hits: Records, at: _Seen) -> Hypothesis | None:
-        """The best place of hits; its log odds are its lead over all other and mirrored places."""
-        mirrored = hits.copy()
-        mirrored["y"] *= -1.0
-        here = self._places.search(hits)
-        chance = self._places.search(mirrored)
-        if not here or not chance:
-            return None
-        first, *others = here
-        wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
-        # The scores of the best wrong places fall off exponentially, so that a lead of n units
-        # occurs by chance once in e^n cases.
-        *best, last = wrong[:COMPARED]
-        spread = float(np.mean(best)) - last if best else np.inf
-        # Scores differ by no less than one hit does, also where wrong places fit equally well.
-        unit = max(spread, -float(np.log(LEAST)) / len(hits))
-        lead = (first.score - wrong[0]) / unit
-        # If the map lacks most of what the laser saw, the lead of a place means little.
-        doubtful = self._places.explained(first.pose, hits) < LEAST_EXPLAINED
-        return Hypothesis(first.pose, at, min(lead, 0.0) if doubtful else lead)
-
-    def _halves_agree(self, window: list[_Seen], place: Hypothesis) -> bool:
-        """Whether each half of some scans, searched on its own, finds the same place."""
-        middle = len(window) // 2
-        for half in (window[:middle], window[middle:]):
-            first, *_ = self._places.search(_laid_out(half, place.at))
-            if not is_same(first.pose, place.pose, APART, TURNED):
-                return False
-        return True
 
     def _begin(self, place: Hypothesis) -> None:
         """Track a new place to both ends of the drive; backward as long as scans fit."""
@@ -232,7 +211,7 @@ class PlaceSearch:
             self._is_followed = False
             self._drive = [each for each in self._drive if each.number > place.sure]
             self._new = len(self._drive)
-            self._searched = []
+            self._restart()
 
     def _step(self, place: Hypothesis, k: int) -> bool:
         """Move a place to another scan of the drive; returns whether the scan fits there."""
@@ -275,12 +254,70 @@ def _laid_out(scans: list[_Seen], middle: _Seen) -> Records:
     return some(concatenated(parts), WINDOW_HITS)
 
 
-def _agree(now: Hypothesis, before: Hypothesis) -> bool:
-    """Whether two searches by different scans found the same place, and it stood out in both."""
-    there = compose(now.pose, between(now.at.pose, before.at.pose))
-    apart = before.at.number < now.sure
-    return (
-        min(now.log_odds, before.log_odds) > 0.0
-        and apart
-        and is_same(there, before.pose, APART, TURNED)
-    )
+class _Window(NamedTuple):
+    """Scans that are searched together: their hits, in the robot's frame at one of them."""
+
+    at: _Seen
+    hits: Records
+
+
+class _Track(NamedTuple):
+    """Poses (w, 3) of the robot at the last windows, and the sum of their scores."""
+
+    poses: Float
+    score: float
+
+
+class _Tracks:
+    """The tracks on the map that fit the last windows best, of a drive or of its mirror image."""
+
+    def __init__(self, sense: Float) -> None:
+        self._sense = sense
+        self._best = np.empty((0, 3))
+
+    def search(self, places: KnownPlaces, windows: list[_Window]) -> list[_Track]:
+        """Search the newest window on the map, and follow each place back through the others."""
+        *before, now = windows[-REMEMBERED:]
+        hits = self._seen(now)
+        fits = places.search(hits)[:COMPARED]
+        if before:
+            step = self._sense * between(before[-1].at.pose, now.at.pose)
+            fits += places.climbed(compose(self._best, step), hits)
+        poses = [np.array([each.pose for each in fits]).reshape(-1, 3)]
+        scores = np.array([each.score for each in fits])
+        later = now
+        for each in reversed(before):
+            step = self._sense * between(later.at.pose, each.at.pose)
+            fits = places.climbed(compose(poses[-1], step), self._seen(each))
+            poses.append(np.array([fit.pose for fit in fits]).reshape(-1, 3))
+            scores += [fit.score for fit in fits]
+            later = each
+        paths = np.stack(poses[::-1], axis=1)
+        found = list[_Track]()
+        for k in np.argsort(-scores, kind="stable").tolist():
+            if not any(_meet(paths[k], other.poses) for other in found):
+                found.append(_Track(paths[k], float(scores[k])))
+        self._best = np.array([each.poses[-1] for each in found[:COMPARED]]).reshape(-1, 3)
+        return found
+
+    def _seen(self, window: _Window) -> Records:
+        """The hits of a window, or their mirror image."""
+        hits = window.hits.copy()
+        hits["y"] *= self._sense[1]
+        return hits
+
+
+def _meet(one: Float, other: Float) -> bool:
+    """Whether two tracks (w, 3) are at the same place in one of the windows."""
+    return any(is_same(a, b, APART, TURNED) for a, b in zip(one, other, strict=True))
+
+
+def _log_odds(first: _Track, second: _Track) -> float:
+    """The log odds of the best track against the next one.
+
+    The misfits of hits are distributed exponentially, by a mean that differs between maps: with it
+    unknown, the likelihood of a track is a power of its own mean misfit.
+    """
+    count = len(first.poses)
+    misfit, other = (CLUTTER - each.score / count for each in (first, second))
+    return float(INDEPENDENT * count * np.log(other / misfit))
