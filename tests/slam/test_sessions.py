@@ -82,17 +82,6 @@ def test_a_drive_is_found_on_cells_with_thick_walls_of_which_a_tenth_is_missing(
     assert np.hypot(*off[found.known, :2].T).max() < 0.3
 
 
-def test_hits_in_unknown_cells_are_no_reason_for_a_place():
-    occupied = np.zeros((80, 80), np.bool_)
-    occupied[40, :40] = True
-    places = KnownPlaces("half", occupied, np.zeros_like(occupied), 0.1, np.zeros(3))
-    hits = np.zeros(100, SURFACE)
-    hits["x"] = np.linspace(0.05, 7.95, 100)
-    along = places.explained(np.array([0.0, 4.05, 0.0]), hits)
-    within = places.explained(np.array([0.0, 4.05, 0.0]), hits[:50])
-    assert within == pytest.approx(1.0) and along < 0.7
-
-
 def test_a_robot_that_is_not_on_the_map_is_found_nowhere():
     part = drive(ELSEWHERE, [(1, 1), (4, 3), (5.5, 7)], seed=1)
     found = lrf3d.localise_log(ROOMS, log_of(part))
