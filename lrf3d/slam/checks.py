@@ -28,8 +28,8 @@ COMPARED_WITHIN = 3.0
 # Least path length [m] between key scans that are compared: adjacent ones agree in any case.
 LATER = 20.0
 
-# The same in a small room, as a multiple of the distance within which the laser sees most walls: a
-# robot in a pen of 3 m comes by again after a few metres.
+# The same where no place was seen again that late, as a multiple of the distance within which the
+# laser sees most walls: a robot in a pen of 3 m comes by again after a few metres.
 LATER_SIGHTS = 5.0
 
 # Largest number of pairs of scans that are compared.
@@ -123,21 +123,11 @@ def self_check(
 
     Driven (k,) is the distance travelled up to each of them [m].
     """
-    scans = []
-    counts = []
-    sights = [key.far for key in keys if len(key.hits)]
-    later = min(LATER, LATER_SIGHTS * float(np.median(sights))) if sights else LATER
-    compared = 4  # Number of earlier key scans that each one is compared with, the nearest.
-    for number, key in enumerate(keys):
-        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
-        near = np.flatnonzero(
-            (apart < COMPARED_WITHIN) & (driven[:number] < driven[number] - later)
-        )
-        near = near[np.argsort(apart[near], kind="stable")][:compared]
-        if len(near):
-            olds = [keys[k] for k in near.tolist()]
-            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
-            scans.append(key.scan)
+    later = LATER
+    scans, counts = _compared(keys, poses, driven, later)
+    if keys and not counts:
+        later = min(LATER, LATER_SIGHTS * float(np.median([key.far for key in keys])))
+        scans, counts = _compared(keys, poses, driven, later)
     if not counts:
         return SelfCheck(mixed_pixels=mixed_pixels, later=later)
     part_length = 20  # Key scans in a part of a drive.
@@ -154,6 +144,25 @@ def self_check(
         mixed_pixels,
         later,
     )
+
+
+def _compared(
+    keys: Sequence[Key], poses: Float, driven: Float, later: float
+) -> tuple[list[int], list[tuple[int, int]]]:
+    """Scans, by number, that came by again after a distance [m]; their points passed and seen."""
+    scans = []
+    counts = []
+    compared = 4  # Number of earlier key scans that each one is compared with, the nearest.
+    for number, key in enumerate(keys):
+        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
+        since = driven[number] - driven[:number]
+        near = np.flatnonzero((apart < COMPARED_WITHIN) & (since > later))
+        near = near[np.argsort(apart[near], kind="stable")][:compared]
+        if len(near):
+            olds = [keys[k] for k in near.tolist()]
+            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
+            scans.append(key.scan)
+    return scans, counts
 
 
 def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str | None:

@@ -15,7 +15,7 @@ import numpy as np
 from lrf3d.base.errors import InputError
 from lrf3d.base.interrupts import Progress, check, silent
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, Int, lengths, usual_step
+from lrf3d.geometry.lines import Float, lengths, usual_step
 from lrf3d.geometry.pose import Pose, compose
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
@@ -377,33 +377,21 @@ def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float,
     whole = np.vstack([before, poses])
     whole[:, 2] = np.unwrap(whole[:, 2])
     later = first.trajectory.times[-1] + PAUSE - moments[0][0].time
-    shown = [first.scans_at(k) for k in range(len(first))]
+    shown = [*map(first.scans_at, range(len(first)))]
     shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
-    scans = [together(moment) for moment in shown]
-    one = _mounts(first.lasers)
-    other = _mounts(moments[0])
+    scans = [*map(together, shown)]
+    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
     if one.shape != other.shape or not np.allclose(one, other):
         shown = [(scan,) for scan in scans]
     keys = [*both.keys.tolist(), *(len(first) + slam.key_scans).tolist()]
     earlier = first.estimate or EstimatedTrajectory(before)
     own = slam.estimate(poses, NO_SCANS, NO_COVARIANCES)
-    estimate = _joint_estimate(earlier, own, whole, both.ties)
-    return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
-
-
-def _mounts(lasers: Sequence[LaserRangeFinder] | Moment) -> Float:
-    """The mounts (k, 3) of lasers, or of those of scans."""
-    return np.array([each.mount for each in lasers])
-
-
-def _joint_estimate(
-    earlier: EstimatedTrajectory, own: EstimatedTrajectory, poses: Float, ties: Int
-) -> EstimatedTrajectory:
-    """The estimates of two drives as one, with the ties (c, 2) between their scans."""
-    count = len(earlier.poses)
+    count = len(before)
     dropped = np.vstack([earlier.dropped_closures, count + own.dropped_closures])
-    closures = np.vstack([earlier.closures, count + own.closures, ties + np.array([0, count])])
-    return EstimatedTrajectory(poses, closures=closures, dropped_closures=dropped)
+    ties = both.ties + np.array([0, count])
+    closures = np.vstack([earlier.closures, count + own.closures, ties])
+    estimate = EstimatedTrajectory(whole, closures=closures, dropped_closures=dropped)
+    return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
 
 
 def rising(stamps: Float) -> Float:

@@ -12,7 +12,6 @@ import lrf3d
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import wrap_angle
 from lrf3d.geometry.pose import between, compose
-from lrf3d.matching.surface import SURFACE
 from lrf3d.recordings.formats.carmen_writer import write_log
 from lrf3d.slam.offline import solve_log
 from lrf3d.slam.places.known_places import KnownPlaces
