@@ -208,11 +208,10 @@ class Table:
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         cells = np.rint((angles - low) / (step or 1.0)).astype(int) % beams
         ranges = np.full((len(kept), beams), -np.inf)
-        lost = 0
         for row, number in zip(ranges, kept.tolist(), strict=True):
             own = slice(begins[number], begins[number + 1])
             row[cells[own]] = readings[own]
-            lost += len(cells[own]) - len({*cells[own].tolist()})
+        lost = int(sizes[kept].sum() - (~np.isneginf(ranges)).sum())
         for role, values in self.values.items():
             if len(values) == len(angles):
                 self.values[role] = values[begins[kept]]

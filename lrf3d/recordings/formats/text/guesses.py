@@ -247,13 +247,17 @@ def _by_sweep(form: Form) -> Layout | None:
     rows = [words for words in form.sample if len(words) == form.length]
     columns = [values_of(words) for words in zip(*rows, strict=True)]
     varied = [k for k, column in enumerate(columns) if len({*column.tolist()}) > VARIED]
-    # A file of two columns may be a single scan.
-    single = form.length == 2 and _swept(columns[0]) > LEAST_SWEEP * TURNS[0]
-    around = [k for k, column in enumerate(columns) if _goes_round(column)]
-    for place in [0] if single else around:
+    for place in _bearings_among(columns):
         if others := [k for k in varied if k != place]:
             return Layout(_sweep(columns, place, others), 1, form.length)
     return None
+
+
+def _bearings_among(columns: Sequence[Float]) -> list[int]:
+    """The columns that may be bearings; a file of two columns may be a single scan."""
+    if len(columns) == 2 and _swept(columns[0]) > LEAST_SWEEP * TURNS[0]:
+        return [0]
+    return [k for k, column in enumerate(columns) if _goes_round(column)]
 
 
 def _goes_round(bearings: Float) -> bool:
