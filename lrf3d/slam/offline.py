@@ -31,7 +31,7 @@ from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.places.joining import joined
-from lrf3d.slam.solution import Parts, SolvedLog, maps_of, nothing_in_common, run_of
+from lrf3d.slam.solution import LiftedParts, SolvedLog, maps_of, nothing_in_common, run_of
 
 # Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a loop
 # of 460 m, driven with wheels 15 % off, closes with a tenth of the error.
@@ -250,7 +250,7 @@ def _in_parts(
     robots = compose(poses, between(np.array(solved.mount), np.zeros(3)))
     rows = np.argsort(chosen)
     recording = whole.recording.part(sorted(chosen))
-    return replace(solved, parts=Parts(recording, robots[rows], words))
+    return replace(solved, parts=LiftedParts(recording, robots[rows], words))
 
 
 def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str]) -> LaserLog:

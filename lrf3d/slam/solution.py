@@ -57,7 +57,7 @@ MOST_COVARIANCES = 128
 PAUSE = 1.0
 
 
-class Parts(NamedTuple):
+class LiftedParts(NamedTuple):
     """The parts of a drive whose robot was lifted: scans that were placed, their poses (k, 3)."""
 
     recording: Recording
@@ -81,7 +81,7 @@ class SolvedLog:
     poses: Float
     passes: int
     joined: Joined | None = None
-    parts: Parts | None = None
+    parts: LiftedParts | None = None
 
     def __repr__(self) -> str:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
