@@ -174,8 +174,13 @@ class PlaceSearch:
             return
         first, *others = here
         second = max((*others, *chance), key=lambda each: each.score)
+        # The misfits of hits are taken to be distributed exponentially, with a mean that is not
+        # known: so the likelihood of a track is a power of its own mean misfit.
+        count = len(first.poses)
+        misfit, other = (CLUTTER - each.score / count for each in (first, second))
         # Each search is another chance of a wrong place.
-        log_odds = _log_odds(first, second) - float(np.log(len(self._here.windows)))
+        searches = len(self._here.windows)
+        log_odds = float(INDEPENDENT * count * np.log(other / misfit) - np.log(searches))
         pose, *_ = first.poses
         self._place = Hypothesis(pose, middle, min(log_odds, MOST), sure=scans[0].number)
         if self._place.log_odds >= ENOUGH:
@@ -296,14 +301,3 @@ class _Tracks:
                 found.append(_Track(tracks[k], float(total[k])))
         self._best = np.array([each.poses[0] for each in found[:COMPARED]]).reshape(-1, 3)
         return found
-
-
-def _log_odds(first: _Track, second: _Track) -> float:
-    """The log odds of the best track against the next one.
-
-    The misfits of hits are taken to be distributed exponentially, with a mean that is not known: so
-    the likelihood of a track is a power of its own mean misfit.
-    """
-    count = len(first.poses)
-    misfit, other = (CLUTTER - each.score / count for each in (first, second))
-    return float(INDEPENDENT * count * np.log(other / misfit))
