@@ -347,18 +347,21 @@ class Stream:
             )
             for k, robot in enumerate(robots, 1)
         ]
-        # Compiles kernels and builds search trees before the clock starts.
-        scans = robots[0].scans()
-        robots[0].touched(robots[0].pose, REST, 0.0)
-        if settings.lines:
-            rehearsed = line_mapper(scenario.noise, **scenario.mapper)
-            for _ in range(REHEARSED_SCANS):
-                rehearsed.update(scans)
-                ObjectTracker().follow(rehearsed.map)
+        self._rehearse()
         given = {CLOCK: settings.clock, GRID: settings.give != "none", FIXED: True}
         own = [topic for robot in self.robots for topic in robot.topics]
         # All topics that are published.
         self.topics = [topic for topic, wanted in given.items() if wanted] + [*dict.fromkeys(own)]
+
+    def _rehearse(self) -> None:
+        """Compile kernels and build search trees before the clock starts."""
+        robot = self.robots[0].robot
+        scans = robot.scans()
+        robot.touched(robot.pose, REST, 0.0)
+        mapper = line_mapper(self.scenario.noise, **self.scenario.mapper)
+        for _ in range(REHEARSED_SCANS * self.settings.lines):
+            mapper.update(scans)
+            ObjectTracker().follow(mapper.map)
 
     @property
     def stamp(self) -> Stamp:
