@@ -56,7 +56,7 @@ _LINE = 1.36
 _APART = "   "
 
 # Size of all lines but the first, in that of the first.
-_LESSER = 0.8
+_LESSER = 0.64
 
 # Free border round text and the inset [pixels of 720 lines].
 _GAP = 16

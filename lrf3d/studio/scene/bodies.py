@@ -68,9 +68,7 @@ _RING_INSIDE = 0.86
 _GOAL_LIFT = 0.04
 
 # Colours of dynamic obstacles: strong, and none is the robot's orange.
-_OBSTACLE_COLOURS = np.array(
-    [rgb(code, 2) for code in ("#217a8c", "#755c9e", "#999433", "#a8475c")]
-)
+_OBSTACLE_COLOURS = [rgb(code, 2) for code in ("#2aa6bf", "#8f6fc4", "#b3ad3b", "#c9556e")]
 
 # Least half size of an obstacle from above, in darts, so that it can be seen.
 _LEAST = 0.3
@@ -178,6 +176,17 @@ def _shadow(outline: Float, pose: Float) -> Soft:
     return _rings(np.stack([middle, hull, outer]), opacities, _DARK, _SHADOW_LIFT)
 
 
+def robots_of(
+    obstacles: "Sequence[DynamicObstacle]",
+) -> "list[tuple[DynamicObstacle, tuple[float, float, float]]]":
+    """The other robots among obstacles, and the colours of their trails."""
+    return [
+        (each, _OBSTACLE_COLOURS[number % len(_OBSTACLE_COLOURS)])
+        for number, each in enumerate(obstacles)
+        if each.is_robot
+    ]
+
+
 class Obstacles:
     """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
 
@@ -189,7 +198,7 @@ class Obstacles:
     ) -> None:
         self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
-        self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
+        self._colours = np.resize(_OBSTACLE_COLOURS, (len(obstacles), 3))
         self._tops = []
         self._bodies = list[Faces]()
         for each, colour in zip(obstacles, self._colours, strict=True):

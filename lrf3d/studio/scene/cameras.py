@@ -177,9 +177,9 @@ def overview(
         steep = structures.setting.steep if aspect > 1.0 else _UPRIGHT
         shape = steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
-        tracks = [_fit(corners, times[:1], side, *shape) for side in _SIDES]
+        tracks = [fitted(corners, times[:1], side, *shape) for side in _SIDES]
         side = min(tracks, key=lambda track: float(track.aways.min())).turns
-        return _fit(corners, times, side + drift * passed, *shape)
+        return fitted(corners, times, side + drift * passed, *shape)
 
     return PathCamera(track, {"cuts": True, "dusk": 0.5, "shot": "whole"})
 
@@ -193,7 +193,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
     def track(aspect: float) -> CameraPath:
         turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > _LONG * min(wide, tall)
         turn = np.array([np.pi if turned else -0.5 * np.pi])
-        found = _fit(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
+        found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
         return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
     return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
@@ -219,7 +219,7 @@ def corners_of(timeline: Timeline, structures: Structures) -> Float:
     )
 
 
-def _fit(
+def fitted(
     corners: Float,
     times: Float,
     turns: Float,

@@ -53,7 +53,9 @@ class Drift(NamedTuple):
     times: Float
     # (c, 4) from where odometry led to where the loop puts the robot, in the film's frame [m].
     jumps: Float
-    # Distance of odometry from the estimate at the end, if no loop were closed [m].
+    # The path by odometry if no loop were closed.
+    alone: DriveKeys
+    # Its distance from the estimate at the end [m].
     total: float
 
     @property
@@ -86,13 +88,14 @@ class Drift(NamedTuple):
             parts.append((when, path))
         ends = np.array([path[-1, :2] for _, path in parts[:-1]]).reshape(-1, 2)
         jumps = np.hstack([ends, poses[closed, :2]])
-        off = between(poses[0], poses[-1]) - between(odometry[0], odometry[-1])
+        alone = DriveKeys(times, compose(poses[0], between(odometry[0], odometry)))
         steps, paths = map(np.concatenate, zip(*parts, strict=True))
         paths[:, 2] = np.unwrap(paths[:, 2])
         seen = np.hypot(*(jumps[:, 2:] - jumps[:, :2]).T) > _SEEN
         keys = DriveKeys(steps, paths)
-        total = float(np.hypot(*off[:2]))
-        return cls(keys, DriveKeys(times, poses), times[closed][seen], jumps[seen], total)
+        total = float(np.hypot(*(alone.poses[-1] - poses[-1])[:2]))
+        believed = DriveKeys(times, poses)
+        return cls(keys, believed, times[closed][seen], jumps[seen], alone, total)
 
     def off(self, time: float) -> float:
         """How far odometry alone is off the estimate at a time [s], since the last loop [m]."""
@@ -112,7 +115,9 @@ class Drift(NamedTuple):
         return Soft(dart.corners[2:], colours)
 
     def trail(self, time: float, fade: float) -> Lines:
-        """The path by odometry since the loop that closed last before a time [s]."""
+        """The path by odometry since the last loop before a time [s]; all of it at the end."""
+        if time >= self.alone.times[-1]:
+            return trail_lines(self.alone, time, fade, GHOST_COLOUR)
         past = self.times[self.times <= time]
         since = self.keys.times > past.max(initial=-1.0)
         return trail_lines(

@@ -161,6 +161,9 @@ TRAIL_HEIGHT = 0.015
 # Colour of the estimated trail.
 ESTIMATE_COLOUR = rgb("#ed1799")
 
+# Colour of what the map holds where the world has no wall.
+FALSE_COLOUR = rgb("#ff4a5f")
+
 # Opacity of the ellipses that the estimate leaves behind.
 ESTIMATE_FADED = 0.45
 

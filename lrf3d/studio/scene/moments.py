@@ -38,7 +38,7 @@ from lrf3d.studio.scene.shapes import (
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
-from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys
+from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys, obstacle_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
 LAYERS = (
@@ -123,6 +123,10 @@ class Scene:
         self.obstacles = bodies.Obstacles(run.obstacles, self.origin, laser_height=self._height)
         self.robot = PosedFaces(bodies.robot_body(self._height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
+        self._robots = [
+            (obstacle_keys(robot, timeline).thinned(), colour)
+            for robot, colour in bodies.robots_of(run.obstacles)
+        ]
         self._goal = None if goal is None else bodies.goal_disc(goal - self._frame)
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._mirrors = structures.segments[structures.mirrors]
@@ -244,6 +248,8 @@ class Scene:
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
             found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
+        for number, (keys, colour) in enumerate(self._robots):
+            found.append(("trail", f"trail {number}", trail_lines(keys, now, fade, colour)))
         if self._drift is not None:
             lasting = CLOSING_TIME * self.timeline.playback
             found.append(("estimate", "drift", self._drift.trail(now, fade)))

@@ -13,6 +13,7 @@ from lrf3d.mapping.line_map import GLASS
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.glass import BACK_COLOUR, THROUGH_COLOUR, counts_at_glass
@@ -24,7 +25,7 @@ from lrf3d.studio.scene.timeline import Moment
 PANELS = ("full", "short")
 
 # Height of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide.
-_SIZE = 30.0
+_SIZE = 40.0
 
 # Height of letters where all numbers are said [pixels of 720 lines].
 _FULL_SIZE = 19.0
@@ -45,7 +46,7 @@ _DROPPED = 3
 _MINUTE = 60.0
 
 # Shots whose caption counts the walls that have entered the map.
-_NEAR = ("chase", "close")
+_NEAR = ("chase", "close", "proof")
 
 # Time over which they are counted [s of the film].
 _NEWS_TIME = 2.0
@@ -68,11 +69,7 @@ _DRIFTS = Latest()
 
 def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
-    if moment.mapped < 0:
-        return "The robot knows nothing yet" if run.knows_truth else "A recorded drive begins"
-    if words := _closing(run, moment, playback):
-        return words
-    if words := _mapped(run, moment, shot):
+    if words := _closing(run, moment, playback) or _mapped(run, moment, shot):
         return words
     return _measured(run, moment, shot) if shot in _SHOTS else shot
 
@@ -125,7 +122,7 @@ def _reflected(run: Run, moment: Moment) -> str:
     earlier = _scan_before(run, moment, _REFLECTION_TIME)
     most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
     dropped = most - len(line_map)
-    said = f"The room in the mirror is a reflection: {dropped} walls dropped"
+    said = f"The laser knows the mirror: {dropped} segments dropped"
     return said if dropped >= _DROPPED else ""
 
 
@@ -148,12 +145,12 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
     # A last stop is shown for a while.
     if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
         return _CARDS.of(run, partial(_card, run, playback))
-    head = _caption(run, moment, view.shot, playback)
+    head, *told = view.said or [_caption(run, moment, view.shot, playback)]
     if full:
         said = _numbers(run, moment, playback)
         counts = [run.map_after(moment.mapped).counts if run.maps else ""]
     else:
-        said = [_passed(run, moment, playback, head, view.shot)]
+        said = told or [_passed(run, moment, playback, head, view.shot)]
         counts = []
     others = [*((words, _PALE) for words in said), *_trails(run, moment, playback)]
     return _label(
@@ -198,22 +195,23 @@ def _card(run: Run, playback: float) -> Label:
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         rest = f"what was never seen stays dark  ·  {objects}"
-    others = [*_drifted(run, playback), *_glass_words(run)]
-    return _label([(found, _INK), *((words, _PALE) for words in others or [rest])], _SIZE)
+    others = [*_drifted(run, playback), *((words, _PALE) for words in _glass_words(run))]
+    return _label([(found, _INK), *(others or [(rest, _PALE)])], _SIZE)
 
 
-def _drifted(run: Run, playback: float) -> list[str]:
+def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
     """Words on the loops of a run, and on how far its odometry drifted without them."""
     drift = _drift_of(run, playback)
     if drift is None or run.estimate is None:
         return []
     loops = counted(len(run.estimate.closures), "loop closure")
-    return [f"{loops}  ·  odometry alone ends {_metres(drift.total)} off"]
+    alone = f"━ odometry alone ends {_metres(drift.total)} off"
+    return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 
 
 def _glass_words(run: Run) -> list[str]:
     """Words on what the glass of a run's world did to its beams and its map."""
-    through, back = counts_at_glass(run)
+    through, back, *_ = counts_at_glass(run)
     if not through + back:
         return []
     panes = int((run.map.kinds == GLASS).sum())
@@ -228,10 +226,13 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
         (f"━ {name}  {apart}", look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR)
         for name, apart in estimate_words(run, moment.scan)
     ]
+    if robots := robots_of(run.obstacles):
+        colours = [look.TRAIL_COLOUR, *(colour for _, colour in robots)]
+        found += [(f"━ robot {number}", colour) for number, colour in enumerate(colours, 1)]
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
-    if moment.mapped >= 0 and any(counts_at_glass(run)):
+    if moment.mapped >= 0 and counts_at_glass(run).back:
         found += [("━ a beam through glass", THROUGH_COLOUR), ("━ one back from it", BACK_COLOUR)]
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
 

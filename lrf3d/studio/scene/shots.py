@@ -5,14 +5,15 @@ shows the first scan; then it shows the parts of the run in which most happens, 
 motion; it ends on the whole world. A short run is shown without gaps.
 """
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from lrf3d.geometry.lines import Float, lengths
-from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.subject import subject_of
+from lrf3d.studio.scene.timeline import FIRST, Timeline
 
 # Usual length of a film [s].
 LENGTH = 15.0
@@ -25,9 +26,6 @@ LONGEST = 3600.0
 
 # Time for which a film shows the robot before the run starts [s of the film].
 OPENING = 1.2
-
-# Time for which it shows the first scan [s of the film].
-FIRST = 2.4
 
 # Largest share of a short run for which the first scan is shown.
 _FIRST_SHARE = 0.4
@@ -43,6 +41,12 @@ _SHOT = 2.4
 
 # Kinds of these shots, which alternate.
 SHOTS = ("chase", "close")
+
+# The shot of what the film is about.
+PROOF = "proof"
+
+# Share of that shot which comes before its moment.
+_BEFORE = 0.6
 
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
@@ -75,7 +79,8 @@ class Shot(NamedTuple):
 
 
 def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
-    """The shots of a film of a length [s], in the order of the run."""
+    """The shots of a film of a length [s], in the order of the run; one proves what it is about."""
+    moment = subject_of(timeline.run, timeline.playback).moment
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
     fixed = OPENING + FIRST + LAPSE + CLOSING
@@ -92,7 +97,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
         each = (lasts - first) / (count + 1)
         starts = first + each * np.arange(count)
     else:
-        starts = _starts(timeline, first, each, count)
+        starts = _starts(timeline, first, each, count, moment)
     starts = timeline.start + playback * starts
     ends = starts + playback * each
     opening = scale * OPENING
@@ -101,22 +106,33 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     return (
         Shot("opening", opening + first, timeline.start - playback * opening, opened),
         *(
-            Shot(SHOTS[number % len(SHOTS)], each, *ends_of)
-            for number, ends_of in enumerate(zip(starts.tolist(), ends.tolist(), strict=True))
+            Shot(PROOF if moment is not None and low <= moment <= high else name, each, low, high)
+            for name, low, high in zip(cycle(SHOTS), starts.tolist(), ends.tolist(), strict=False)
         ),
         Shot("rise", each if whole else lapse, float(ends[-1]), timeline.end),
         Shot("end", closing, timeline.end, timeline.end + playback * closing),
     )
 
 
-def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
-    """Start times (count,) of the shots of a length [s of the film] in which most happens."""
+def _starts(
+    timeline: Timeline, first: float, each: float, count: int, moment: float | None
+) -> Float:
+    """Start times (count,) of the shots of a length [s of the film] in which most happens.
+
+    One of them is that of a moment [s].
+    """
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
     width = max(1, round(_MOMENTS * each / lasts))
     # How much happens in a shot that begins at each moment.
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
+    if moment is not None:
+        wished = (moment - timeline.start) / timeline.playback - _BEFORE * each
+        off = moments - np.clip(wished, first, lasts - each)
+        happens[np.abs(off) < each] = 0.0
+        inside = (moments >= first) & (moments <= lasts - each)
+        happens[np.argmin(np.where(inside, np.abs(off), np.inf))] = np.inf
     # Each shot has its own part of the run, and some of the run remains after the last one.
     bounds = np.linspace(first, lasts - each, count + 1)
     starts = np.zeros(count)

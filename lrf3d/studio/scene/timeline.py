@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 # The drive between the stops of the run that was asked for last.
 _DRIVES = Latest()
 
+# Time for which a film shows the first scan [s of the film].
+FIRST = 2.4
+
 # Share of the time between two stops that the robot stands and scans.
 _STANDING = 0.5
 

@@ -41,7 +41,7 @@ def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
         LineMap(one.segments[:2], np.arange(2), one.points[:2], one.kinds[:2])
         for one in (known, plain)
     )
-    dropped = f"The room in the mirror is a reflection: {len(plain) - 2} walls dropped"
+    dropped = f"The laser knows the mirror: {len(plain) - 2} segments dropped"
     for maps, words in (((known, left), dropped), ((known,) * 2, "91 "), ((plain, few), "91 ")):
         head, *_ = said(replace(run, maps=maps, snapshot_scans=(0, 3)))
         assert head.startswith(words)
@@ -54,10 +54,6 @@ def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
     assert rest.endswith(counted(run.map.object_count, "object"))
     # The sentence of the console and the summary.
     assert found == found_words(score_run(run).as_dict())
-
-
-def test_before_the_start_nothing_is_known():
-    assert said(city_run(), "wave", time=-0.5)[0] == "The robot knows nothing yet"
 
 
 def test_a_panel_of_another_kind_is_refused():
