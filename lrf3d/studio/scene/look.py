@@ -161,7 +161,7 @@ TRAIL_HEIGHT = 0.015
 # Colour of the estimated trail.
 ESTIMATE_COLOUR = rgb("#ed1799")
 
-# Colour of what the map holds where the world has no wall.
+# Colour of what the map of a world with mirrors holds where there is no wall.
 FALSE_COLOUR = rgb("#ff4a5f")
 
 # Opacity of the ellipses that the estimate leaves behind.

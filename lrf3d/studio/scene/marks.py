@@ -248,7 +248,9 @@ class DrawnMap:
         up = np.array([0.0, 0.0, _GHOST_HEIGHT])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
         strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
-        tints = np.tile(look.FALSE_COLOUR, (len(strength), 1))
+        tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
+        if structures.mirrors.any():
+            tints[:] = look.FALSE_COLOUR
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
 
 

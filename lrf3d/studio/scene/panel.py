@@ -19,6 +19,7 @@ from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.glass import BACK_COLOUR, THROUGH_COLOUR, counts_at_glass
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
+from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
 from lrf3d.studio.scene.timeline import Moment
 
 # Kinds of panels: all numbers, or three facts.
@@ -146,6 +147,9 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
     if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
         return _CARDS.of(run, partial(_card, run, playback))
     head, *told = view.said or [_caption(run, moment, view.shot, playback)]
+    begun = moment.time - run.trajectory.times.min() < TITLE_TIME * playback
+    if view.shot == "whole" and begun:
+        head = subject_of(run, playback).title
     if full:
         said = _numbers(run, moment, playback)
         counts = [run.map_after(moment.mapped).counts if run.maps else ""]

@@ -14,10 +14,10 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, OPENING, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
-from lrf3d.studio.scene.subject import subject_of
+from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 
 # Position of the camera in the opening, while all is dark.
@@ -52,7 +52,7 @@ _END_DRIFT = np.radians(5.0)
 _JUDGED = 7
 
 # Width of what is to be seen around the robot, too, in its own: roofs do not stand before it.
-_NEAR_ROBOT = 12.0
+_NEAR_ROBOT = 24.0
 
 # Places at which a robot of 1 m radius is to be seen (5, 2) [m].
 _AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -79,9 +79,6 @@ _FAVOURED = 0.25
 # How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
 _DUSK = 0.5
 
-
-# Time for which the title stands [s of the film].
-_TOLD = 2.2
 
 # What is said then.
 _LIT = "Lit is what its laser has met"
@@ -191,7 +188,7 @@ class Story:
         subject = self._subject
         passed = (time - shot.start) / self._timeline.playback
         if shot.name == "opening":
-            return (subject.title if passed < _TOLD else _LIT,)
+            return (subject.title if passed < TITLE_TIME - OPENING else _LIT,)
         leaps = shot.start - self.shots[number - 1].end
         leap = f"{leaps:.0f} s later" if leaps < 600.0 else f"{leaps / 60.0:.0f} min later"
         told = (leap,) if leaps > self._timeline.playback and passed < _LEAPS else ()

@@ -17,6 +17,9 @@ from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import FIRST
 
+# Time for which the title stands [s of the film].
+TITLE_TIME = 3.0
+
 # Number of map snapshots that are searched for false rooms, at most.
 _COMPARED = 120
 
@@ -24,7 +27,7 @@ _COMPARED = 120
 _FALSE = 0.5
 
 # Share of what is false, or at glass, that is to be in the picture: the nearest.
-_NEAR = 0.75
+_NEAR = 0.6
 
 
 class Subject(NamedTuple):

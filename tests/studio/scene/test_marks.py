@@ -12,7 +12,7 @@ import lrf3d
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
 from lrf3d.studio.scene.cameras import chase, top
-from lrf3d.studio.scene.look import FALSE_COLOUR, MATERIAL_COLOURS, object_colours
+from lrf3d.studio.scene.look import MATERIAL_COLOURS, object_colours
 from lrf3d.studio.scene.marks import (
     CORNERS,
     MOST_KEPT,
@@ -114,9 +114,7 @@ def test_segments_of_the_map_off_walls_are_ghosts_and_colour_no_wall():
     drawn = DrawnMap(here, colours)
     ghosts = drawn.ghosts(structures, 0.5)
     x = ghosts.corners[..., 0] + structures.origin[0]
-    assert (
-        ghosts.colours[..., :3] == np.float32(FALSE_COLOUR)
-    ).all() and 2.8 < x.min() < 3.5 < x.max()
+    assert (ghosts.colours[..., :3] == colours[1]).all() and 2.8 < x.min() < 3.5 < x.max()
     middles = 0.5 * (here[:, :2] + here[:, 2:])
     tints, found = drawn.tints(np.vstack([middles, [[13.0, -12.0]]]), 0.6)
     assert found.tolist() == [True, True, False] and (tints[:2] == colours).all()
