@@ -18,7 +18,7 @@ from lrf3d.studio.scene.shots import CLOSING, LENGTH, OPENING, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
-from lrf3d.studio.scene.timeline import Timeline, interpolated
+from lrf3d.studio.scene.timeline import Timeline, interpolated, lasting
 
 # Position of the camera in the opening, while all is dark.
 _DARK = Rig(2.9, 13.0, shift=-0.1)
@@ -89,6 +89,9 @@ _LEAPS = 1.1
 # How steeply the camera of the proof looks down [rad].
 _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
 
+# What that camera shows around the robot at the least [m].
+_ROOM = 1.5
+
 # Angle of view of that camera [rad].
 _FIELD = float(np.radians(46.0))
 
@@ -97,9 +100,6 @@ _BESIDE = 0.78
 
 # Share of the picture's height below it that text takes.
 _TEXT = 0.3
-
-# Least distance of that camera [m].
-_LEAST_PROOF = 5.0
 
 
 # How many times as fast as the rest a rise is from which on it says so.
@@ -147,8 +147,6 @@ class Story:
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=middle, drift=_END_DRIFT)
         self._chase = chase(timeline, structures)
-        last = self.shots[-2]
-        self._rushes = last.end - last.start > _RUSH * last.length * timeline.playback
         self._starts = np.array([shot.start for shot in self.shots])
         self._track = cache(self._made)
 
@@ -190,12 +188,16 @@ class Story:
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME - OPENING else _LIT,)
         leaps = shot.start - self.shots[number - 1].end
-        leap = f"{leaps:.0f} s later" if leaps < 600.0 else f"{leaps / 60.0:.0f} min later"
-        told = (leap,) if leaps > self._timeline.playback and passed < _LEAPS else ()
+        told = (
+            (f"{lasting(leaps)} later",)
+            if leaps > self._timeline.playback and passed < _LEAPS
+            else ()
+        )
         if shot.name == "proof" and time < subject.until:
             return (subject.proof, *told)
         # The rest of the run is shown in the time that is left.
-        return ("Fast forward",) if shot.name == "rise" and self._rushes else told
+        rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
+        return ("Fast forward",) if shot.name == "rise" and rushes else told
 
     def _made(self, number: int, aspect: float) -> CameraPath:
         """The camera path of a shot by its number."""
@@ -247,15 +249,15 @@ class Story:
 
     def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> CameraPath:
         """The camera path of the shot that proves the subject: that and the robot fill it."""
-        there = np.concatenate([places, self._subject.places - self._timeline.origin])
+        around = (places[:, None] + _ROOM * _AROUND).reshape(-1, 2)
+        there = np.concatenate([around, self._subject.places - self._timeline.origin])
         corners = np.concatenate([np.insert(there, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
         for turn, steep in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES):
             track = fitted(
                 corners, times[:1], np.array([turn]), steep, _FIELD, _BESIDE * aspect, _TEXT
             ).at(times)
-            aways = np.maximum(track.aways, _LEAST_PROOF)
-            tracks.append(track._replace(turns=track.turns + sway, aways=aways))
+            tracks.append(track._replace(turns=track.turns + sway))
         return self._seen(tracks, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
     def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> CameraPath:

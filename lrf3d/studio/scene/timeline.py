@@ -45,11 +45,8 @@ _FASTEST = 1000.0
 # Half the time over which the speed is measured [s]: shorter shows the joints of the path.
 _SPEED_STEP = 0.05
 
-# Difference of times that are the same but for rounding [s].
-_ROUNDING = 1e-9
-
-# Part of a frame that rounding may lack at the end of a film.
-_FRAME_ROUNDING = 1e-6
+# Difference of times that are the same but for rounding [s], and part of a frame that it may lack.
+_ROUNDING = 1e-6
 
 # Largest error of a path with fewer keys [m].
 _THINNED = 0.005
@@ -124,7 +121,7 @@ class Timeline:
         """
         step = self.playback / fps
         before, after = margins
-        last = np.floor((self.end - self.start) / step + after * fps + _FRAME_ROUNDING)
+        last = np.floor((self.end - self.start) / step + after * fps + _ROUNDING)
         return self.start + step * np.arange(-np.floor(before * fps), last + 1.0)
 
     def poses(self, times: Float) -> Float:
@@ -172,6 +169,11 @@ def _drive_between_stops(run: Shown) -> Trajectory:
         poses.append(np.column_stack([places.repeat(2, axis=0), headings.repeat(2)[1:-1]]))
     every, first = np.unique(np.concatenate(times), return_index=True)
     return Trajectory(every, np.concatenate(poses)[first])
+
+
+def lasting(seconds: float) -> str:
+    """A time [s] in words; ten minutes and more are said in minutes."""
+    return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60.0:.0f} min"
 
 
 def smoothed(share: Any) -> Any:
