@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import between, compose
 from lrf3d.studio.scene.bodies import flat_dart
-from lrf3d.studio.scene.look import TRAIL_HEIGHT, rgb
+from lrf3d.studio.scene.look import BOLD, TINY, TRAIL_HEIGHT, rgb
 from lrf3d.studio.scene.marks import trail_lines
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines
 from lrf3d.studio.scene.shown import Shown
@@ -26,9 +26,6 @@ CLOSING_TIME = 2.4
 # Least distance that a loop removes to be reported [m]: less is not seen in a picture.
 _SEEN = 0.02
 
-# Time of the jump from the odometry to the estimate [s of the run]: too fast to be driven.
-_JUMP = 1e-7
-
 # Opacity of the ghost of the robot.
 _GHOST = 0.55
 
@@ -37,9 +34,6 @@ _GHOST_SIZE = 0.5
 
 # Distance from the robot from which on its ghost is fully seen [m].
 _APART = 0.3
-
-# Width of the line from where odometry led to where the loop puts the robot [pixels of 720 lines].
-_WIDTH = 4.0
 
 
 class Drift(NamedTuple):
@@ -84,7 +78,7 @@ class Drift(NamedTuple):
         for first, last in pairwise(bounds):
             path = compose(poses[first], between(odometry[first], odometry[first : last + 1]))
             when = times[first : last + 1].copy()
-            when[0] += _JUMP * (first > 0)
+            when[0] += TINY * (first > 0)
             parts.append((when, path))
         ends = np.array([path[-1, :2] for _, path in parts[:-1]]).reshape(-1, 2)
         jumps = np.hstack([ends, poses[closed, :2]])
@@ -132,5 +126,5 @@ class Drift(NamedTuple):
         starts, ends = np.hsplit(self.jumps[past], 2)
         opacities = np.column_stack([fresh, fresh])
         return level_lines(
-            2.0 * TRAIL_HEIGHT, starts, ends, np.ones((len(starts), 3)), opacities, _WIDTH
+            2.0 * TRAIL_HEIGHT, starts, ends, np.ones((len(starts), 3)), opacities, BOLD
         )

@@ -25,9 +25,6 @@ THROUGH_COLOUR = look.rgb("#7fe3ff")
 # Colour of a beam that comes back from it.
 BACK_COLOUR = look.rgb("#ff8a7a")
 
-# Width of these beams [pixels of 720 lines].
-_BEAM_WIDTH = 2.6
-
 # Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
 _AT_PANE = 0.1
 
@@ -136,7 +133,7 @@ def glass_beams(structures: Structures, scan: LaserScan, apex: Float, height: fl
     stops = np.array(shown).reshape(-1, 2)
     begins = np.broadcast_to(apex, stops.shape)
     tints = np.array(colours).reshape(-1, 3)
-    return level_lines(height, begins, stops, tints, np.ones((len(stops), 2)), _BEAM_WIDTH)
+    return level_lines(height, begins, stops, tints, np.ones((len(stops), 2)), look.BOLD)
 
 
 class GlassCounts(NamedTuple):

@@ -126,6 +126,9 @@ OUTLINE_STRENGTH = 0.42
 # Width of the finest lines, such as beams and edges of houses [pixels of 720 lines].
 FINE = 1.1
 
+# Width of bold lines, such as those of the map and trails [pixels of 720 lines].
+BOLD = 3.2
+
 # Opacity of panes of glass.
 PANE = 0.10
 

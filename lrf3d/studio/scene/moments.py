@@ -66,12 +66,6 @@ _CLEAR = 2.6
 # Far plane of a high camera, in multiples of its height: past all of the ground.
 _PAST_GROUND = 3.0
 
-# Width of the map's lines from above [pixels of 720 lines].
-_MAP_WIDTH = 4.0
-
-# Width of the map's lines in the inset [pixels of 720 lines].
-_INSET_MAP_WIDTH = 2.6
-
 # Size of the robot in the inset, in the inset's width.
 _DART_SHARE = 0.034
 
@@ -233,8 +227,8 @@ class Scene:
         flat = lens_from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
             bands=drawn.bands(self.structures),
-            above=drawn.lines(self._height, _MAP_WIDTH),
-            inset=drawn.lines(0.0, _INSET_MAP_WIDTH),
+            above=drawn.lines(self._height, look.BOLD),
+            inset=drawn.lines(0.0, look.BOLD),
             ghosts=drawn.ghosts(self.structures, exposure.tolerance),
             tints=Tints(flat, drawn.longer(0.5 * WAVE_GAP).lines(0.0, wide)),
         )

@@ -54,16 +54,8 @@ _MOMENTS = 400
 # Number of map snapshots that are compared; a long run has thousands.
 _SNAPSHOTS = 120
 
-# Weight of walls that leave the map, such as reflections, relative to walls that enter it: they are
-# rarer, and worth seeing.
-_TAKEN_BACK = 2.0
-
 # Weight of turning relative to walls that enter the map.
 _TURNING = 0.6
-
-
-# Weight of loops that close.
-_CLOSED = 1.5
 
 
 class Shot(NamedTuple):
@@ -145,7 +137,7 @@ def _starts(
 
 
 def _news(timeline: Timeline, times: Float) -> Float:
-    """How much happens at times (m,) of a run: walls come and go, loops close, the robot turns."""
+    """How much happens at times (m,) of a run: walls come and go, the robot turns."""
     run = timeline.run
     scans = np.searchsorted(run.trajectory.times, times, side="right") - 1
     numbers = np.array([run.snapshot_after(max(scan, 0)) for scan in scans.tolist()])
@@ -154,14 +146,9 @@ def _news(timeline: Timeline, times: Float) -> Float:
         [lengths(run.maps[k].segments).sum() if k >= 0 else 0.0 for k in numbers[::step].tolist()]
     )
     grown = np.diff(np.interp(np.arange(len(times)), np.arange(len(numbers))[::step], known))
-    entered = np.append(grown, 0.0)
-    entered = np.maximum(entered, -_TAKEN_BACK * entered)
-    closed = np.zeros(len(times))
-    if run.estimate is not None:
-        scans = np.unique(run.estimate.closures.max(axis=1, initial=0))
-        closed[np.searchsorted(times, run.trajectory.times[scans]) - 1] = 1.0
+    entered = np.abs(np.append(grown, 0.0))
     turned = np.abs(np.gradient(np.unwrap(timeline.poses(times)[:, 2])))
-    return _share(entered) + _TURNING * _share(turned) + _CLOSED * _share(closed)
+    return _share(entered) + _TURNING * _share(turned)
 
 
 def _share(values: Float) -> Float:

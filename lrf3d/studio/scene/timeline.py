@@ -12,6 +12,7 @@ from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Bool, Float, wrap_angle
 from lrf3d.planning.planner import planned_way
 from lrf3d.robot import Trajectory
+from lrf3d.studio.scene.look import TINY
 from lrf3d.studio.scene.shown import ScanPath, Shown
 from lrf3d.studio.scene.stage.structures import Sight
 
@@ -32,9 +33,6 @@ _TURNING = 0.8
 
 # Turn that takes as long as a robot stands before it goes on [rad].
 _PAUSE = 0.05
-
-# Time in which the robot is set down where no way leads, in that of driving there.
-_SET_DOWN = 1e-9
 
 # Time between scans from which on they are stops and not a drive [s].
 _STOP_GAP = 1.0
@@ -162,7 +160,7 @@ def _drive_between_stops(run: Shown) -> Trajectory:
         # It turns at each place, and goes from there to the next.
         costs = np.empty(2 * len(steps) + 1)
         costs[::2] = _TURNING * (_PAUSE + np.abs(wrap_angle(np.diff(headings))))
-        costs[1::2] = np.hypot(*steps.T) * (_SET_DOWN if leg in through and way is None else 1.0)
+        costs[1::2] = np.hypot(*steps.T) * (TINY if leg in through and way is None else 1.0)
         shares = np.append(0.0, np.cumsum(costs) / costs.sum())
         begin, stop = stops.times[leg : leg + 2]
         times.append(begin + (stop - begin) * (_STANDING + (1.0 - _STANDING) * shares))

@@ -43,7 +43,11 @@ def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
         for one in (known, plain)
     )
     dropped = f"The laser knows the mirror: {len(plain) - 2} segments dropped"
-    for maps, words in (((known, left), dropped), ((known,) * 2, "16 segments"), ((plain, few), "2 segments")):
+    for maps, words in (
+        ((known, left), dropped),
+        ((known,) * 2, "16 segments"),
+        ((plain, few), "2 segments"),
+    ):
         head, *_ = said(replace(run, maps=maps, snapshot_scans=(0, 3)))
         assert head.startswith(words)
 
