@@ -84,7 +84,7 @@ _CLOUD_POINTS = 4000
 _ROBOT_SIZE = 0.75
 
 # Width of the smallest robot that is seen without an arrow over it [pixels of 720 lines].
-_LEAST_ROBOT = 40.0
+_LEAST_ROBOT = 32.0
 
 # Unit of that arrow [pixels of 720 lines].
 _MARKER = 10.0
