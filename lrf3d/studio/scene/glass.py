@@ -173,5 +173,10 @@ def _counts(run: Shown) -> GlassCounts:
     times = run.trajectory.times - run.trajectory.times.min()
     late = back & (times[owner] > FIRST * run.playback) & (times[owner] < _EARLY * times.max())
     most = int(np.argmax(np.bincount(owner[late], minlength=1)))
-    counts = (numbers.step * int(which.sum()) for which in (through, back))
-    return GlassCounts(*counts, most, ends[back & (owner == most)] + structures.origin)
+    step = numbers.step
+    return GlassCounts(
+        step * int(through.sum()),
+        step * int(back.sum()),
+        most,
+        ends[back & (owner == most)] + structures.origin,
+    )

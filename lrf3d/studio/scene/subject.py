@@ -102,7 +102,7 @@ def _false_room(run: Shown, since: float) -> Subject | None:
 def _nearest(run: Shown, scan: int, places: Float) -> Float:
     """Places (n, 2) but for the farthest from the robot at a scan."""
     away = np.hypot(*(places - run.trajectory.poses[scan, :2]).T)
-    return places[away <= np.quantile(away, _NEAR)]
+    return np.asarray(places[away <= np.quantile(away, _NEAR)])
 
 
 def _glass(run: Shown) -> Subject | None:
