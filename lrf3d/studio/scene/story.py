@@ -193,8 +193,8 @@ class Story:
             if leaps > self._timeline.playback and passed < _LEAPS
             else ()
         )
-        if shot.name == "proof" and time < subject.until:
-            return (subject.proof, *told)
+        if shot.name == "proof":
+            return (subject.proof, *told) if time < subject.until else ()
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         return ("Fast forward",) if shot.name == "rise" and rushes else told
