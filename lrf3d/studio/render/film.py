@@ -56,16 +56,10 @@ _LINE = 1.36
 _APART = "   "
 
 # Size of all lines but the first, in that of the first.
-_LESSER = 0.8
+_LESSER = 0.64
 
 # Free border round text and the inset [pixels of 720 lines].
 _GAP = 16
-
-# Distance of text from the left side of the picture, in free borders.
-_INDENT = 1.4
-
-# Distance of text from the lower side of the picture, in free borders.
-_FOOT = 1.2
 
 # Least number of times its size at 720 lines that text has.
 _LEAST_SCALE = 0.47
@@ -93,12 +87,6 @@ _BAR_COLOUR = (200, 210, 228)
 
 # Height of the letters of the scale [pixels of 720 lines].
 _BAR_LETTER = 20
-
-# Height of the smallest letters of the scale [pixels].
-_LEAST_BAR_LETTER = 9
-
-# Free border round the scale [pixels of 720 lines].
-_BAR_GAP = 10
 
 # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
 _RENDERERS = ("embree", "gl")
@@ -329,7 +317,7 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
     """
     gap = round(_GAP * _scale_of(size))
-    left = round(_INDENT * gap)
+    left = gap
     rows = _rows(label)
     letters = _scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
     lengths = np.array([_font(100).getlength(_APART.join(words)) / 100 for words, _ in rows])
@@ -346,7 +334,7 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     kept = 256.0 * (1.0 - shade[..., None])
     # The fourth channel is how much of a pixel the letters cover.
     picture = Image.new("RGBA", shape)
-    top = shape[1] - round(_FOOT * gap) - high
+    top = shape[1] - gap - high
     for (words, colours), each in zip(compress(rows, legible), heights, strict=True):
         place = left
         for one, colour in zip(words, colours, strict=True):
@@ -374,11 +362,11 @@ def _lay_frame(
     """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
     left, top, wide, high = box
     rim = max(1, round(_FRAME * size))
-    pad = round(_BAR_GAP * size)
+    pad = round(0.5 * _GAP * size)
     part = picture[top : top + high, left : left + wide]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _FRAME_COLOUR
     # Under the inset, so that it hides nothing of the map.
-    letters = max(round(_BAR_LETTER * size), _LEAST_BAR_LETTER)
+    letters = round(_BAR_LETTER * size)
     foot = picture[top + high : top + high + letters + pad, left : left + wide]
     middle = len(foot) // 2
     end = foot.shape[1] - pad

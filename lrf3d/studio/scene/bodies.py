@@ -15,7 +15,17 @@ from numpy.typing import ArrayLike
 from lrf3d.base.files import data_folder
 from lrf3d.geometry.lines import LEFT, Float, directions
 from lrf3d.robot.kinematics import RADIUS
-from lrf3d.studio.scene.look import BODY_LIGHT, DART, ROBOT, SUN, TINY, WHITE, paler, rgb
+from lrf3d.studio.scene.look import (
+    BODY_LIGHT,
+    DART,
+    ROBOT,
+    SUN,
+    TINY,
+    TRAIL_HEIGHT,
+    WHITE,
+    paler,
+    rgb,
+)
 from lrf3d.studio.scene.shapes import Faces, PosedFaces, Soft, single, together
 from lrf3d.studio.scene.stage.stage import triangles
 
@@ -30,9 +40,6 @@ _SHADOW_EDGE = 0.35
 
 # Opacity of a body's shadow under it.
 _SHADOW_STRENGTH = 0.40
-
-# Height of shadows above ground [m], so that they lie on it.
-_SHADOW_LIFT = 0.01
 
 # Radius of the part of the usual robot that casts a shadow [m].
 _SHADOW_RADIUS = 0.27
@@ -64,13 +71,8 @@ _GOAL_RING = 0.9
 # Inner radius of that ring, in its outer one.
 _RING_INSIDE = 0.86
 
-# Height of a goal over the ground [m], over shadows and trails.
-_GOAL_LIFT = 0.04
-
 # Colours of dynamic obstacles: strong, and none is the robot's orange.
-_OBSTACLE_COLOURS = np.array(
-    [rgb(code, 2) for code in ("#217a8c", "#755c9e", "#999433", "#a8475c")]
-)
+_OBSTACLE_COLOURS = [rgb(code, 2) for code in ("#2aa6bf", "#8f6fc4", "#b3ad3b", "#c9556e")]
 
 # Least half size of an obstacle from above, in darts, so that it can be seen.
 _LEAST = 0.3
@@ -81,17 +83,11 @@ _DARKER = 0.35
 # Share of its own colour in the top of an obstacle, the rest of which is white.
 _TOP_COLOUR = 0.45
 
-# Height of the dart over the top of an obstacle [m].
-_DART_LIFT = 0.005
-
 # Number of earlier places of an obstacle that are seen.
 _PAST = 5
 
 # Time from one to the next [s of the film].
 _PAST_STEP = 0.35
-
-# Opacity of an obstacle's earlier place at first.
-_PAST_STRENGTH = 0.5
 
 # Corners (6, 2) of the triangles of the robot as seen from above.
 _DART = DART[[0, 1, 2, 0, 2, 3]]
@@ -154,7 +150,7 @@ def goal_disc(goal: Float) -> Soft:
     """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
     x, y, radius = goal.tolist()
     outlines = [x, y] + radius * _circle(48) * np.array([0.0, _RING_INSIDE, 1.0])[:, None, None]
-    return _rings(outlines, [[_GOAL_DISC] * 2, [_GOAL_RING] * 2], _GOAL, _GOAL_LIFT)
+    return _rings(outlines, [[_GOAL_DISC] * 2, [_GOAL_RING] * 2], _GOAL, 2.0 * TRAIL_HEIGHT)
 
 
 def robot_shadow(pose: Float, radius: float) -> Soft:
@@ -175,7 +171,18 @@ def _shadow(outline: Float, pose: Float) -> Soft:
     away = hull - middle
     outer = hull + _SHADOW_EDGE * away / np.maximum(np.hypot(*away.T), TINY)[:, None]
     opacities = [[_SHADOW_STRENGTH, _SHADOW_STRENGTH], [_SHADOW_STRENGTH, 0.0]]
-    return _rings(np.stack([middle, hull, outer]), opacities, _DARK, _SHADOW_LIFT)
+    return _rings(np.stack([middle, hull, outer]), opacities, _DARK, 0.5 * TRAIL_HEIGHT)
+
+
+def robots_of(
+    obstacles: "Sequence[DynamicObstacle]",
+) -> "list[tuple[DynamicObstacle, tuple[float, float, float]]]":
+    """The other robots among obstacles, and the colours of their trails."""
+    return [
+        (each, _OBSTACLE_COLOURS[number % len(_OBSTACLE_COLOURS)])
+        for number, each in enumerate(obstacles)
+        if each.is_robot
+    ]
 
 
 class Obstacles:
@@ -189,7 +196,7 @@ class Obstacles:
     ) -> None:
         self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
-        self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
+        self._colours = np.resize(_OBSTACLE_COLOURS, (len(obstacles), 3))
         self._tops = []
         self._bodies = list[Faces]()
         for each, colour in zip(obstacles, self._colours, strict=True):
@@ -226,8 +233,8 @@ class Obstacles:
             poses = self._poses(time - age * _PAST_STEP * playback)
             for pose, top, colour in zip(poses, self._tops, self._colours, strict=True):
                 level = _placed(top.reshape(-1, 2), pose)
-                tint = [*colour, _PAST_STRENGTH * (1.0 - age / (_PAST + 1))]
-                found.append(_flat(level, _SHADOW_LIFT, np.tile(tint, (len(level), 1))))
+                tint = [*colour, 0.5 * (1.0 - age / (_PAST + 1))]
+                found.append(_flat(level, 0.5 * TRAIL_HEIGHT, np.tile(tint, (len(level), 1))))
         return together(found) if found else None
 
     def from_above(self, time: float, dart: float) -> list[Soft]:
@@ -260,7 +267,7 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
     for corners, levels, normals, paint in (
         (sides, np.array([0.0, 0.0, height, 0.0, height, height]), outward, colour),
         (top.reshape(-1, 2), np.full(3, height), up, (1.0 - _TOP_COLOUR) + _TOP_COLOUR * colour),
-        (dart, np.full(6, height + _DART_LIFT), up, _DARKER * colour),
+        (dart, np.full(6, height + 0.5 * TRAIL_HEIGHT), up, _DARKER * colour),
     ):
         places = np.column_stack([corners, np.resize(levels, len(corners))])
         lit = _lit(paint, np.broadcast_to(normals, places.shape))

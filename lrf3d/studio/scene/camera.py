@@ -72,6 +72,7 @@ class Look:
         cuts: Whether the walls of rooms are cut level, so that one looks into them.
         dusk: How far the dark has become dusk, 0…1.
         shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
+        said: The lines that the caption begins with.
     """
 
     eye: Float
@@ -85,6 +86,7 @@ class Look:
     cuts: bool = False
     dusk: float = 0.0
     shot: str = ""
+    said: tuple[str, ...] = ()
 
     @property
     def away(self) -> float:

@@ -8,7 +8,7 @@ import shapely
 
 from lrf3d.geometry.lines import Float
 from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothPath
-from lrf3d.studio.scene.look import SECTION, Rig
+from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.stage.stage import STREET
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
@@ -77,9 +77,6 @@ _DRIVE_AROUND = 0.1 * _LARGEST_WORLD
 # Height up to which buildings are in the picture of the whole [m].
 _TALLEST_WALL = 14.0
 
-# Least slope of a look in which the vertical is still up in the picture [m/m].
-_STRAIGHT = 1e-6
-
 # Distance from which on the angle of view of a fixed camera that turns narrows [m].
 _CALM = 12.5
 
@@ -142,7 +139,7 @@ class Fixed:
         target = np.array(camera.target) - place
         east, north, high = target - eye
         # Straight down or up there is no side that is up but the north.
-        up = (0.0, 0.0, 1.0) if np.hypot(east, north) > _STRAIGHT * abs(high) else (0.0, 1.0, 0.0)
+        up = (0.0, 0.0, 1.0) if np.hypot(east, north) > TINY * abs(high) else (0.0, 1.0, 0.0)
         self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up, shot=camera.name)
         self._path = SmoothPath.of(timeline) if camera.track else None
 
@@ -177,9 +174,9 @@ def overview(
         steep = structures.setting.steep if aspect > 1.0 else _UPRIGHT
         shape = steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
-        tracks = [_fit(corners, times[:1], side, *shape) for side in _SIDES]
+        tracks = [fitted(corners, times[:1], side, *shape) for side in _SIDES]
         side = min(tracks, key=lambda track: float(track.aways.min())).turns
-        return _fit(corners, times, side + drift * passed, *shape)
+        return fitted(corners, times, side + drift * passed, *shape)
 
     return PathCamera(track, {"cuts": True, "dusk": 0.5, "shot": "whole"})
 
@@ -193,7 +190,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
     def track(aspect: float) -> CameraPath:
         turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > _LONG * min(wide, tall)
         turn = np.array([np.pi if turned else -0.5 * np.pi])
-        found = _fit(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
+        found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
         return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
     return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
@@ -219,7 +216,7 @@ def corners_of(timeline: Timeline, structures: Structures) -> Float:
     )
 
 
-def _fit(
+def fitted(
     corners: Float,
     times: Float,
     turns: Float,

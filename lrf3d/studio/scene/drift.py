@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import between, compose
 from lrf3d.studio.scene.bodies import flat_dart
-from lrf3d.studio.scene.look import TRAIL_HEIGHT, rgb
+from lrf3d.studio.scene.look import BOLD, TINY, TRAIL_HEIGHT, rgb
 from lrf3d.studio.scene.marks import trail_lines
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines
 from lrf3d.studio.scene.shown import Shown
@@ -26,9 +26,6 @@ CLOSING_TIME = 2.4
 # Least distance that a loop removes to be reported [m]: less is not seen in a picture.
 _SEEN = 0.02
 
-# Time of the jump from the odometry to the estimate [s of the run]: too fast to be driven.
-_JUMP = 1e-7
-
 # Opacity of the ghost of the robot.
 _GHOST = 0.55
 
@@ -37,9 +34,6 @@ _GHOST_SIZE = 0.5
 
 # Distance from the robot from which on its ghost is fully seen [m].
 _APART = 0.3
-
-# Width of the line from where odometry led to where the loop puts the robot [pixels of 720 lines].
-_WIDTH = 4.0
 
 
 class Drift(NamedTuple):
@@ -53,7 +47,9 @@ class Drift(NamedTuple):
     times: Float
     # (c, 4) from where odometry led to where the loop puts the robot, in the film's frame [m].
     jumps: Float
-    # Distance of odometry from the estimate at the end, if no loop were closed [m].
+    # The path by odometry if no loop were closed.
+    alone: DriveKeys
+    # Its distance from the estimate at the end [m].
     total: float
 
     @property
@@ -82,17 +78,18 @@ class Drift(NamedTuple):
         for first, last in pairwise(bounds):
             path = compose(poses[first], between(odometry[first], odometry[first : last + 1]))
             when = times[first : last + 1].copy()
-            when[0] += _JUMP * (first > 0)
+            when[0] += TINY * (first > 0)
             parts.append((when, path))
         ends = np.array([path[-1, :2] for _, path in parts[:-1]]).reshape(-1, 2)
         jumps = np.hstack([ends, poses[closed, :2]])
-        off = between(poses[0], poses[-1]) - between(odometry[0], odometry[-1])
+        alone = DriveKeys(times, compose(poses[0], between(odometry[0], odometry)))
         steps, paths = map(np.concatenate, zip(*parts, strict=True))
         paths[:, 2] = np.unwrap(paths[:, 2])
         seen = np.hypot(*(jumps[:, 2:] - jumps[:, :2]).T) > _SEEN
         keys = DriveKeys(steps, paths)
-        total = float(np.hypot(*off[:2]))
-        return cls(keys, DriveKeys(times, poses), times[closed][seen], jumps[seen], total)
+        total = float(np.hypot(*(alone.poses[-1] - poses[-1])[:2]))
+        believed = DriveKeys(times, poses)
+        return cls(keys, believed, times[closed][seen], jumps[seen], alone, total)
 
     def off(self, time: float) -> float:
         """How far odometry alone is off the estimate at a time [s], since the last loop [m]."""
@@ -112,7 +109,9 @@ class Drift(NamedTuple):
         return Soft(dart.corners[2:], colours)
 
     def trail(self, time: float, fade: float) -> Lines:
-        """The path by odometry since the loop that closed last before a time [s]."""
+        """The path by odometry since the last loop before a time [s]; all of it at the end."""
+        if time >= self.alone.times[-1]:
+            return trail_lines(self.alone, time, fade, GHOST_COLOUR)
         past = self.times[self.times <= time]
         since = self.keys.times > past.max(initial=-1.0)
         return trail_lines(
@@ -127,5 +126,5 @@ class Drift(NamedTuple):
         starts, ends = np.hsplit(self.jumps[past], 2)
         opacities = np.column_stack([fresh, fresh])
         return level_lines(
-            2.0 * TRAIL_HEIGHT, starts, ends, np.ones((len(starts), 3)), opacities, _WIDTH
+            2.0 * TRAIL_HEIGHT, starts, ends, np.ones((len(starts), 3)), opacities, BOLD
         )

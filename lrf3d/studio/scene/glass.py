@@ -12,20 +12,18 @@ import shapely
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import LEFT, Bool, Float, directions, lengths
 from lrf3d.laser import LaserScan
-from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines, single
+from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.timeline import FIRST
 
 # Colour of a beam that goes through glass.
 THROUGH_COLOUR = look.rgb("#7fe3ff")
 
 # Colour of a beam that comes back from it.
 BACK_COLOUR = look.rgb("#ff8a7a")
-
-# Width of these beams [pixels of 720 lines].
-_BEAM_WIDTH = 2.6
 
 # Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
 _AT_PANE = 0.1
@@ -44,6 +42,9 @@ _GLEAM = 0.14
 
 # Share of the opacity that panes have in the dark.
 _UNLIT = 0.3
+
+# Share of a run in which the scan is chosen that a film shows.
+_EARLY = 0.75
 
 # Number of scans that are counted, at most.
 _COUNTED = 400
@@ -132,28 +133,50 @@ def glass_beams(structures: Structures, scan: LaserScan, apex: Float, height: fl
     stops = np.array(shown).reshape(-1, 2)
     begins = np.broadcast_to(apex, stops.shape)
     tints = np.array(colours).reshape(-1, 3)
-    return level_lines(height, begins, stops, tints, np.ones((len(stops), 2)), _BEAM_WIDTH)
+    return level_lines(height, begins, stops, tints, np.ones((len(stops), 2)), look.BOLD)
+
+
+class GlassCounts(NamedTuple):
+    """What the beams of a run did at its glass."""
+
+    # How many went through it.
+    through: int = 0
+    # How many came back from it.
+    back: int = 0
+    # The scan after the first ones of which the most did.
+    scan: int = 0
+    # Where those ended (n, 2) [m].
+    ends: Float = np.zeros((0, 2))
 
 
 # The counts of the run that was asked for last.
 _COUNTS = Latest()
 
 
-def counts_at_glass(run: Run) -> tuple[int, int]:
-    """How many beams of a run went through its glass, and how many came back from it."""
+def counts_at_glass(run: Shown) -> GlassCounts:
+    """What the beams of a run did at its glass; of a long run some scans are counted for all."""
     return _COUNTS.of(run, partial(_counts, run))
 
 
-def _counts(run: Run) -> tuple[int, int]:
+def _counts(run: Shown) -> GlassCounts:
+    if not any(one is not None and one.passes for one in run.world.materials):
+        return GlassCounts()
     structures = Structures.from_run(run)
-    if not structures.glass.any():
-        return 0, 0
-    step = 1 + len(run) // _COUNTED
-    scans = [run.scan(number) for number in range(0, len(run), step)]
-    ends = [scan.points() - structures.origin for scan in scans]
-    starts = [
-        np.broadcast_to(np.array(scan.pose[:2]) - structures.origin, each.shape)
-        for scan, each in zip(scans, ends, strict=True)
-    ]
-    through, back = at_glass(structures, np.concatenate(starts), np.concatenate(ends))
-    return step * int(through.sum()), step * int(back.sum())
+    numbers = range(0, len(run.trajectory.times), 1 + len(run.trajectory.times) // _COUNTED)
+    scans = [run.scans_at(number)[0] for number in numbers]
+    points = [scan.points() for scan in scans]
+    owner = np.repeat(numbers, [len(each) for each in points])
+    ends = np.concatenate(points) - structures.origin
+    starts = np.array([scan.pose[:2] for scan in scans])[owner // numbers.step] - structures.origin
+    through, back = at_glass(structures, starts, ends)
+    # A film opens with the first scan, and ends on the whole.
+    times = run.trajectory.times - run.trajectory.times.min()
+    late = back & (times[owner] > FIRST * run.playback) & (times[owner] < _EARLY * times.max())
+    most = int(np.argmax(np.bincount(owner[late], minlength=1)))
+    step = numbers.step
+    return GlassCounts(
+        step * int(through.sum()),
+        step * int(back.sum()),
+        most,
+        ends[back & (owner == most)] + structures.origin,
+    )

@@ -126,6 +126,9 @@ OUTLINE_STRENGTH = 0.42
 # Width of the finest lines, such as beams and edges of houses [pixels of 720 lines].
 FINE = 1.1
 
+# Width of bold lines, such as those of the map and trails [pixels of 720 lines].
+BOLD = 3.2
+
 # Opacity of panes of glass.
 PANE = 0.10
 
@@ -160,6 +163,9 @@ TRAIL_HEIGHT = 0.015
 
 # Colour of the estimated trail.
 ESTIMATE_COLOUR = rgb("#ed1799")
+
+# Colour of what the map of a world with mirrors holds where there is no wall.
+FALSE_COLOUR = rgb("#ff4a5f")
 
 # Opacity of the ellipses that the estimate leaves behind.
 ESTIMATE_FADED = 0.45

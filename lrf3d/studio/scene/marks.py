@@ -57,9 +57,6 @@ _BAND = 0.70
 # Height of these lines from edge to edge [m].
 _BAND_THICK = 0.06
 
-# Least of that [pixels of 720 lines]: they show from far away.
-_BAND_PIXELS = 3.0
-
 # Height of walls of the map that the world lacks [m].
 _GHOST_HEIGHT = 1.8
 
@@ -71,15 +68,6 @@ _GHOST_STEP = 0.4
 
 # Largest number of pieces of a segment: some are as long as the world.
 _MOST_PIECES = 500
-
-# Width of trails [pixels of 720 lines].
-_TRAIL_WIDTH = 3.4
-
-# Width of the outlines of ellipses [pixels of 720 lines].
-_RING_WIDTH = 1.6
-
-# Opacity of the trail where the robot is.
-_FRESH = 0.95
 
 # Opacity of the trail long after.
 _OLD = 0.35
@@ -211,7 +199,7 @@ class DrawnMap:
 
     def bands(self, structures: Structures) -> Lines:
         """Its segments along the walls; those of glass at the foot, as bars would float in it."""
-        lines = self.lines(_BAND, _BAND_PIXELS)
+        lines = self.lines(_BAND, look.BOLD)
         middles = shapely.points(0.5 * (self.segments[:, :2] + self.segments[:, 2:]))
         segment, wall = structures.tree.query_nearest(middles, all_matches=False)
         for ends in lines.starts, lines.ends:
@@ -249,6 +237,8 @@ class DrawnMap:
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
         strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
         tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
+        if structures.mirrors.any():
+            tints[:] = look.FALSE_COLOUR
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
 
 
@@ -279,7 +269,7 @@ def trail_lines(
     times = keys.times[: begun + 1]
     places[begun:] = interpolated(np.array([now]), keys.times, keys.poses[:, :2])
     old = np.clip((now - times) / fade, 0.0, 1.0)
-    left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
+    left = 1.0 + (_OLD - 1.0) * old * (2.0 - old)
     legs = np.flatnonzero(keys.driven[:begun])
     opacities = np.column_stack([left[legs], left[legs + 1]])
     return level_lines(
@@ -288,7 +278,7 @@ def trail_lines(
         places[legs + 1],
         np.tile(colour, (len(legs), 1)),
         opacities,
-        _TRAIL_WIDTH,
+        look.BOLD,
     )
 
 
@@ -334,7 +324,7 @@ class DrawnEstimate:
         starts = rings.reshape(-1, 2)
         ends = np.roll(rings, -1, axis=1).reshape(-1, 2)
         colours = np.tile(look.ESTIMATE_COLOUR, (len(alpha), 1))
-        return level_lines(look.TRAIL_HEIGHT, starts, ends, colours, alpha, _RING_WIDTH)
+        return level_lines(look.TRAIL_HEIGHT, starts, ends, colours, alpha, 1.5 * look.FINE)
 
     def outlines(self) -> Float:
         """Outlines (n, CORNERS, 2) of the ellipses that stay [m]."""

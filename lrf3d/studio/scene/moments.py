@@ -38,7 +38,7 @@ from lrf3d.studio.scene.shapes import (
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
-from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys
+from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys, obstacle_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
 LAYERS = (
@@ -66,12 +66,6 @@ _CLEAR = 2.6
 # Far plane of a high camera, in multiples of its height: past all of the ground.
 _PAST_GROUND = 3.0
 
-# Width of the map's lines from above [pixels of 720 lines].
-_MAP_WIDTH = 4.0
-
-# Width of the map's lines in the inset [pixels of 720 lines].
-_INSET_MAP_WIDTH = 2.6
-
 # Size of the robot in the inset, in the inset's width.
 _DART_SHARE = 0.034
 
@@ -90,7 +84,7 @@ _CLOUD_POINTS = 4000
 _ROBOT_SIZE = 0.75
 
 # Width of the smallest robot that is seen without an arrow over it [pixels of 720 lines].
-_LEAST_ROBOT = 26.0
+_LEAST_ROBOT = 32.0
 
 # Unit of that arrow [pixels of 720 lines].
 _MARKER = 10.0
@@ -123,6 +117,10 @@ class Scene:
         self.obstacles = bodies.Obstacles(run.obstacles, self.origin, laser_height=self._height)
         self.robot = PosedFaces(bodies.robot_body(self._height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
+        self._robots = [
+            (obstacle_keys(robot, timeline).thinned(), colour)
+            for robot, colour in bodies.robots_of(run.obstacles)
+        ]
         self._goal = None if goal is None else bodies.goal_disc(goal - self._frame)
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._mirrors = structures.segments[structures.mirrors]
@@ -229,8 +227,8 @@ class Scene:
         flat = lens_from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
             bands=drawn.bands(self.structures),
-            above=drawn.lines(self._height, _MAP_WIDTH),
-            inset=drawn.lines(0.0, _INSET_MAP_WIDTH),
+            above=drawn.lines(self._height, look.BOLD),
+            inset=drawn.lines(0.0, look.BOLD),
             ghosts=drawn.ghosts(self.structures, exposure.tolerance),
             tints=Tints(flat, drawn.longer(0.5 * WAVE_GAP).lines(0.0, wide)),
         )
@@ -244,6 +242,8 @@ class Scene:
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
             found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
+        for number, (keys, colour) in enumerate(self._robots):
+            found.append(("trail", f"trail {number}", trail_lines(keys, now, fade, colour)))
         if self._drift is not None:
             lasting = CLOSING_TIME * self.timeline.playback
             found.append(("estimate", "drift", self._drift.trail(now, fade)))

@@ -13,18 +13,20 @@ from lrf3d.mapping.line_map import GLASS
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.glass import BACK_COLOUR, THROUGH_COLOUR, counts_at_glass
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
-from lrf3d.studio.scene.timeline import Moment
+from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
+from lrf3d.studio.scene.timeline import Moment, lasting
 
 # Kinds of panels: all numbers, or three facts.
 PANELS = ("full", "short")
 
 # Height of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide.
-_SIZE = 30.0
+_SIZE = 40.0
 
 # Height of letters where all numbers are said [pixels of 720 lines].
 _FULL_SIZE = 19.0
@@ -35,29 +37,17 @@ _INK = (236, 240, 247)
 # Colour of the other lines, 0…255.
 _PALE = (184, 196, 216)
 
-# Time for which a caption mentions that walls behind mirrors were dropped [s of the film].
-_REFLECTION_TIME = 4.0
-
 # Least number of dropped walls that it mentions.
 _DROPPED = 3
 
-# Seconds in a minute; times of ten minutes and more are said in minutes.
-_MINUTE = 60.0
+# Shots whose caption says what has entered the map or left it.
+_NEAR = ("chase", "close", "proof")
 
-# Shots whose caption counts the walls that have entered the map.
-_NEAR = ("chase", "close")
-
-# Time over which they are counted [s of the film].
-_NEWS_TIME = 2.0
-
-# Shots whose caption counts walls.
-_WALLS = ("rise", "whole", "end")
+# Time over which that is counted [s of the film].
+_NEWS_TIME = 3.0
 
 # All shots of the film's own cameras.
-_SHOTS = ("wave", *_NEAR, *_WALLS)
-
-# Number of letters of the longest line.
-_LINE_LENGTH = 60
+_SHOTS = ("wave", "rise", "whole", *_NEAR)
 
 # The card of the run that was asked for last.
 _CARDS = Latest()
@@ -68,13 +58,13 @@ _DRIFTS = Latest()
 
 def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
-    if moment.mapped < 0:
-        return "The robot knows nothing yet" if run.knows_truth else "A recorded drive begins"
-    if words := _closing(run, moment, playback):
-        return words
-    if words := _mapped(run, moment, shot):
-        return words
-    return _measured(run, moment, shot) if shot in _SHOTS else shot
+    if shot == "whole" and moment.time - run.trajectory.times.min() < TITLE_TIME * playback:
+        return subject_of(run, playback).title
+    news = _closing(run, moment, playback)
+    if shot in _NEAR:
+        news = news or _reflected(run, moment) or _entered(run, moment)
+    mapped = f"{counted(len(run.map_after(moment.mapped)), 'segment')} in the map"
+    return news or (mapped if shot in _SHOTS else shot)
 
 
 def _closing(run: Run, moment: Moment, playback: float) -> str:
@@ -97,49 +87,29 @@ def _metres(length: float) -> str:
     return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
 
 
-def _mapped(run: Run, moment: Moment, shot: str) -> str:
-    """Words on the map, for shots that show it."""
-    line_map = run.map_after(moment.mapped)
-    if shot in _NEAR:
-        return _reflected(run, moment) or _entered(run, moment)
-    if shot in _WALLS and len(line_map):
-        return f"{counted(len(line_map), 'segment')} in the map"
-    return ""
-
-
-def _measured(run: Run, moment: Moment, shot: str) -> str:
-    """Text on the laser: its beams, and its scans per second."""
-    beams = f"{len(run.ranges.T)} laser beams"
-    if shot == "wave":
-        return f"{beams} light up what they reach"
-    gap = float(np.median(np.diff(run.trajectory.times))) if len(run) > 1 else np.inf
-    rate = 1.0 / gap if gap > 0.0 else 0.0
-    return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
-
-
 def _reflected(run: Run, moment: Moment) -> str:
     """Words on the walls that the map has dropped in the last seconds since it knows a mirror."""
     line_map = run.map_after(moment.mapped)
     if "mirror" not in line_map.kinds:
         return ""
-    earlier = _scan_before(run, moment, _REFLECTION_TIME)
+    earlier = _scan_before(run, moment)
     most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
     dropped = most - len(line_map)
-    said = f"The room in the mirror is a reflection: {dropped} walls dropped"
+    said = f"The laser knows the mirror: {dropped} segments dropped"
     return said if dropped >= _DROPPED else ""
 
 
 def _entered(run: Run, moment: Moment) -> str:
     """Text on the segments that have entered the map in the last seconds, if any."""
-    earlier = _scan_before(run, moment, _NEWS_TIME)
+    earlier = _scan_before(run, moment)
     new = len(run.map_after(moment.mapped)) - len(run.map_after(earlier))
     seconds = moment.time - run.trajectory.times[earlier]
     return f"{counted(new, 'new segment')} in {seconds:.0f} s" if new > 0 and seconds >= 1.0 else ""
 
 
-def _scan_before(run: Run, moment: Moment, seconds: float) -> int:
-    """The last scan earlier than some seconds of the film before a moment."""
-    then = moment.time - seconds * run.playback
+def _scan_before(run: Run, moment: Moment) -> int:
+    """The last scan before the time over which news is counted."""
+    then = moment.time - _NEWS_TIME * run.playback
     return max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
 
 
@@ -148,31 +118,23 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
     # A last stop is shown for a while.
     if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
         return _CARDS.of(run, partial(_card, run, playback))
-    head = _caption(run, moment, view.shot, playback)
+    head, *said = view.said or [_caption(run, moment, view.shot, playback)]
     if full:
-        said = _numbers(run, moment, playback)
-        counts = [run.map_after(moment.mapped).counts if run.maps else ""]
-    else:
-        said = [_passed(run, moment, playback, head, view.shot)]
-        counts = []
+        said = [*_numbers(run, moment, playback), run.map_after(moment.mapped).counts]
+    said = said or [_passed(run, moment, playback, head, view.shot)]
     others = [*((words, _PALE) for words in said), *_trails(run, moment, playback)]
-    return _label(
-        [(head, _INK), *others, *((words, _PALE) for words in counts)],
-        _FULL_SIZE if full else _SIZE,
-    )
+    return _label([(head, _INK), *others], _FULL_SIZE if full else _SIZE)
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
     """How much time has passed, how fast, and the map's segments if the head does not say."""
     seconds = moment.time - run.trajectory.times.min()
-    words = f"{seconds:.0f} s" if seconds < 10 * _MINUTE else f"{seconds / _MINUTE:.0f} min"
+    words = lasting(seconds)
     # While the camera rises, the run passes faster than elsewhere.
     if playback > 1.0 and shot != "rise":
         words += f" at {playback:.2g} × speed"
     mapped = counted(len(run.map_after(moment.mapped)), "segment")
-    if run.maps and mapped not in head:
-        words += f"  ·  {mapped}"
-    return words
+    return words if mapped in head else f"{words}  ·  {mapped}"
 
 
 def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
@@ -198,22 +160,23 @@ def _card(run: Run, playback: float) -> Label:
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         rest = f"what was never seen stays dark  ·  {objects}"
-    others = [*_drifted(run, playback), *_glass_words(run)]
-    return _label([(found, _INK), *((words, _PALE) for words in others or [rest])], _SIZE)
+    others = [*_drifted(run, playback), *((words, _PALE) for words in _glass_words(run))]
+    return _label([(found, _INK), *(others or [(rest, _PALE)])], _SIZE)
 
 
-def _drifted(run: Run, playback: float) -> list[str]:
+def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
     """Words on the loops of a run, and on how far its odometry drifted without them."""
     drift = _drift_of(run, playback)
     if drift is None or run.estimate is None:
         return []
     loops = counted(len(run.estimate.closures), "loop closure")
-    return [f"{loops}  ·  odometry alone ends {_metres(drift.total)} off"]
+    alone = f"━ odometry alone ends {_metres(drift.total)} off"
+    return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 
 
 def _glass_words(run: Run) -> list[str]:
     """Words on what the glass of a run's world did to its beams and its map."""
-    through, back = counts_at_glass(run)
+    through, back, *_ = counts_at_glass(run)
     if not through + back:
         return []
     panes = int((run.map.kinds == GLASS).sum())
@@ -228,10 +191,13 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
         (f"━ {name}  {apart}", look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR)
         for name, apart in estimate_words(run, moment.scan)
     ]
+    if robots := robots_of(run.obstacles):
+        colours = [look.TRAIL_COLOUR, *(colour for _, colour in robots)]
+        found += [(f"━ robot {number}", colour) for number, colour in enumerate(colours, 1)]
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
-    if moment.mapped >= 0 and any(counts_at_glass(run)):
+    if moment.mapped >= 0 and counts_at_glass(run).back:
         found += [("━ a beam through glass", THROUGH_COLOUR), ("━ one back from it", BACK_COLOUR)]
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
 
@@ -243,5 +209,5 @@ def _whole(colour: look.Colour) -> tuple[int, int, int]:
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float) -> Label:
-    shown = [(words[:_LINE_LENGTH], colour) for words, colour in lines if words]
-    return Label(tuple(words for words, _ in shown), tuple(colour for _, colour in shown), size)
+    text, colours = zip(*(line for line in lines if line[0]), strict=True)
+    return Label(text, colours, size)

@@ -5,14 +5,15 @@ shows the first scan; then it shows the parts of the run in which most happens, 
 motion; it ends on the whole world. A short run is shown without gaps.
 """
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from lrf3d.geometry.lines import Float, lengths
-from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.subject import subject_of
+from lrf3d.studio.scene.timeline import FIRST, Timeline
 
 # Usual length of a film [s].
 LENGTH = 15.0
@@ -25,9 +26,6 @@ LONGEST = 3600.0
 
 # Time for which a film shows the robot before the run starts [s of the film].
 OPENING = 1.2
-
-# Time for which it shows the first scan [s of the film].
-FIRST = 2.4
 
 # Largest share of a short run for which the first scan is shown.
 _FIRST_SHARE = 0.4
@@ -44,22 +42,20 @@ _SHOT = 2.4
 # Kinds of these shots, which alternate.
 SHOTS = ("chase", "close")
 
+# The shot of what the film is about.
+PROOF = "proof"
+
+# Share of that shot which comes before its moment.
+_BEFORE = 0.6
+
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
 
 # Number of map snapshots that are compared; a long run has thousands.
 _SNAPSHOTS = 120
 
-# Weight of walls that leave the map, such as reflections, relative to walls that enter it: they are
-# rarer, and worth seeing.
-_TAKEN_BACK = 2.0
-
 # Weight of turning relative to walls that enter the map.
 _TURNING = 0.6
-
-
-# Weight of loops that close.
-_CLOSED = 1.5
 
 
 class Shot(NamedTuple):
@@ -75,7 +71,8 @@ class Shot(NamedTuple):
 
 
 def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
-    """The shots of a film of a length [s], in the order of the run."""
+    """The shots of a film of a length [s], in the order of the run; one proves what it is about."""
+    moment = subject_of(timeline.run, timeline.playback).moment
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
     fixed = OPENING + FIRST + LAPSE + CLOSING
@@ -92,7 +89,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
         each = (lasts - first) / (count + 1)
         starts = first + each * np.arange(count)
     else:
-        starts = _starts(timeline, first, each, count)
+        starts = _starts(timeline, first, each, count, moment)
     starts = timeline.start + playback * starts
     ends = starts + playback * each
     opening = scale * OPENING
@@ -101,22 +98,33 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     return (
         Shot("opening", opening + first, timeline.start - playback * opening, opened),
         *(
-            Shot(SHOTS[number % len(SHOTS)], each, *ends_of)
-            for number, ends_of in enumerate(zip(starts.tolist(), ends.tolist(), strict=True))
+            Shot(PROOF if moment is not None and low <= moment <= high else name, each, low, high)
+            for name, low, high in zip(cycle(SHOTS), starts.tolist(), ends.tolist(), strict=False)
         ),
         Shot("rise", each if whole else lapse, float(ends[-1]), timeline.end),
         Shot("end", closing, timeline.end, timeline.end + playback * closing),
     )
 
 
-def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
-    """Start times (count,) of the shots of a length [s of the film] in which most happens."""
+def _starts(
+    timeline: Timeline, first: float, each: float, count: int, moment: float | None
+) -> Float:
+    """Start times (count,) of the shots of a length [s of the film] in which most happens.
+
+    One of them is that of a moment [s].
+    """
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
     width = max(1, round(_MOMENTS * each / lasts))
     # How much happens in a shot that begins at each moment.
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
+    if moment is not None:
+        wished = (moment - timeline.start) / timeline.playback - _BEFORE * each
+        off = moments - np.clip(wished, first, lasts - each)
+        happens[np.abs(off) < each] = 0.0
+        inside = (moments >= first) & (moments <= lasts - each)
+        happens[np.argmin(np.where(inside, np.abs(off), np.inf))] = np.inf
     # Each shot has its own part of the run, and some of the run remains after the last one.
     bounds = np.linspace(first, lasts - each, count + 1)
     starts = np.zeros(count)
@@ -129,7 +137,7 @@ def _starts(timeline: Timeline, first: float, each: float, count: int) -> Float:
 
 
 def _news(timeline: Timeline, times: Float) -> Float:
-    """How much happens at times (m,) of a run: walls come and go, loops close, the robot turns."""
+    """How much happens at times (m,) of a run: walls come and go, the robot turns."""
     run = timeline.run
     scans = np.searchsorted(run.trajectory.times, times, side="right") - 1
     numbers = np.array([run.snapshot_after(max(scan, 0)) for scan in scans.tolist()])
@@ -138,14 +146,9 @@ def _news(timeline: Timeline, times: Float) -> Float:
         [lengths(run.maps[k].segments).sum() if k >= 0 else 0.0 for k in numbers[::step].tolist()]
     )
     grown = np.diff(np.interp(np.arange(len(times)), np.arange(len(numbers))[::step], known))
-    entered = np.append(grown, 0.0)
-    entered = np.maximum(entered, -_TAKEN_BACK * entered)
-    closed = np.zeros(len(times))
-    if run.estimate is not None:
-        scans = np.unique(run.estimate.closures.max(axis=1, initial=0))
-        closed[np.searchsorted(times, run.trajectory.times[scans]) - 1] = 1.0
+    entered = np.abs(np.append(grown, 0.0))
     turned = np.abs(np.gradient(np.unwrap(timeline.poses(times)[:, 2])))
-    return _share(entered) + _TURNING * _share(turned) + _CLOSED * _share(closed)
+    return _share(entered) + _TURNING * _share(turned)
 
 
 def _share(values: Float) -> Float:

@@ -12,12 +12,13 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, chase, overview
-from lrf3d.studio.scene.look import TINY, Rig
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots
+from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
+from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, OPENING, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
-from lrf3d.studio.scene.timeline import Timeline, interpolated
+from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
+from lrf3d.studio.scene.timeline import Timeline, interpolated, lasting
 
 # Position of the camera in the opening, while all is dark.
 _DARK = Rig(2.9, 13.0, shift=-0.1)
@@ -31,12 +32,12 @@ _RISES = 0.3
 # When that camera has risen, as a share of the time for which the first scan is shown.
 _RISEN = 0.6
 
-# Additional downward tilt half-way on the camera's path to the overview [rad], so that it sees into
-# streets over the houses next to the robot.
-_INTO_STREETS = np.radians(25.0)
+# Additional downward tilts half-way on the camera's path to the overview [rad], of which that is
+# taken with which houses hide the robot least.
+_INTO_STREETS = (0.0, 0.2, 0.4, 0.6)
 
 # Largest distance of the camera of a shot, as a share of the overview's.
-_SHARE = 0.6
+_SHARE = 0.75
 
 # Number of directions from which a shot of the robot may be taken.
 _SIDES = 12
@@ -45,10 +46,13 @@ _SIDES = 12
 _SWAY = np.radians(9.0)
 
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
-_END_DRIFT = np.radians(2.0)
+_END_DRIFT = np.radians(5.0)
 
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 7
+
+# Width of what is to be seen around the robot, too, in its own: roofs do not stand before it.
+_NEAR_ROBOT = 24.0
 
 # Places at which a robot of 1 m radius is to be seen (5, 2) [m].
 _AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -76,6 +80,32 @@ _FAVOURED = 0.25
 _DUSK = 0.5
 
 
+# What is said then.
+_LIT = "Lit is what its laser has met"
+
+# Time for which it is said that the film leaps [s of the film].
+_LEAPS = 1.1
+
+# How steeply the camera of the proof looks down [rad].
+_PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
+
+# What that camera shows around the robot at the least [m].
+_ROOM = 1.5
+
+# Angle of view of that camera [rad].
+_FIELD = float(np.radians(46.0))
+
+# Share of the picture's width that the map next to it leaves.
+_BESIDE = 0.78
+
+# Share of the picture's height below it that text takes.
+_TEXT = 0.3
+
+
+# How many times as fast as the rest a rise is from which on it says so.
+_RUSH = 1.2
+
+
 class _Rigs(NamedTuple):
     """Camera distances [m], and downward angles [degrees]."""
 
@@ -90,9 +120,9 @@ _TOWN = {
     "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
 }
 _ROOMS = {
-    "opening": _Rigs((5.5, 8.0, 11.0), (60.0,)),
-    "chase": _Rigs((3.0, 4.5), (32.0, 44.0, 62.0)),
-    "close": _Rigs((4.5, 6.5), (40.0, 54.0, 66.0)),
+    "opening": _Rigs((8.0, 11.0, 14.0), (52.0, 62.0)),
+    "chase": _Rigs((3.5, 5.5), (32.0, 44.0, 62.0)),
+    "close": _Rigs((6.0, 9.0), (40.0, 54.0, 66.0)),
 }
 
 
@@ -107,10 +137,11 @@ class Story:
         length: float = LENGTH,
     ) -> None:
         self.shots = plan_shots(timeline, length)
+        self._subject = subject_of(timeline.run, timeline.playback)
         self._timeline = timeline
         self._structures = structures
         self._exposure = exposure
-        self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
+        self._into_streets = _INTO_STREETS[: 1 if structures.indoor else None]
         self._path = SmoothPath.of(timeline)
         # At the end the camera circles the world, starting from its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
@@ -129,12 +160,13 @@ class Story:
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
         track = self._track(number, aspect)
+        said = self._said(number, time)
         if shot.name == "opening":
             share = max(time - self._timeline.start, 0.0) / max(
                 shot.end - self._timeline.start, TINY
             )
             dusk = _DUSK * float(_eased(share))
-            return track.look(time, cuts=True, dusk=dusk, shot="wave")
+            return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
         if shot.name == "end":
             return track.look(time, cuts=True, dusk=1.0, inset=0.0, shot="end")
         # The rise shows the whole world: the map next to it leaves, and the dark with it.
@@ -145,7 +177,27 @@ class Story:
             dusk=_DUSK + (1.0 - _DUSK) * float(_eased(rises)),
             inset=1.0 - float(_eased(rises / _LEAVES)),
             shot=shot.name,
+            said=said,
         )
+
+    def _said(self, number: int, time: float) -> tuple[str, ...]:
+        """What is said first of a shot by its number: its subject, or that the film leaps."""
+        shot = self.shots[number]
+        subject = self._subject
+        passed = (time - shot.start) / self._timeline.playback
+        if shot.name == "opening":
+            return (subject.title if passed < TITLE_TIME - OPENING else _LIT,)
+        leaps = shot.start - self.shots[number - 1].end
+        told = (
+            (f"{lasting(leaps)} later",)
+            if leaps > self._timeline.playback and passed < _LEAPS
+            else ()
+        )
+        if shot.name == "proof":
+            return (subject.proof, *told) if time < subject.until else ()
+        # The rest of the run is shown in the time that is left.
+        rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
+        return ("Fast forward",) if shot.name == "rise" and rushes else told
 
     def _made(self, number: int, aspect: float) -> CameraPath:
         """The camera path of a shot by its number."""
@@ -160,9 +212,14 @@ class Story:
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
-            return self._between(self._held(before, times), whole, share)
+            held = self._held(before, times)
+            rises = [self._between(held, whole, share, steep) for steep in self._into_streets]
+            eyes = np.array([track.eyes() for track in rises])
+            return rises[int(np.argmin(self._hides(times, eyes, _NEAR_ROBOT)))]
         places = interpolated(times, self._path.times, self._path.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
+        if shot.name == "proof":
+            return self._proof(times, places, 0.4 * sway, aspect)
         middle = np.interp(0.5 * (times[0] + times[-1]), self._path.times, self._path.headings)
         path = SmoothPath(times, places, middle + sway)
         return self._best(shot.name, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
@@ -190,8 +247,21 @@ class Story:
         places = interpolated(times, self._path.times, self._path.places)
         return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
 
+    def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> CameraPath:
+        """The camera path of the shot that proves the subject: that and the robot fill it."""
+        around = (places[:, None] + _ROOM * _AROUND).reshape(-1, 2)
+        there = np.concatenate([around, self._subject.places - self._timeline.origin])
+        corners = np.concatenate([np.insert(there, 2, high, axis=1) for high in (0.0, SECTION)])
+        tracks = list[CameraPath]()
+        for turn, steep in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES):
+            track = fitted(
+                corners, times[:1], np.array([turn]), steep, _FIELD, _BESIDE * aspect, _TEXT
+            ).at(times)
+            tracks.append(track._replace(turns=track.turns + sway))
+        return self._seen(tracks, np.linspace(times[0], times[-1], _JUDGED), aspect)
+
     def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> CameraPath:
-        """The best camera path of a shot: the robot is visible, and most of the picture is lit.
+        """The best camera path of a shot from the sides of the robot's path.
 
         The candidates look at a path from each side, and turn as its headings do.
         """
@@ -205,20 +275,33 @@ class Story:
                 2.0 * np.pi * np.arange(_SIDES) / _SIDES, rigs.aways, rigs.steeps
             )
         ]
+        return self._seen(tracks, moments, aspect, shot == "opening")
+
+    def _seen(
+        self, tracks: list[CameraPath], moments: Float, aspect: float, far: bool = False
+    ) -> CameraPath:
+        """The best of camera paths: the robot is visible, and most of the picture is lit.
+
+        Near ones are favoured, or far ones.
+        """
         aways = np.array([track.aways[0] for track in tracks])
-        favoured = aways / aways.max() if shot == "opening" else aways.min() / aways
+        favoured = aways / aways.max() if far else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
         hidden = self._hides(moments, eyes)
         # Of those that show the robot the most.
         chosen = np.flatnonzero(hidden == hidden.min())
         lit = np.array([self._lit(tracks[k], moments[::2], aspect) for k in chosen.tolist()])
         worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
+        worth -= self._hides(moments, eyes[chosen], _NEAR_ROBOT)
         return tracks[int(chosen[np.argmax(worth)])]
 
-    def _hides(self, moments: Float, eyes: Float) -> Float:
-        """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average."""
+    def _hides(self, moments: Float, eyes: Float, wide: float = 1.0) -> Float:
+        """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average.
+
+        What is so many times as wide as the robot is looked at.
+        """
         robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
-        around = self._timeline.run.radius * _AROUND
+        around = wide * self._timeline.run.radius * _AROUND
         feet = np.insert(robots[:, None] + around, 2, 0.0, axis=2)
         ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
         number, _ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends)
@@ -258,8 +341,13 @@ class Story:
         mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
         return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())
 
-    def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
-        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it."""
+    def _between(
+        self, near: CameraPath, far: CameraPath, share: Float, streets: float = 0.0
+    ) -> CameraPath:
+        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it.
+
+        Half-way they look down by a further angle [rad].
+        """
         # The distance grows exponentially.
         aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
         gap = far.aways - near.aways
@@ -273,7 +361,7 @@ class Story:
         steeps, shifts = (
             a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
         )
-        steeps += np.sin(np.pi * down) * self._into_streets
+        steeps += np.sin(np.pi * down) * streets
         middles = near.middles + moved[:, None] * (far.middles - near.middles)
         return CameraPath(
             near.times, middles, near.turns + share * turned, steeps, aways, fields, shifts

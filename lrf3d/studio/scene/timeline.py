@@ -12,6 +12,7 @@ from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Bool, Float, wrap_angle
 from lrf3d.planning.planner import planned_way
 from lrf3d.robot import Trajectory
+from lrf3d.studio.scene.look import TINY
 from lrf3d.studio.scene.shown import ScanPath, Shown
 from lrf3d.studio.scene.stage.structures import Sight
 
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 # The drive between the stops of the run that was asked for last.
 _DRIVES = Latest()
+
+# Time for which a film shows the first scan [s of the film].
+FIRST = 2.4
 
 # Share of the time between two stops that the robot stands and scans.
 _STANDING = 0.5
@@ -30,9 +34,6 @@ _TURNING = 0.8
 # Turn that takes as long as a robot stands before it goes on [rad].
 _PAUSE = 0.05
 
-# Time in which the robot is set down where no way leads, in that of driving there.
-_SET_DOWN = 1e-9
-
 # Time between scans from which on they are stops and not a drive [s].
 _STOP_GAP = 1.0
 
@@ -42,11 +43,8 @@ _FASTEST = 1000.0
 # Half the time over which the speed is measured [s]: shorter shows the joints of the path.
 _SPEED_STEP = 0.05
 
-# Difference of times that are the same but for rounding [s].
-_ROUNDING = 1e-9
-
-# Part of a frame that rounding may lack at the end of a film.
-_FRAME_ROUNDING = 1e-6
+# Difference of times that are the same but for rounding [s], and part of a frame that it may lack.
+_ROUNDING = 1e-6
 
 # Largest error of a path with fewer keys [m].
 _THINNED = 0.005
@@ -121,7 +119,7 @@ class Timeline:
         """
         step = self.playback / fps
         before, after = margins
-        last = np.floor((self.end - self.start) / step + after * fps + _FRAME_ROUNDING)
+        last = np.floor((self.end - self.start) / step + after * fps + _ROUNDING)
         return self.start + step * np.arange(-np.floor(before * fps), last + 1.0)
 
     def poses(self, times: Float) -> Float:
@@ -162,13 +160,18 @@ def _drive_between_stops(run: Shown) -> Trajectory:
         # It turns at each place, and goes from there to the next.
         costs = np.empty(2 * len(steps) + 1)
         costs[::2] = _TURNING * (_PAUSE + np.abs(wrap_angle(np.diff(headings))))
-        costs[1::2] = np.hypot(*steps.T) * (_SET_DOWN if leg in through and way is None else 1.0)
+        costs[1::2] = np.hypot(*steps.T) * (TINY if leg in through and way is None else 1.0)
         shares = np.append(0.0, np.cumsum(costs) / costs.sum())
         begin, stop = stops.times[leg : leg + 2]
         times.append(begin + (stop - begin) * (_STANDING + (1.0 - _STANDING) * shares))
         poses.append(np.column_stack([places.repeat(2, axis=0), headings.repeat(2)[1:-1]]))
     every, first = np.unique(np.concatenate(times), return_index=True)
     return Trajectory(every, np.concatenate(poses)[first])
+
+
+def lasting(seconds: float) -> str:
+    """A time [s] in words; ten minutes and more are said in minutes."""
+    return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60.0:.0f} min"
 
 
 def smoothed(share: Any) -> Any:

@@ -13,6 +13,7 @@ from lrf3d.studio.scene.drift import Drift
 from lrf3d.studio.scene.glass import Panes, at_glass
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.subject import subject_of
 from lrf3d.studio.scene.timeline import Timeline
 
 
@@ -45,8 +46,10 @@ def test_the_ghost_drifts_until_a_loop_closes_and_begins_again_at_the_robot():
     # The line from odometry to the estimate appears as the loop closes.
     assert not len(drift.closings(times[2], 1.0).starts)
     assert len(drift.closings(times[3], 1.0).starts) == 1
+    subject = subject_of(run, 1.0)
+    assert subject.title.startswith("Odometry") and subject.moment == run.trajectory.times[3]
     assert said(run, time=times[3] + 0.1)[0] == "A loop closes: 30 cm of drift removed"
-    assert "1 loop closure" in said(run, "end")[1]
+    assert said(run, "end")[1:] == ("━ odometry alone ends 1.1 m off", "1 loop closure")
 
 
 def test_beams_go_through_glass_or_come_back_from_it_and_panes_are_seen_at_a_slant():

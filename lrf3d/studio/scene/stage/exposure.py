@@ -28,6 +28,7 @@ from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.look import TINY
 from lrf3d.studio.scene.shapes import single
 from lrf3d.studio.scene.stage.structures import FARTHEST, Structures, folded
 
@@ -100,9 +101,6 @@ _MOVED = 1e-3
 
 # Number of cells around a picture in which gaps at its edge are closed.
 _AROUND = _CLOSED + 1
-
-# Least weight of smoothed times that they are divided by: beyond it there are none.
-_LEAST_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -260,7 +258,7 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
         gaussian_filter(each.astype(np.float32), _SLOPE)
         for each in (np.append(0.0, share)[np.asarray(covered)], within)
     )
-    mapped = np.where(within, sums / np.maximum(weights, _LEAST_WEIGHT), _NEVER)
+    mapped = np.where(within, sums / np.maximum(weights, TINY), _NEVER)
     cells["mapped"] = mapped
     # A film shows a run at this speed, unless it is told otherwise.
     even_walls(exposure, structures, run.film.playback_of(0.0) / length)

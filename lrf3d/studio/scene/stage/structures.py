@@ -103,9 +103,6 @@ FARTHEST = 30.0
 # Largest number of legs of a beam: casters turn it up to eight times.
 _MOST_LEGS = 9
 
-# Shortest leg, in the rest of the beam's path: a beam does not meet the wall that it has just left.
-_LEAST_LEG = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class Structures:
@@ -272,7 +269,7 @@ def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, 
         turn = cross(path, along)
         share = cross(offset, along) / turn
         place = cross(offset, path) / turn
-    meets = (share > _LEAST_LEG) & (share < 1.0) & (place >= 0.0) & (place <= 1.0)
+    meets = (share > look.TINY) & (share < 1.0) & (place >= 0.0) & (place <= 1.0)
     share = np.column_stack([np.ones(len(starts)), np.where(meets, share, np.inf)])
     nearest = np.argmin(share, axis=1)
     return share[np.arange(len(share)), nearest], nearest - 1
