@@ -353,7 +353,7 @@ class PlanarCaster:
             part = slice(start, stop)
             self._fill(lrf.height, laser, poses[part], ranges[part].ravel(), walls[part].ravel())
 
-        share(work, len(poses))
+        share(work, len(poses), max(8, MANY // lrf.beams))
         return ranges, walls
 
     def _lit(self, lrf: LaserRangeFinder, poses: Float, *, chains: bool = False) -> "Lit":
