@@ -18,7 +18,10 @@ from benchmarks.report import Figure, Report, numbers, scatter
 from benchmarks.timing import take_turns
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry.lines import Float
+from lrf3d.geometry.pose import compose
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
+from lrf3d.robot import Trajectory
+from lrf3d.simulation.sensor import Sensor, poses_on
 from lrf3d.world import World
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 
@@ -35,6 +38,9 @@ CORNERS = 20_000
 
 FEW_BEAMS = (1, 4, 10, 30, 64)
 """Beams of short scans."""
+
+SHORT_BATCH, RAYS = 1024, 1000
+"""Poses of a batch of short scans, and rays in any direction that are cast at once."""
 
 NUMPY = "NumPy determinants"
 
@@ -102,6 +108,7 @@ def bench(
     for count in numbers("--walls", walls, least=4):
         measure(report, count, seconds)
     short_scans(report, seconds)
+    single_rays(report, seconds)
     savings(report, seconds)
     report.notes.append(
         f"scan: {LRF.beams} beams, range_max {LRF.range_max:g} m, the median. error: the largest of"
@@ -161,6 +168,7 @@ def short_scans(report: Report, seconds: float) -> None:
     """Single scans of few beams among 400 walls, as multiples of bare Embree on prepared rays."""
     world = generate_city(400)
     planar, poses = PlanarCaster(world), city_crossings(400, DRIVE)
+    many = city_crossings(400, SHORT_BATCH, seed=2)
     try:
         bare, prepared = bare_embree(world)
     except ImportError as error:
@@ -177,13 +185,55 @@ def short_scans(report: Report, seconds: float) -> None:
             seconds=seconds / 10,
         )  # fmt: skip
         base = timed["bare"].median
+        batch = take_turns(
+            {"bare": _repeated(prepared(many, lrf)),
+             "own": _repeated(partial(planar.cast_batch, lrf, many))},
+            seconds=seconds / 10,
+        )  # fmt: skip
         report.add(
             "short scans",
             beams=beams,
             ranges_to_bare=timed["ranges"].median / base,
             cast_to_bare=timed["cast"].median / base,
+            batch_to_bare=batch["own"].median / batch["bare"].median,
             bare_error_m=errors(bare(lrf, poses), planar.cast_batch(lrf, poses), lrf).max(),
         )
+
+
+def single_rays(report: Report, seconds: float) -> None:
+    """Rays in any direction and scans of a robot that drives on, as multiples of bare Embree."""
+    world = generate_city(400)
+    planar = PlanarCaster(world)
+    try:
+        bare, prepared = bare_embree(world)
+    except ImportError:
+        return
+    rays = city_crossings(400, RAYS, seed=3)
+    ways = np.column_stack([np.cos(rays[:, 2]), np.sin(rays[:, 2])])
+    work = {"rays": (rays, lambda: planar.cast_rays(rays[:, :2], ways, LRF)[0])}
+    for beams in (LRF.beams, 1081):
+        lrf = LaserRangeFinder(beams=beams, scan_duration=0.02)
+        motion = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.03]])
+        path = Trajectory([0.0, 0.1], compose(rays[:1], motion))
+        sensor = Sensor(world, lrf, caster=planar, noise=ProportionalNoise(0.0), path=path)
+        each = poses_on(path, rays[0], lrf.delays) + np.outer(lrf.angles, [0.0, 0.0, 1.0])
+        work[f"rolling scan, {beams} beams"] = each, lambda s=sensor: s.cast(rays[0], 0.0).ranges
+    for name, (poses, own) in work.items():
+        timed = take_turns(
+            {"bare": _repeated(prepared(poses, BEAM)), "own": _repeated(own)}, seconds=seconds / 10
+        )
+        exact = planar.cast_batch(BEAM, poses)
+        report.add(
+            "single rays",
+            work=name,
+            own_to_bare=timed["own"].median / timed["bare"].median,
+            error_m=errors(own()[:, None], exact, BEAM).max(),
+            bare_error_m=errors(bare(BEAM, poses), exact, BEAM).max(),
+        )
+
+
+def _repeated(call: Callable[[], object]) -> Callable[[int], object]:
+    return lambda turn: call()
 
 
 def _scan(calls: Sequence[Callable[[], object]], turn: int) -> object:
@@ -272,7 +322,7 @@ def bare_embree(world: World) -> tuple[Cast, Callable[..., Callable[[], object]]
         return limited(distances.reshape(len(poses), lrf.beams), lrf)
 
     def prepared(pose: Float, lrf: LaserRangeFinder = LRF) -> Callable[[], object]:
-        return partial(scene.run, *rays(world, lrf, pose[None]))
+        return partial(scene.run, *rays(world, lrf, np.atleast_2d(pose)))
 
     return cast, prepared
 

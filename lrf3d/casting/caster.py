@@ -1,13 +1,13 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lrf3d.base.cores import share
 from lrf3d.base.errors import InputError, expect, shown
@@ -50,18 +50,17 @@ if TYPE_CHECKING:
     from lrf3d.casting.light import Lighting
 
 
-# [beams] Largest scans of a batch that are cast beam by beam: as fans they would take longer. A
-# single scan is one call of a kernel as a fan and two beam by beam, so only one beam goes alone.
-FEW = 20
-
-# [rays] Rays that are prepared together: 160 kB, which stay in the cache of a core.
-AT_ONCE = 4_000
-
 # [trees] Trees that are kept: one for all heights of lasers at which the same walls are met.
 MOST_TREES = 8
 
 # [rays] Fewer than these are cast by one core: starting a thread would take longer.
 MANY = 4096
+
+# Stands for walls where nothing asks for them.
+NO_WALLS = np.empty(0, np.int64)
+
+# Limits of rays for which no range finder is given.
+UNLIMITED = LaserRangeFinder(range_max=LARGEST_COORDINATE)
 
 
 class PlanarCaster:
@@ -108,7 +107,10 @@ class PlanarCaster:
         if self.lighting is not None:
             (lit,) = self._lit(lrf, np.array([pose])).scans()
             return LaserScan.unchecked(lrf, pose, *lit.arrays(lrf.echoes))
-        return LaserScan.unchecked(lrf, pose, *self._once(lrf, pose))
+        ranges = np.empty(lrf.beams)
+        walls = np.empty(lrf.beams, np.int64)
+        self._once(lrf, pose, ranges, walls)
+        return LaserScan.unchecked(lrf, pose, ranges, walls)
 
     def ranges(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Float:
         """The ranges (beams,) of `cast` alone: for few beams a scan around them takes as long.
@@ -122,17 +124,17 @@ class PlanarCaster:
         pose = as_pose(pose)
         if self.lighting is not None:
             return np.asarray(self._lit(lrf, np.array([pose])).ranges[0])
-        return self._once(lrf, pose)[0]
+        ranges = np.empty(lrf.beams)
+        self._once(lrf, pose, ranges, NO_WALLS)
+        return ranges
 
-    def _once(self, lrf: LaserRangeFinder, pose: Pose) -> tuple[Float, Int]:
-        """Ranges and walls (beams,) from a pose; beams end also at mirrors and glass."""
+    def _once(self, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> None:
+        """Fill ranges (beams,) from a pose, and walls unless empty, as `_fill` does."""
         # A call less for what nearly all are: of a scan of some beams half is Python.
         laser = lrf.plain if isinstance(lrf, LaserRangeFinder) else laser_of(lrf)
-        ranges = np.empty(lrf.beams)
-        walls = np.empty(lrf.beams, np.int64)
-        place = np.fromiter(pose, np.float64, 3)[None]
-        self._fill(lrf.height, laser, place, ranges[None], walls[None])
-        return ranges, walls
+        place = np.empty((1, 3))
+        place[0, 0], place[0, 1], place[0, 2] = pose
+        self._fill(lrf.height, laser, place, ranges, walls)
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
@@ -170,13 +172,12 @@ class PlanarCaster:
         ways = as_rows(directions, "directions", 2)
         if len(starts) != len(ways):
             raise InputError(f"{len(starts)} origins, {len(ways)} directions: expected as many")
-        if not (long := (np.abs(ways) >= TINY).any(axis=1)).all():
-            raise InputError(f"direction {int(np.argmin(long))}: it has no length")
         rays = np.empty(len(ways), RAY)
-        for names, columns in (("x", "y"), starts.T), (("dx", "dy"), ways.T):
-            for name, column in zip(names, columns, strict=True):
-                rays[name] = np.where(np.abs(column) < TINY, 0.0, column)
-        return self.trace(lrf or LaserRangeFinder(range_max=LARGEST_COORDINATE), rays)
+        for name, column in zip(("x", "y", "dx", "dy"), (*starts.T, *ways.T), strict=True):
+            rays[name] = np.where(np.abs(column) < TINY, 0.0, column)
+        if (short := (rays["dx"] == 0.0) & (rays["dy"] == 0.0)).any():
+            raise InputError(f"direction {int(np.argmax(short))}: it has no length")
+        return self.trace(lrf or UNLIMITED, rays)
 
     def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
         """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
@@ -333,15 +334,11 @@ class PlanarCaster:
         return build_tree(self.world.segments[tall], tall)
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
-        """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty; on one core.
+        """Fill ranges (k · beams,) of scans from poses (k, 3), and walls unless empty; on one core.
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        tree = self._plain(height)
-        if ranges.shape[1] > (FEW if len(poses) > 1 else 1):
-            cast_scans(tree, laser, poses, ranges, walls)
-        else:
-            cast_one_by_one(tree, laser, poses, ranges, walls, lambda rays: NO_GUESSES)
+        cast_scans(self._plain(height), laser, poses, ranges, walls)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser = laser_of(lrf)
@@ -354,9 +351,9 @@ class PlanarCaster:
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            self._fill(lrf.height, laser, poses[part], ranges[part], walls[part])
+            self._fill(lrf.height, laser, poses[part], ranges[part].ravel(), walls[part].ravel())
 
-        share(work, len(poses))
+        share(work, len(poses), max(8, MANY // lrf.beams))
         return ranges, walls
 
     def _lit(self, lrf: LaserRangeFinder, poses: Float, *, chains: bool = False) -> "Lit":
@@ -372,22 +369,9 @@ class PlanarCaster:
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            self._fill(lrf.height, laser, poses[part], lit.ranges[part], lit.walls[part])
+            found = lit.ranges[part].ravel(), lit.walls[part].ravel()
+            self._fill(lrf.height, laser, poses[part], *found)
             lighting.light(lrf, tree, rays[part], lit.part(part))
 
         share(work, len(poses))
         return lit
-
-
-def cast_one_by_one(
-    tree: Plain, laser: Plain, poses: Float, ranges: Float, walls: Int,
-    guesses: Callable[[Records], NDArray[np.int32]],
-) -> None:  # fmt: skip
-    """Cast scans beam by beam, some of them at a time, with the walls that beams probably meet."""
-    many = max(1, AT_ONCE // ranges.shape[1])
-    for part in (slice(k, k + many) for k in range(0, len(poses), many)):
-        rays = np.empty(ranges[part].shape, RAY)
-        rays_from(laser, poses[part], np.zeros(len(rays)), rays)
-        flat = rays.ravel()
-        found = guesses(flat), ranges[part].ravel(), walls[part].ravel()
-        cast_rays(tree, laser[-2:], flat, *found)

@@ -45,11 +45,11 @@ from lrf3d.geometry.lines import Float, Int, Records
 # A beam with its own origin [m], direction, and time [s].
 RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
 
-# Bound on the relative rounding error of a length, in addition to cancellation.
-LENGTH_SLACK = 16.0 * 2.0**-53
+# Share of its terms from which on the float64 value of an area or a slope is good to 6e-13.
+CLEAR = 2.0**-10
 
-# Relative error of a length up to which the sign of its float64 value is trusted.
-CLEAR_LENGTH = 1e-6
+# Room for the rounding error of a length of such an area and slope: less than 1.2e-12 of it.
+NEARLY = 1.0 + 2.0**-38
 
 # Verdicts about a wall: not met before the nearest so far, met, or left open by float64.
 MISSED = 0
@@ -65,9 +65,6 @@ BLOCK = 64
 # Walls of a leaf that are sifted together, in whole vectors.
 SIFTED = (SMALL + LANES - 1) // LANES * LANES
 
-# Limit [m] in place of infinity, which times a slope of zero were no number.
-FARTHEST = 1e100
-
 
 class Nearest(NamedTuple):
     """The wall that a beam meets first so far: its row, or −1, and bounds of its distance [m]."""
@@ -80,11 +77,12 @@ class Nearest(NamedTuple):
 class Block(NamedTuple):
     """Buffers for BLOCK rays, whose lengths are computed in vectors."""
 
-    rows: Int  # The wall that each meets, −1 for none, or UNDECIDED.
+    rows: Int  # The wall that each probably meets, or −1; then the one that it meets, or UNDECIDED.
     beams: Float  # (4, BLOCK) columns of the beams.
     walls: Float  # (4, BLOCK) columns of those walls.
     lengths: Float  # t, not a number where float64 falls short.
-    sifted: Float  # (SIFTED,) room for the walls of a leaf.
+    sifted: Float  # (2 SIFTED,) bounds of the walls of a leaf.
+    stack: Stack
 
 
 # Stands for guesses where nothing guesses.
@@ -102,55 +100,74 @@ def cast_rays(
     that is guessed counts if the ray meets it, and then only nearer ones are looked for.
     """
     tree = Tree(*plain_tree)
-    range_min, range_max = limits
-    stack = new_stack()
-    # Walls a little beyond the range may be met.
-    reach = range_max * ROOM * ROOM
-    names = tree.rows
-    rows = np.empty(BLOCK, np.int64)
-    lengths = np.empty(BLOCK)
-    columns = np.zeros((2, 4, BLOCK))
-    block = Block(rows, columns[0], columns[1], lengths, np.empty(SIFTED))
+    block = new_block()
     for start in range(0, len(rays), BLOCK):
-        count = min(BLOCK, len(rays) - start)
-        part = slice(start, start + count)
-        _follow(tree, rays[part], guesses[part], reach, block, stack)
-        for k in range(count):
-            i = start + k
-            row = rows[k]
-            t = lengths[k]
-            if row == UNDECIDED:
-                row = first_wall(tree, beam_of(rays, i), Nearest(-1, np.inf, reach), stack)
-            if row >= 0 and not (rows[k] >= 0 and range_min * ROOM < t < range_max / ROOM):
-                beam = beam_of(rays, i)
-                wall = wall_at(tree.walls, row)
-                t = within(length_of(beam, wall), range_min, range_max, beam, wall)
-            ranges[i] = t if row >= 0 else np.inf
-            if len(hits) > 0:
-                hits[i] = names[row] if math.isfinite(ranges[i]) else -1
+        stop = min(start + BLOCK, len(rays))
+        for i in range(start, stop):
+            fill_block(block, i - start, beam_of(rays, i), guesses[i] if len(guesses) > 0 else -1)
+        cast_block(tree, block, (start, stop), limits, ranges, hits)
+
+
+@inner
+def new_block() -> Block:
+    """A block without rays."""
+    columns = np.zeros((2, 4, BLOCK))
+    return Block(
+        np.empty(BLOCK, np.int64), columns[0], columns[1], np.empty(BLOCK), np.empty(2 * SIFTED),
+        new_stack(),
+    )  # fmt: skip
 
 
 @borrower
-def _follow(
-    tree: Tree, rays: Records, guesses: NDArray[np.int32], reach: float, block: Block, stack: Stack
-) -> None:
+def fill_block(block: Block, k: int, beam: Beam, guess: int) -> None:
+    """Put a beam into a block, with the row of the wall that it probably meets, or −1."""
+    block.rows[k] = guess
+    block.beams[0, k], block.beams[1, k], block.beams[2, k], block.beams[3, k] = beam
+
+
+@inner
+def cast_block(
+    tree: Tree, block: Block, part: tuple[int, int], limits: tuple[float, float], ranges: Float,
+    hits: Int,
+) -> None:  # fmt: skip
+    """Fill a part of the ranges, and of the hits unless empty, of the rays in a block."""
+    start, stop = part
+    range_min, range_max = limits
+    # Walls a little beyond the range may be met.
+    reach = range_max * ROOM * ROOM
+    rows = block.rows
+    lengths = block.lengths
+    _follow(tree, block, stop - start, reach)
+    for k in range(stop - start):
+        row = rows[k]
+        t = lengths[k]
+        beam = Beam(*column_at(block.beams, k))
+        if row == UNDECIDED:
+            row = first_wall(tree, beam, Nearest(-1, np.inf, reach), block.stack)
+        if row >= 0 and not (rows[k] >= 0 and range_min * ROOM < t < range_max / ROOM):
+            wall = wall_at(tree.walls, row)
+            t = within(length_of(beam, wall), range_min, range_max, beam, wall)
+        ranges[start + k] = t if row >= 0 else np.inf
+        if len(hits) > 0:
+            hits[start + k] = tree.rows[row] if row >= 0 and math.isfinite(t) else -1
+
+
+@borrower
+def _follow(tree: Tree, block: Block, count: int, reach: float) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
-    beams = block.beams
-    walls = block.walls
     before = -1
     row = -1
-    for i in range(len(rays)):
-        beam = beam_of(rays, i)
-        # Without guesses the wall of the two beams before is often the one.
-        guess = guesses[i] if len(guesses) > 0 else row if row == before else -1
+    for k in range(count):
+        # Without a guess the wall of the two beams before is often the one.
+        guess = row if block.rows[k] < 0 and row == before else block.rows[k]
         before = row
-        row = block.rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
-        if row >= 0:
-            beams[0, i], beams[1, i], beams[2, i], beams[3, i] = beam
-            walls[0, i], walls[1, i], walls[2, i], walls[3, i] = wall_at(tree.walls, row)
-    for k in range(whole(len(rays))):
-        ox, oy, dx, dy = column_at(beams, k)
-        t, good = plain_length(Beam(ox, oy, dx, dy), column_at(walls, k))
+        row = block.rows[k] = clear_wall(
+            tree, Beam(*column_at(block.beams, k)), guess, reach, block
+        )
+        for axis in range(4 if row >= 0 else 0):
+            block.walls[axis, k] = tree.columns[axis, row]
+    for k in range(whole(count)):
+        t, good = plain_length(Beam(*column_at(block.beams, k)), column_at(block.walls, k))
         block.lengths[k] = t[0] if good else np.nan
 
 
@@ -162,69 +179,76 @@ def beam_of(rays: Records, i: int) -> Beam:
 
 
 @borrower
-def clear_wall(
-    tree: Tree, beam: Beam, guess: int, reach: float, sifted: Float, stack: Stack
-) -> int:
+def clear_wall(tree: Tree, beam: Beam, guess: int, reach: float, block: Block) -> int:
     """The row of the wall that a beam meets first up to a reach, or −1; or UNDECIDED."""
     way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
     nearest = Nearest(-1, np.inf, reach)
     if guess >= 0:
-        verdict, low, high = judged(wall_at(tree.walls, guess), beam, nearest)
-        if verdict == OPEN:
-            return UNDECIDED
-        nearest = Nearest(guess, low, high) if verdict == TAKEN else nearest
-    top = enter(tree, stack)
+        low, high = bounds(wall_at(tree.walls, guess), beam)
+        nearest = Nearest(guess, low, high) if low <= reach and high < np.inf else nearest
+    top = enter(tree, block.stack)
     while top > 0:
-        first, stop, top = next_leaf(tree, way, nearest.high, stack, top)
-        sift(tree.columns, first, stop, beam, nearest.high, sifted)
+        first, stop, top = next_leaf(tree, way, nearest.high, block.stack, top)
+        sift(tree.columns, first, stop, beam, block.sifted)
         for row in range(first, stop):
-            if sifted[row - first] > 0.0:
+            if block.sifted[row - first] > nearest.high:
                 continue
-            verdict, low, high = judged(wall_at(tree.walls, row), beam, nearest)
-            if verdict == TAKEN:
-                nearest = Nearest(row, low, high)
-            elif verdict == OPEN and row != nearest.row:
+            high = block.sifted[SIFTED + row - first]
+            if high < nearest.low:
+                nearest = Nearest(row, block.sifted[row - first], high)
+            elif row != nearest.row:
                 return UNDECIDED
     return nearest.row
 
 
 @borrower
-def sift(columns: Float, first: int, stop: int, beam: Beam, limit: float, sifted: Float) -> None:
-    """Sift the walls of a leaf: what is above zero shows that one is not met up to a limit [m].
+def sift(columns: Float, first: int, stop: int, beam: Beam, sifted: Float) -> None:
+    """Bounds of the distances at which a beam meets the walls of a leaf: low ones, then high ones.
 
-    One loop without branches, with the bounds of `judged`.
+    One loop without branches.
     """
-    ox, oy, dx, dy = beam
-    limit = min(limit, FARTHEST)
     for k in range(whole(stop - first)):
-        px, py, qx, qy = column_at(columns, index_of(first) + k)
-        ax = px - ox
-        ay = py - oy
-        bx = qx - ox
-        by = qy - oy
-        ex = qx - px
-        ey = qy - py
-        left = dx * ay
-        right = dy * ax
-        other_left = dx * by
-        other_right = dy * bx
-        p = left - right
-        q = other_left - other_right
-        doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
-        low, high = (p, q) if p < q else (q, p)
-        aside = (low if low > -high else -high) - doubt
-        left = ax * ey
-        right = ay * ex
-        other_left = dx * ey
-        other_right = dy * ex
-        area = left - right
-        slope = other_left - other_right
-        size = abs(left) + abs(right)
-        steep = abs(other_left) + abs(other_right)
-        ahead = area if slope > 0.0 else -area
-        beyond = ahead - limit * abs(slope)
-        away = (beyond if beyond > -ahead else -ahead) - 2.0 * FILTER * (size + limit * steep)
-        sifted[k] = aside if aside > away else away
+        low, high = bounds(column_at(columns, index_of(first) + k), beam)
+        sifted[k] = low
+        sifted[index_of(SIFTED) + k] = high
+
+
+@borrower
+def bounds(wall: Wall, beam: Beam) -> tuple[float, float]:
+    """Bounds of the distance at which a beam meets a wall, as float64 shows them.
+
+    The low one is infinite where it misses the wall; the high one where that is left open.
+    """
+    ax = wall.px - beam.ox
+    ay = wall.py - beam.oy
+    bx = wall.qx - beam.ox
+    by = wall.qy - beam.oy
+    left = beam.dx * ay
+    right = beam.dy * ax
+    other_left = beam.dx * by
+    other_right = beam.dy * bx
+    p = left - right
+    q = other_left - other_right
+    doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
+    least, most = (p, q) if p < q else (q, p)
+    aside = least if least > -most else -most
+    ex = wall.qx - wall.px
+    ey = wall.qy - wall.py
+    left = ax * ey
+    right = ay * ex
+    other_left = beam.dx * ey
+    other_right = beam.dy * ex
+    area = left - right
+    slope = other_left - other_right
+    size = abs(left) + abs(right)
+    steep = abs(other_left) + abs(other_right)
+    # Above zero where most digits of the area or of the slope cancel.
+    unclear = max(CLEAR * size - abs(area), CLEAR * steep - abs(slope))
+    t = area / slope
+    low = t * (2.0 - NEARLY) if unclear < 0.0 else 0.0
+    low = low if low >= 0.0 else np.inf
+    low = low if aside <= doubt else np.inf
+    return low, t * NEARLY if max(unclear, aside + doubt) < 0.0 else np.inf
 
 
 @inner
@@ -250,40 +274,10 @@ def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
 @borrower
 def judged(wall: Wall, beam: Beam, nearest: Nearest) -> tuple[int, float, float]:
     """Whether a wall is met before the nearest so far, in float64, and at which distances."""
-    ax = wall.px - beam.ox
-    ay = wall.py - beam.oy
-    bx = wall.qx - beam.ox
-    by = wall.qy - beam.oy
-    left = beam.dx * ay
-    right = beam.dy * ax
-    other_left = beam.dx * by
-    other_right = beam.dy * bx
-    p = left - right
-    q = other_left - other_right
-    doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
-    if min(p, q) > doubt or max(p, q) < -doubt:
-        return MISSED, 0.0, 0.0
-    ex = wall.qx - wall.px
-    ey = wall.qy - wall.py
-    left = ax * ey
-    right = ay * ex
-    other_left = beam.dx * ey
-    other_right = beam.dy * ex
-    area = left - right
-    slope = other_left - other_right
-    size = abs(left) + abs(right)
-    steep = abs(other_left) + abs(other_right)
-    t = area / slope
-    slack = LENGTH_SLACK + 2.0 * FILTER * (size / abs(area) + steep / abs(slope))
-    # Not a number where the area or the slope is zero.
-    if not slack < CLEAR_LENGTH:
-        return OPEN, 0.0, 0.0
-    low = t * (1.0 - slack)
-    high = t * (1.0 + slack)
-    if t < 0.0 or low > nearest.high:
+    low, high = bounds(wall, beam)
+    if low == np.inf or low > nearest.high:
         return MISSED, low, high
-    sure = min(abs(p), abs(q)) > doubt and high < nearest.low
-    return (TAKEN if sure else OPEN), low, high
+    return (TAKEN if high < nearest.low else OPEN), low, high
 
 
 @inner

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from lrf3d.casting.kernels.beams import (
     MISSED,
     OPEN,
+    SIFTED,
     Nearest,
     beam_of,
     judged,
@@ -63,7 +64,6 @@ from lrf3d.casting.kernels.skyline import (
 )
 from lrf3d.casting.kernels.tree import (
     ROOM,
-    SMALL,
     Plain,
     Tree,
     Way,
@@ -278,7 +278,7 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
     sight = Eye(*eye)
     skies = Skylines(*plain_skies)
     stack = new_stack()
-    sifted = np.empty(SMALL + PADDING)
+    sifted = np.empty(2 * SIFTED)
     fits = True
     for i in range(len(rays)):
         beam = beam_of(rays, i)
@@ -289,9 +289,9 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
         while top > 0:
             limit = min(limit, ROOM / skies.covered[i]) if skies.covered[i] > 0.0 else limit
             first, stop, top = next_leaf(tree, way, limit, stack, top)
-            sift(tree.columns, first, stop, beam, limit, sifted)
+            sift(tree.columns, first, stop, beam, sifted)
             for k in range(first, stop):
-                if sifted[k - first] <= 0.0:
+                if sifted[k - first] <= limit:
                     piece = _piece(walls, k)
                     fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
     return fits

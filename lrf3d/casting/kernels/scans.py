@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.base.errors import expect
-from lrf3d.casting.kernels.beams import within
+from lrf3d.casting.kernels.beams import BLOCK, cast_block, fill_block, new_block, within
 from lrf3d.casting.kernels.fan import NARROW, Fan, trace
 from lrf3d.casting.kernels.predicates import LANES, Beam, length, lengths, wall_at
 from lrf3d.casting.kernels.tree import ROOM, Plain, Tree
@@ -15,6 +15,9 @@ from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
+
+# [beams] Largest scans that are cast beam by beam: as fans they would take longer.
+FEW = 30
 
 # How many numbers beyond the last beam `lengths` may read and write.
 PADDING = LANES - 1
@@ -41,18 +44,43 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
 def cast_scans(
     plain_tree: Plain, plain_laser: Plain, poses: Float, ranges: Float, hits: Int
 ) -> None:
-    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
+    """Cast a scan at each of the poses (k, 3); fill ranges (k · beams,), and hits unless empty."""
     tree = Tree(*plain_tree)
     laser = Laser(*plain_laser)
     beams = laser.fan.shape[1]
+    if beams <= FEW:
+        _cast_few(tree, laser, poses, ranges, hits)
+        return
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
     dx = np.empty(beams + PADDING)
     dy = np.empty(beams + PADDING)
     for k in range(len(poses)):
-        hit = hits[k] if len(hits) > 0 else own
+        part = slice(k * beams, (k + 1) * beams)
+        hit = hits[part] if len(hits) > 0 else own
         fan = aim(laser, poses[k], dx, dy)
         trace(tree, fan, laser.range_max, hit)
-        measure(tree, fan, laser, ranges[k], hit)
+        measure(tree, fan, laser, ranges[part], hit)
+
+
+@inner
+def _cast_few(tree: Tree, laser: Laser, poses: Float, ranges: Float, hits: Int) -> None:
+    """Cast scans of few beams beam by beam: see `cast_scans`."""
+    cosines, sines = laser.fan
+    block = new_block()
+    done = 0
+    count = 0
+    for k in range(len(poses)):
+        x, y, theta = poses[k]
+        cos = math.cos(theta)
+        sin = math.sin(theta)
+        for i in range(len(cosines)):
+            dx, dy = turn(cosines[i], sines[i], cos, sin)
+            fill_block(block, count, Beam(x, y, dx, dy), -1)
+            count += 1
+            if count == BLOCK or done + count == len(ranges):
+                cast_block(tree, block, (done, done + count), laser[-2:], ranges, hits)
+                done += count
+                count = 0
 
 
 @compiled
@@ -64,8 +92,6 @@ def rays_from(plain: Plain, poses: Float, times: Float, rays: Records) -> None:
     cosines, sines = Laser(*plain).fan
     scans, beams = rays.shape
     rolling = scans < len(poses)
-    cos = 1.0
-    sin = x = y = 0.0
     for k in range(scans):
         for i in range(beams):
             at = i if rolling else k
@@ -124,13 +150,12 @@ def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None
                 ranges[i] = np.inf
             continue
         wall = wall_at(walls, row)
-        name = rows[row]
         lengths((ox, oy), dx, dy, wall, (start, stop), values)
         for i in range(start, stop):
             # Near a limit t is compared exactly, as its rounding error must not decide.
             t = values[i]
             ranges[i] = t
-            hit[i] = name
+            hit[i] = rows[row]
             if range_min * ROOM < t < range_max / ROOM:
                 continue
             beam = Beam(ox, oy, dx[i], dy[i])

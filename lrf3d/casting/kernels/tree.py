@@ -145,18 +145,21 @@ def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tup
             bound = ((boxes[high, child] - oy) - y) * along
             far = bound if bound < far else far
             nears[k] = near if near <= far * ROOM else np.inf
-        bottom = top
+        bottom = nearest = top
+        least = np.inf
         for k in range(-count):
+            # Without a branch: a child that is missed is written over by the next one.
             near = nears[k]
-            if near == np.inf:
-                continue
-            slot = top
-            while slot > bottom and waiting[slot - 1].near < near:
-                waiting[slot] = waiting[slot - 1]
-                slot -= 1
-            waiting[slot].node = first + k
-            waiting[slot].near = near
-            top += 1
+            waiting[top].node = first + k
+            waiting[top].near = near
+            nearest = top if near < least else nearest
+            least = min(near, least)
+            top += near < np.inf
+        if top > bottom:
+            node = waiting[nearest].node
+            waiting[nearest] = waiting[top - 1]
+            waiting[top - 1].node = node
+            waiting[top - 1].near = least
     return 0, 0, 0
 
 
@@ -179,8 +182,8 @@ def build_tree(segments: Float, index: NDArray[np.int32] | None = None) -> Tree:
     boxes = np.empty((capacity, 4))
     links = np.zeros((capacity, 2), dtype=np.int32)
     used = _build(segments, order, boxes, links)
-    names = order if index is None else index[order]
     walls = segments[order]
+    names = order if index is None else index[order]
     return Tree(_columns(boxes[:used]), links[:used].copy(), walls, _columns(walls), names)
 
 
