@@ -62,10 +62,12 @@ def unit_scales(unit: float) -> dict[float, str]:
 
 def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
     """A doubt about the size of a drawing, with scales that would fit; empty if there is none."""
-    if not len(strokes.segments) or not canvas.scales:
+    # Frames and dimensions are longer than walls.
+    drawn = strokes.segments[strokes.role != "annotation"]
+    if not len(drawn) or not canvas.scales:
         return ""
-    points = strokes.segments.reshape(-1, 2)
-    long = lengths(strokes.segments)
+    points = drawn.reshape(-1, 2)
+    long = lengths(drawn)
     usual = _quantile(long, long, 0.5)
     # A single long line does not make a large plan.
     weights = np.repeat(long, 2)

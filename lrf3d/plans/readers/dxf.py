@@ -95,6 +95,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
             with redirect_stdout(StringIO()):
                 painter = _EntityFilter(RenderContext(file), canvas, unit * scale, config)
                 painter.unplotted = {e.dxf.name.casefold() for e in file.layers if not e.dxf.plot}
+                painter.frozen = {e.dxf.name.casefold() for e in file.layers if e.is_frozen()}
                 painter.draw_layout(layout)
         for entity in layout:
             if layout is not read or not _is_content(entity):
@@ -138,6 +139,8 @@ class _EntityFilter(Frontend):
         self.canvas = canvas
         # Names of the layers that CAD shows on the screen but does not plot.
         self.unplotted = set[str]()
+        # Names of the layers on which no block shows anything.
+        self.frozen = set[str]()
         # Whether an entity is drawn as its parts, which are not items themselves.
         self.in_parts = False
 
@@ -147,7 +150,10 @@ class _EntityFilter(Frontend):
         canvas.count(entity.mcount if kind == "INSERT" else 1)
         self.painter.dashed = bool(properties.linetype_pattern)
         if kind == "INSERT":
-            self._place(entity, properties)
+            if properties.layer.casefold() in self.frozen:
+                self.skip_entity(entity, "invisible")
+            else:
+                self._place(entity, properties)
             return
         if self.in_parts:
             super().draw_entity(entity, properties)

@@ -22,7 +22,7 @@ from lrf3d.plans.canvas import WHITE
 from lrf3d.plans.doubts import of_cells, of_dark, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
-from lrf3d.plans.rules.enclosure import THICKEST, reduced
+from lrf3d.plans.rules.enclosure import THICKEST, closed_share, reduced
 from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
@@ -339,7 +339,14 @@ def _building(solid: Bool, pixels: float) -> Bool:
         return np.ones_like(solid)
     large = np.flatnonzero(shapely.length(hulls) > 4.0 * LETTER * pixels)
     part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
-    own = large[part == part[np.argmax(area[large])]] if len(large) else [int(np.argmax(area))]
+    own = large[part == part[np.argmax(area[large])]] if len(large) else np.argmax(area, keepdims=True)
+    beside = [bar for bar in own if _is_bar(hulls[bar], hulls[own[own != bar]])]
+    if beside:
+        # A wall between windows closes rooms, a scale bar does not.
+        without = solid & ~np.isin(parts, np.unique(owner)[beside])
+        cells = [reduced(each, pixels) for each in (solid, without)]
+        closed = [closed_share(dark, PARTED * metre) for dark, metre in cells]
+        own = own if closed[0] > closed[1] else np.setdiff1d(own, beside)
     main = shapely.convex_hull(shapely.union_all(hulls[own]))
     apart = shapely.disjoint(hulls, main)
     if area[apart].sum() > main.area:
@@ -349,6 +356,12 @@ def _building(solid: Bool, pixels: float) -> Bool:
     for shape in shapely.get_parts(kept):
         ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
     return np.asarray(image, dtype=np.bool_)
+
+
+def _is_bar(hull: Any, others: Any) -> bool:
+    """Whether a hull is long and narrow, and outside of what others (n,) surround."""
+    outside = shapely.disjoint(hull, shapely.convex_hull(shapely.union_all(others)))
+    return bool(outside and 8.0 * hull.area < hull.length**2 / 4.0)
 
 
 def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:

@@ -55,6 +55,9 @@ INHERITED = frozenset(
     " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
 
+# Distance [m] from the edge of a clip within which a line is on it: coordinates are rounded.
+ON_EDGE = 1e-6
+
 # Elements that are painted, and their classes of svgelements.
 SHAPES = {
     "path": svgelements.Path,
@@ -139,7 +142,8 @@ class _ElementPainter(NamedTuple):
     def state(self, element: Element, outer: State, transformed: bool = True) -> State:
         """The state of what is in an element."""
         own = {key: value.strip() for key, value in element.attrib.items()}
-        own |= self.sheet.get(element, {}) | _declarations(element.get("style", ""))
+        declared = _overruled(self.sheet.get(element, {}), _declarations(element.get("style", "")))
+        own |= {key: value.partition("!")[0].strip() for key, value in declared.items()}
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
         names, layer = _named(_tag(element), own, outer)
@@ -350,9 +354,11 @@ def _is_hidden(tag: str, state: State) -> bool:
     return invisible or state.style.get("display") == "none" or state.alpha < FAINT
 
 
-def _within(region: Any, clip: Any) -> Any:
-    """The intersection of two clips; None clips nothing."""
-    return region if clip is None else clip if region is None else clip.intersection(region)
+def _within(clip: Any, region: Any) -> Any:
+    """What a clip leaves of a region; None clips nothing."""
+    # Half of a line on the edge is seen.
+    region = region.buffer(ON_EDGE, join_style="mitre")
+    return region if clip is None else clip.intersection(region)
 
 
 def _viewport(element: Element, sized: Element, state: State, placed: bool = False) -> State:
@@ -364,7 +370,7 @@ def _viewport(element: Element, sized: Element, state: State, placed: bool = Fal
     if state.style.get("overflow", "hidden") not in ("visible", "auto"):
         corners = np.array(shapely.box(x, y, x + width, y + height).exterior.coords)
         frame = shapely.Polygon(corners @ state.matrix[:2, :2].T + state.matrix[:2, 2])
-        state = state._replace(clip=_within(frame, state.clip))
+        state = state._replace(clip=_within(state.clip, frame))
     return _framed(element, (x, y, width, height), state)
 
 
@@ -489,11 +495,16 @@ def _style_sheet(root: Element) -> dict[Element, dict[str, str]]:
     for each in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
         # From the least specific rule on.
         for *_, content in matcher.match(each):
-            said.setdefault(each.etree_element, {}).update(content)
+            said[each.etree_element] = _overruled(said.get(each.etree_element, {}), content)
     return said
 
 
 def _declarations(text: str) -> dict[str, str]:
     """The properties that the declarations of a style set."""
     parts = (part.partition(":") for part in re.sub(r"/\*.*?\*/", "", text).split(";"))
-    return {key.strip().lower(): value.replace("!important", "").strip() for key, _, value in parts}
+    return {key.strip().lower(): value.strip() for key, _, value in parts}
+
+
+def _overruled(one: dict[str, str], other: dict[str, str]) -> dict[str, str]:
+    """Declarations, overruled by others unless they are important and those are not."""
+    return one | {k: v for k, v in other.items() if "!" in v or "!" not in one.get(k, "")}
