@@ -146,7 +146,7 @@ class Scale(Decision):
 
     def _change(self, plan: Plan) -> Plan:
         # The reader has used the scale already; here the doubt about the size is dropped.
-        return plan._replace(doubt="")
+        return plan._replace(doubts=(), scales={})
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float
 from lrf3d.plans.rules.doors import Door
 from lrf3d.plans.rules.enclosure import closes_rooms, drawn_cells, shut_share
@@ -24,6 +24,11 @@ PICTURED = 0.15
 
 # Number of walls up to which a plan need not close a room, as a corridor or a sketch.
 FEW = 12
+
+
+def notes(*facts: str) -> tuple[Note, ...]:
+    """Notes on the facts that are not empty."""
+    return tuple(Note(each) for each in facts if each)
 
 
 def of_doors(doors: Sequence[Door]) -> str:

@@ -25,12 +25,12 @@ import shapely
 
 from lrf3d.base.balance import Balance, in_words
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
-from lrf3d.plans.doubts import of_doors, of_outside, of_pictures, of_rooms
+from lrf3d.plans.doubts import notes, of_doors, of_outside, of_pictures, of_rooms
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
-from lrf3d.plans.rules.doors import SIDE, Door, cleared
+from lrf3d.plans.rules.doors import SIDE, Door, cleared, gaps_in
 from lrf3d.plans.rules.enclosure import THICKEST
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
@@ -101,14 +101,18 @@ class Plan(NamedTuple):
     layers: Sequence[Layer] = ()
     # What was left out, in words: ``12 texts, layers DOORS, TEXT``.
     left_out: str = ""
-    # What the reader assumed, in words.
-    said: str = ""
+    # What the reader assumed.
+    said: tuple[Note, ...] = ()
     # Area [m²] and place (2,) [m] of each room, as the route planner divides the plan.
     rooms: Sequence[tuple[float, Float]] = ()
     # Largest gap [m] between walls that count as touching.
     gap: float = TOUCHING
     # Why it may be wrong, and what may correct it.
-    doubt: str = ""
+    doubts: tuple[Note, ...] = ()
+    # Factors of its scale with which it would be as large as a building, by what they are called.
+    scales: Mapping[str, float] = {}
+    # The grey, from 0 to 255, from which on the pixels of a picture are paper.
+    grey: float | None = None
     # The items of the source: used, and left out by reason.
     balance: Balance = Balance("item")
     # Unit of the drawing [m].
@@ -130,6 +134,13 @@ class Plan(NamedTuple):
     def heights(self) -> Float:
         """The heights (n,) of the walls [m]."""
         return self.parts.taken(self.parts.stands).heights
+
+    @property
+    def openings(self) -> Float:
+        """The openings (k, 2, 2) [m] of its doors; in a picture they are gaps in walls."""
+        if self.doors:
+            return np.array([door.opening for door in self.doors])
+        return gaps_in(self.segments)
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
@@ -153,10 +164,11 @@ class Plan(NamedTuple):
         world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
-        if words := "; ".join(filter(None, [self.doubt, self.said, doors, left])):
+        said = map(str, self.doubts + self.said)
+        if words := "; ".join(filter(None, [*said, doors, left])):
             walls = counted(len(world.segments), "wall")
             shown = (
-                f"`lrf3d edit {path}` settles it" if self.doubt else "`lrf3d world show` draws it"
+                f"`lrf3d edit {path}` settles it" if self.doubts else "`lrf3d world show` draws it"
             )
             note = f"{path}: {walls}; {words}; {shown}"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
@@ -207,8 +219,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     rooms = _rooms(marks, roles)
     roles = ["wall" if rooms and role in ("floor", *STANDS) else role for role in roles]
     pieces = rooms or _pieces(marks, roles)
-    said = [canvas.said] if canvas.said else []
-    said += ["no walls are drawn: rooms have walls around them"] if rooms else []
+    around = "no walls are drawn: rooms have walls around them" if rooms else ""
     strokes = Strokes(*_segments(pieces), sheet="annotation" in roles)
     for rule in RULES:
         strokes.take(rule)
@@ -226,8 +237,9 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     counts["doorway line"] = len(cut)
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     outside = strokes.segments[strokes.found["outside line"]]
-    doubts = [of_pictures(canvas.pictured), size_doubt(canvas, strokes)]
-    if not doubts[1]:
+    large, scales = size_doubt(canvas, strokes)
+    doubts = [of_pictures(canvas.pictured)]
+    if not large:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
         doubts.append(of_outside(_box_area(outside), _box_area(walls)))
@@ -237,9 +249,10 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        "; ".join(said),
+        notes(canvas.said, around),
         balance=balance,
-        doubt="; ".join(filter(None, doubts)),
+        doubts=notes(*doubts) + large,
+        scales=scales,
         unit=canvas.unit,
     )
 

@@ -178,7 +178,7 @@ def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tm
         space.add_arc((5 / unit, 3 / unit), 0.9 / unit, 0, 90)
 
     dxf(tmp_path, draw, 0)
-    doubt = read_plan(tmp_path / "a.dxf").doubt
+    doubt = " ".join(map(str, read_plan(tmp_path / "a.dxf").doubts))
     assert (f"--scale {scale} " in doubt and "12 m by 8 m, 1 door" in doubt) if scale else not doubt
 
 

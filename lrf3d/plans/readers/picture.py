@@ -16,10 +16,10 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
 from lrf3d.base.errors import WorldError
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
-from lrf3d.plans.doubts import of_cells, of_dark, of_outside, of_thick
+from lrf3d.plans.doubts import notes, of_cells, of_dark, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.rules.enclosure import THICKEST, closed_share, reduced
@@ -111,7 +111,6 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     even = evened(colours, 2.0 * THICKEST / side)
     if even is not None:
         colours = even
-        coarse = f"{coarse}; uneven light is evened, as on a photograph"
     contrast, lightness, key = contrast_of(colours)
     found = threshold_of(contrast) if threshold is None else (WHITE - threshold) / WHITE
     dark = contrast > found
@@ -144,7 +143,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
             raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
     else:
         doubts.append(of_cells(*reduced(walls, pixels, thin[0])))
-    how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    how = ("", "") if threshold is not None else (", found from the picture", "--threshold sets it")
+    light = "" if even is None else "uneven light is evened, as on a photograph"
     left = dark & ~grown(walls | furniture, RIM)
     seen = [
         Parts.of(np.concatenate(parts[:2]) * side, "wall"),
@@ -155,8 +155,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         seen[0].joined(*seen[1:]),
         left={"dark part": rows_of(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
-        said=f"walls are {darker}{how}{coarse}",
-        doubt="; ".join(filter(None, doubts)),
+        said=(Note(f"walls are {darker}{how[0]}", how[1]), *notes(coarse, light)),
+        doubts=notes(*doubts),
+        grey=WHITE * (1.0 - found),
         gap=0.5 * side,
         balance=balance,
         unit=resolution,
@@ -184,7 +185,7 @@ def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
         rows = stays(colours[:-1:2], colours[1::2])
         colours = stays(rows[:, :-1:2], rows[:, 1::2])
         side = 2.0 * side
-        coarse = f"; read at {side:g} m a pixel"
+        coarse = f"read at {side:g} m a pixel"
     return colours, side, coarse
 
 
@@ -339,14 +340,16 @@ def _building(solid: Bool, pixels: float) -> Bool:
         return np.ones_like(solid)
     large = np.flatnonzero(shapely.length(hulls) > 4.0 * LETTER * pixels)
     part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
-    own = large[part == part[np.argmax(area[large])]] if len(large) else np.argmax(area, keepdims=True)
+    own = np.argmax(area, keepdims=True)
+    if len(large):
+        own = large[part == part[np.argmax(area[large])]]
     beside = [bar for bar in own if _is_bar(hulls[bar], hulls[own[own != bar]])]
     if beside:
         # A wall between windows closes rooms, a scale bar does not.
         without = solid & ~np.isin(parts, np.unique(owner)[beside])
         cells = [reduced(each, pixels) for each in (solid, without)]
         closed = [closed_share(dark, PARTED * metre) for dark, metre in cells]
-        own = own if closed[0] > closed[1] else np.setdiff1d(own, beside)
+        own = np.setdiff1d(own, beside) if closed[1] > closed[0] else own
     main = shapely.convex_hull(shapely.union_all(hulls[own]))
     apart = shapely.disjoint(hulls, main)
     if area[apart].sum() > main.area:

@@ -25,6 +25,13 @@ SWEEP = np.radians([40.0, 150.0])
 # Least and largest width [m] of a leaf: of a cupboard, and of a gate.
 WIDTHS = (0.4, 1.7)
 
+# Least and largest width [m] of most doors.
+USUAL = (0.6, 1.2)
+
+# Sine of the angle between the ends of two walls that face each other, and the largest part of
+# their distance by which they may be displaced: pictures are turned, and drawn by hand.
+ASKEW = 0.15
+
 # Largest distance of a line of a leaf from the hinge and the arc, in widths of the door: a leaf may
 # be drawn with its thickness.
 NEAR = 0.12
@@ -144,6 +151,27 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
         if len(chords) > 2 and WIDTHS[0] < radius < WIDTHS[1] and off < 0.02 * radius:
             found.append((chords, about + np.array([cx, cy]), radius))
     return found
+
+
+def gaps_in(walls: Float) -> Float:
+    """The gaps (k, 2, 2) [m] in walls (n, 4) as wide as doors, between two ends of walls."""
+    ends = walls[lengths(walls) < THICKEST_WALL]
+    middles = ends.reshape(-1, 2, 2).mean(axis=1)
+    thick = lengths(ends)
+    pairs = cKDTree(middles).query_pairs(USUAL[1], output_type="ndarray")
+    one, other = pairs.T
+    apart = middles[other] - middles[one]
+    wide = np.hypot(*apart.T)
+    fits = (wide > USUAL[0]) & (np.minimum(thick[one], thick[other]) > 0.5 * thick[pairs].max(1))
+    fits &= np.abs(cross(directions(ends[one]), directions(ends[other]))) < ASKEW
+    fits &= np.abs((apart * directions(ends[one])).sum(axis=1)) < ASKEW * wide
+    found = middles[pairs[fits]]
+    # Between the ends of one piece of wall there are its sides, between those of two is nothing.
+    inner = 0.9 * found + 0.05 * found.sum(axis=1, keepdims=True)
+    areas = shapely.buffer(shapely.linestrings(inner), 0.55 * thick[one[fits]], cap_style="flat")
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    crossed, _ = shapely.STRtree(lines).query(areas, predicate="intersects")
+    return np.delete(found, np.unique(crossed), axis=0)
 
 
 def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:
