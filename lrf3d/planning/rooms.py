@@ -166,9 +166,10 @@ def _notes(
         why = "no door leads there from inside, or it is drawn shut, or blocked"
         found = f"{_count(len(shut), rooms)} not reached, {_largest(shut, 1)}: {why}"
         notes.append(Note(found, "`lrf3d edit` shows it, and opens doors"))
-    long = "the route would be too long, or shows little more"
-    missed = f"{_count(len(far), rooms)} not entered, {_largest(far, 1)}: {long}" if far else ""
-    return notes, [Note(missed)] if far else []
+    if not far:
+        return notes, []
+    why = "the route would be too long, or shows little more"
+    return notes, [Note(f"{_count(len(far), rooms)} not entered, {_largest(far, 1)}: {why}")]
 
 
 # Marker of a room whose path has no narrow place.

@@ -150,10 +150,7 @@ class _EntityFilter(Frontend):
         canvas.count(entity.mcount if kind == "INSERT" else 1)
         self.painter.dashed = bool(properties.linetype_pattern)
         if kind == "INSERT":
-            if properties.layer.casefold() in self.frozen:
-                self.skip_entity(entity, "invisible")
-            else:
-                self._place(entity, properties)
+            self._place(entity, properties)
             return
         if self.in_parts:
             super().draw_entity(entity, properties)
@@ -176,7 +173,9 @@ class _EntityFilter(Frontend):
     def _place(self, entity: Any, properties: Any) -> None:
         """Draw the block that an entity inserts."""
         block = _content(entity)
-        if block is not None:
+        if properties.layer.casefold() in self.frozen:
+            self.skip_entity(entity, "invisible")
+        elif block is not None:
             for each in block:
                 # What ezdxf skips: attributes, of which each insert has its own, and unknown kinds.
                 if each.dxftype() == "ATTDEF" or hasattr(each, "xtags"):

@@ -184,19 +184,19 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:
     walls = _Walls.of(segments)
     lines = as_lines(segments)
     tips = np.array([door.corners[1] for door in doors])
-    doorways = [_doorway(door, tips, walls) for door in doors]
-    shut = np.array([box for box in doorways if box is not None], dtype=object)
-    box, line = shapely.STRtree(lines).query(shut, predicate="intersects")
+    led = [_doorway(door, tips, walls) for door in doors]
+    doorways = np.array([box for box in led if box is not None], dtype=object)
+    box, line = shapely.STRtree(lines).query(doorways, predicate="intersects")
     cut = np.unique(line)
     while len(line):
         # Cut each line by one of its boxes at a time: joining all boxes first would be slow.
         own, first = np.unique(line, return_index=True)
-        lines[own] = shapely.difference(lines[own], shut[box[first]])
+        lines[own] = shapely.difference(lines[own], doorways[box[first]])
         box = np.delete(box, first)
         line = np.delete(line, first)
     parts, number = shapely.get_parts(lines, return_index=True)
     points, part = shapely.get_coordinates(parts, return_index=True)
-    return points.reshape(-1, 4), number[part[::2]], cut, shapely.union_all(shut)
+    return points.reshape(-1, 4), number[part[::2]], cut, shapely.union_all(doorways)
 
 
 def _doorway(door: Door, tips: Float, walls: _Walls) -> Any:
