@@ -80,10 +80,10 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
         # What is important overrules a style, but not what is important, too.
         ('<style>.a {display: none !important} .b {stroke: #000 !important} g .b {stroke: none}'
          '</style><path class="a" style="display: inline" d="M0 0h9v9"/><g><path class="b"'
-         ' style="stroke: none; fill: none" d="M1 1h3v2"/></g>', (1, 1), (4, 3)),
+         ' style="stroke: none; fill: none" d="M1 1h3v2"/></g>', (1, 0.5), (4.5, 3)),
         # A line on the edge of a clip is seen.
-        ('<svg x=".1" y=".2" width=".3" height=".7" viewBox="0 0 3 7"><path d="M0 0h3v7h-3z"/>'
-         '</svg>', (0.1, 0.2), (0.4, 0.9)),
+        ('<svg x=".7" y=".7" width="1.1" height="1.1" viewBox="0 0 7 7"><path d="M0 7h7v-7h-7"/>'
+         '</svg>', (0.7, 0.7), (1.8, 1.8)),
         # The paper may be dark.
         ('<rect width="10" height="10" fill="#123"/><path d="M1 1h4v4" fill="none" stroke="#fff"'
          ' stroke-width=".1"/>', (1, 0.95), (5.05, 5)),

@@ -102,7 +102,7 @@ class PlanShown(Protocol):
     doors: Sequence[Any]
 
     @property
-    def left(self) -> Mapping[str, Float]:
+    def removed(self) -> Mapping[str, Float]:
         """Strokes (k, 4) [m] by the name, in the singular, of the rule that left them out."""
 
     @property
