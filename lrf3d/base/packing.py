@@ -20,8 +20,8 @@ ALIGNED = 8
 # Shortest list of floats that is written as an array; JSON is as small for shorter ones.
 MANY = 16
 
-# Packages, and the module of balances, whose records may be sent.
-ROOMS = re.compile(r"lrf3d\.(base\.balance|(geometry|laser|plans|recordings|world)(\.\w+)+)")
+# Packages, and the modules of balances and notes, whose records may be sent.
+ROOMS = re.compile(r"lrf3d\.(base\.(balance|text)|(geometry|laser|plans|recordings|world)(\.\w+)+)")
 
 # Types that JSON keeps as they are.
 PLAIN = (bool, int, float, str, type(None))

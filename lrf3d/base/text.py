@@ -1,6 +1,17 @@
 """Text for people: numbers, counts and tables."""
 
 from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+
+class Note(NamedTuple):
+    """A fact, and what changes it, in words of the command line."""
+
+    fact: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return "; ".join(filter(None, self))
 
 
 def counted(number: int, noun: str) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.casting.collision import CollisionChecker
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, is_finite, numbers
 from lrf3d.geometry.pose import Pose, as_pose
@@ -44,7 +44,7 @@ INDOOR_SPEED = 1.0
 class PlannedRoute:
     """Way-points (m, 2) [m], the side of the walls, and the robot's radius, speed and look-ahead.
 
-    The notes report which rooms the route does not reach, and why.
+    The notes report which rooms the route does not reach, and why; some are on what no way reaches.
     """
 
     waypoints: Float
@@ -52,7 +52,8 @@ class PlannedRoute:
     radius: float
     speed: float
     lookahead: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+    missed: tuple[Note, ...] = ()
 
 
 def plan_route(
@@ -122,17 +123,18 @@ def find_route(
     checker = CollisionChecker(world)
     first = goals[0] if goals is not None and start is None else start
     position, pose = _checked_start(checker, first, radius or RADIUS)
-    notes: list[str] = [] if position is None else _closed_in(world, position)
+    notes = [] if position is None else _closed_in(world, position)
     if world.free is not None and not world.free.cells.any():
         world = replace(world, free=None)
-        notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
+        notes.append(Note("the map knows no free cell, so the route is planned by its walls alone"))
     ground = Ground(world, position, keep_out)
     fitting = radius or fitting_radius(ground, where, position)
     if radius is None and fitting < RADIUS:
         smaller = f"the robot's radius is {fitting:g} m instead of {RADIUS:g} m"
-        notes.append(f"{smaller}: doors are too narrow for a wider one")
+        notes.append(Note(f"{smaller}: doors are too narrow for a wider one"))
     space = find_free_space(ground, fitting, where=where, start=position)
-    legs = find_tour(space, world, range_max) if goals is None else _legs(space, goals, notes)
+    missed = list[Note]()
+    legs = find_tour(space, world, range_max) if goals is None else _legs(space, goals, missed)
     waypoints = _straightened(space, legs, position)
 
     def touched(pace: float, ahead: float) -> float:
@@ -149,12 +151,14 @@ def find_route(
     trials = _ever_more_careful(speed or usual, lookahead, slower=speed is None)
     pace, lookahead = _with_care(trials, touched)
     if goals is None:
-        notes += missed_rooms(space, legs)
-    return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, tuple(notes))
+        missed, long = missed_rooms(space, legs)
+        notes += long
+    said = tuple(notes + missed)
+    return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, said, tuple(missed))
 
 
-def _legs(space: FreeSpace, goals: Float, notes: list[str]) -> list[Int]:
-    """The paths from the start through goals (m, 2) [m]; notes name goals that cannot be reached.
+def _legs(space: FreeSpace, goals: Float, missed: list[Note]) -> list[Int]:
+    """The paths from the start through goals (m, 2) [m]; notes name those that are missed.
 
     Raises:
         InputError: None of the goals can be reached.
@@ -165,12 +169,12 @@ def _legs(space: FreeSpace, goals: Float, notes: list[str]) -> list[Int]:
         there = space.nearest(goal)
         if there is None:
             x, y = goal
-            notes.append(f"the goal ({x:.2f}, {y:.2f}) is not reached: walls are in the way")
+            missed.append(Note(f"the goal ({x:.2f}, {y:.2f}) is not reached: walls are in the way"))
         elif here is not None and there != here:
             legs += paths_from(space, here, np.array([there]))
             here = there
     if not legs:
-        raise InputError("; ".join([*notes, "no goal is elsewhere than the start"][:1]))
+        raise InputError(str([*missed, "no goal is elsewhere than the start"][0]))
     return legs
 
 
@@ -251,7 +255,7 @@ def _checked_start(
     return position, pose
 
 
-def _closed_in(world: World, start: Float) -> list[str]:
+def _closed_in(world: World, start: Float) -> list[Note]:
     """A note if the start is inside a closed shape without inner walls, and other walls outside."""
     import shapely
 
@@ -264,7 +268,8 @@ def _closed_in(world: World, start: Float) -> list[str]:
             x1, y1, x2, y2 = shape.bounds
             size = f"{x2 - x1:.1f} m by {y2 - y1:.1f} m"
             where = f"the start ({start[0]:g}, {start[1]:g}) is inside a closed shape of {size}"
-            return [f"{where}, such as a box, with {counted(others, 'wall')} outside; move it"]
+            found = f"{where}, such as a box, with {counted(others, 'wall')} outside"
+            return [Note(found, "move it")]
     return []
 
 

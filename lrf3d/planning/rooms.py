@@ -7,7 +7,7 @@ within walls, but also rooms that it does not enter.
 import numpy as np
 import scipy
 
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions
 from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground
 from lrf3d.robot.kinematics import RADIUS
@@ -49,26 +49,15 @@ def true_rooms(ground: Ground, inside: Bool) -> Int:
 
 def rooms_of(world: World) -> list[tuple[float, Float]]:
     """The areas [m²] of the rooms of a world, the largest first, and places (2,) [m] in them."""
-    ground = Ground(_unfurnished(world))
-    rooms, numbers = _numbered(ground)
-    found = [measured(ground, rooms == room) for room in numbers]
+    bare, rooms, numbers = bare_rooms(world)
+    found = [measured(bare, rooms == room) for room in numbers]
     return sorted(found, key=lambda each: -each[0])
 
 
 def bare_rooms(world: World) -> tuple[Ground, Int, Int]:
-    """A ground without furniture, the space of each of its cells, and the spaces that are rooms.
-
-    The pieces of a corridor, which is hardly narrower between them, are one space.
-    """
+    """A ground without furniture, the space of each of its cells, and the spaces that are rooms."""
     bare = Ground(_unfurnished(world))
-    rooms, numbers = _numbered(bare)
-    widest = scipy.ndimage.maximum(bare.gaps, rooms, np.arange(bare.rooms.max() + 1))
-    pairs, cell = bare.doorways
-    even = bare.gaps.ravel()[cell] > EVEN * widest[pairs].max(axis=1)
-    one, other = pairs[even & np.isin(pairs, rooms).all(axis=1)].T
-    joined = groups(one, other, len(widest))
-    joined[0] = 0
-    return bare, joined[rooms], np.unique(joined[numbers])
+    return bare, *_numbered(bare)
 
 
 def entered_rooms(space: FreeSpace, bare: Ground, rooms: Int) -> Int:
@@ -86,9 +75,19 @@ def _unfurnished(world: World) -> World:
 
 
 def _numbered(ground: Ground) -> tuple[Int, Int]:
-    """The space (columns, rows) that each cell inside belongs to, and the numbers of the rooms."""
+    """The space (columns, rows) that each cell inside belongs to, and the numbers of the rooms.
+
+    The pieces of a corridor, which is hardly narrower between them, are one space.
+    """
     inside = ground.on_side("inside", None)
-    return np.where(inside, ground.rooms, 0), true_rooms(ground, inside)
+    rooms = np.where(inside, ground.rooms, 0)
+    widest = scipy.ndimage.maximum(ground.gaps, rooms, np.arange(ground.rooms.max() + 1))
+    pairs, cell = ground.doorways
+    even = ground.gaps.ravel()[cell] > EVEN * widest[pairs].max(axis=1)
+    one, other = pairs[even & np.isin(pairs, rooms).all(axis=1)].T
+    joined = groups(one, other, len(widest))
+    joined[0] = 0
+    return joined[rooms], np.unique(joined[true_rooms(ground, inside)])
 
 
 def measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
@@ -97,10 +96,13 @@ def measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
     return float(cells.sum()) * ground.size**2, place
 
 
-def missed_rooms(space: FreeSpace, legs: list[Int]) -> list[str]:
-    """Notes that name the rooms which the legs of a drive inside do not enter, by the reason."""
+def missed_rooms(space: FreeSpace, legs: list[Int]) -> tuple[list[Note], list[Note]]:
+    """Notes on the rooms that no way reaches, and on those that the legs of a drive do not enter.
+
+    They name the rooms, by the reason.
+    """
     if space.side == "outside":
-        return []
+        return [], []
     ground = space.ground
     entered = np.zeros(space.allowed.shape, dtype=np.bool_)
     entered[tuple(np.argwhere(space.allowed)[np.concatenate(legs)].T)] = True
@@ -110,7 +112,7 @@ def missed_rooms(space: FreeSpace, legs: list[Int]) -> list[str]:
     rooms, numbers = _numbered(bare)
     missed = np.setdiff1d(numbers, rooms[bare.cells_at(points) & bare.wide])
     if not len(missed):
-        return []
+        return [], []
     # In corners of the outside there are cells of the inside, which no way leads to.
     cells = ground.rooms.ravel()
     outside = np.bincount(cells, ground.swept.ravel()) > 0.5 * np.bincount(cells)
@@ -142,15 +144,15 @@ def _notes(
     shut: list[tuple[float, str]],
     far: list[tuple[float, str]],
     rooms: int,
-) -> list[str]:
-    """What to say of rooms behind narrow cells, of shut ones, and of those that are too far."""
+) -> tuple[list[Note], list[Note]]:
+    """What to say of rooms behind narrow cells or shut ones, and of those that are too far."""
     notes = []
     if narrow:
         doors = _doors(space.ground, narrow)
         sizes = _largest([(width, f"m at ({x:.1f}, {y:.1f})") for width, (x, y) in doors], 2)
         widths = [width for width, _ in doors]
         fit = [
-            f"; --set robot.radius={usual:g}"
+            f"--set robot.radius={usual:g}"
             for width in (min(widths), max(widths))
             for usual in USUAL_RADII
             if usual < space.radius and 2.0 * (usual + MARGIN) + space.ground.size <= width
@@ -158,16 +160,16 @@ def _notes(
         what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
         wide = f"too narrow for a robot of {2.0 * space.radius:.2f} m"
         behind = _count(len(narrow), rooms)
-        notes.append(f"{what} of {sizes} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
-    why = "no door leads there from inside, or it is drawn shut, or blocked"
-    drawn = "`lrf3d edit` shows it, and opens doors"
-    long = "the route would be too long, or shows little more"
-    for named, what, reason in (
-        (shut, "reached", f"{why}; {drawn}"), (far, "entered", long)
-    ):  # fmt: skip
-        if named:
-            notes.append(f"{_count(len(named), rooms)} not {what}, {_largest(named, 1)}: {reason}")
-    return notes
+        found = f"{what} of {sizes} {verb} {wide}; {behind} not reached"
+        notes.append(Note(found, "".join(fit[:1])))
+    if shut:
+        why = "no door leads there from inside, or it is drawn shut, or blocked"
+        found = f"{_count(len(shut), rooms)} not reached, {_largest(shut, 1)}: {why}"
+        notes.append(Note(found, "`lrf3d edit` shows it, and opens doors"))
+    if not far:
+        return notes, []
+    why = "the route would be too long, or shows little more"
+    return notes, [Note(f"{_count(len(far), rooms)} not entered, {_largest(far, 1)}: {why}")]
 
 
 # Marker of a room whose path has no narrow place.

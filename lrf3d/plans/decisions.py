@@ -146,7 +146,7 @@ class Scale(Decision):
 
     def _change(self, plan: Plan) -> Plan:
         # The reader has used the scale already; here the doubt about the size is dropped.
-        return plan._replace(doubt="")
+        return plan._replace(doubts=(), scales={})
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class Move(Decision):
         ends[here] = self.to
         moved = ends.reshape(-1, 4)
         kept = lengths(moved) > SAME
-        return plan._replace(parts=plan.parts._replace(segments=moved).taken(kept))
+        return plan._replace(parts=plan.parts._replace(segments=moved).at(kept))
 
 
 @dataclass(frozen=True)
@@ -257,8 +257,8 @@ def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
     left, owner = shapely.get_parts(shapely.difference(lines, area), return_index=True)
     long = shapely.length(left) > SAME
     pieces = shapely.get_coordinates(left[long]).reshape(-1, 4)
-    cut = parts.taken(rows[owner[long]])._replace(segments=pieces)
-    return plan._replace(parts=parts.taken(~chosen).joined(cut))
+    cut = parts.at(rows[owner[long]])._replace(segments=pieces)
+    return plan._replace(parts=parts.at(~chosen).joined(cut))
 
 
 @dataclass(frozen=True)

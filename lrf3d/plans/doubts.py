@@ -4,14 +4,19 @@ The walls and doors of a plan enter; phrases leave, which one line joins and whi
 `lrf3d edit`.
 """
 
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from lrf3d.base.text import counted
+from lrf3d.base.errors import Lrf3dWarning
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float
 from lrf3d.plans.rules.doors import Door
 from lrf3d.plans.rules.enclosure import closes_rooms, drawn_cells, shut_share
+from lrf3d.plans.rules.sheet import plans_apart
+from lrf3d.world.model import SHEET, World
 
 # Least and largest width [m] of a door that is not doubted: a cupboard's, and a double door's.
 DOOR = (0.5, 2.0)
@@ -22,8 +27,16 @@ LEFT_OUT = 0.1
 # Share of a sheet above which a picture may be its plan.
 PICTURED = 0.15
 
+# Number of separate plans from which on a sheet is taken for a town of houses, without a warning.
+TOWN = 10
+
 # Number of walls up to which a plan need not close a room, as a corridor or a sketch.
 FEW = 12
+
+
+def notes(*facts: str) -> tuple[Note, ...]:
+    """Notes on the facts that are not empty."""
+    return tuple(Note(each) for each in facts if each)
 
 
 def of_doors(doors: Sequence[Door]) -> str:
@@ -72,3 +85,19 @@ def of_thick(thick: Bool, walls: Bool) -> str:
     """A doubt about thick pixels, of which walls are too few."""
     share = float((thick & ~walls).sum()) / max(float(thick.sum()), 1.0)
     return f"{share:.0%} of what is as thick as walls is left out" if share > LEFT_OUT else ""
+
+
+def warn_of_plans_apart(world: World, path: Path) -> None:
+    """Warn of several plans on a sheet: a route is planned in one of them."""
+    # On a drawing in the size of its paper, all parts are close enough to be one plan.
+    large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
+    plans = plans_apart(world.segments) if large else ()
+    if 1 < len(plans) < TOWN:
+        each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
+        warnings.warn(
+            f"{path}: {len(plans)} plans stand apart ({', '.join(each)}); the route is"
+            " planned in one of them: --set robot.start=[x,y,0] chooses which, --layers and"
+            " --page choose what is read; `lrf3d world show` draws them",
+            Lrf3dWarning,
+            stacklevel=5,
+        )

@@ -14,6 +14,7 @@ from lrf3d.base.errors import WorldError, check_names, expect, shown
 from lrf3d.base.files import write_text
 from lrf3d.base.text import counted
 from lrf3d.plans.decisions import DECISIONS, Class, Decision, Move, Reading, Remove, Scale
+from lrf3d.plans.doubts import notes
 from lrf3d.plans.plan import Plan
 from lrf3d.world.schema import at
 from lrf3d.world.toml_file import toml_table, toml_values
@@ -141,8 +142,8 @@ class PlanEdits:
         if len(lost) > 1 and len(lost) == tried == len(self.decisions):
             raise WorldError(f"{name}: none of its {tried} selections is in this drawing")
         count = len(self.decisions) - len(lost)
-        said = [plan.said, f"{counted(count, 'decision')} of {name}" if count else ""]
-        return plan._replace(said="; ".join(filter(None, said)), lost=tuple(lost))
+        said = plan.said + notes(f"{counted(count, 'decision')} of {name}" if count else "")
+        return plan._replace(said=said, lost=tuple(lost))
 
 
 def read_edits(path: str | Path) -> PlanEdits:

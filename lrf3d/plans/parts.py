@@ -92,7 +92,7 @@ class Parts(NamedTuple):
         """These strokes, followed by others."""
         return Parts(*map(np.concatenate, zip(self, *others, strict=True)))
 
-    def taken(self, rows: Any) -> "Parts":
+    def at(self, rows: Any) -> "Parts":
         """The strokes of some rows."""
         return Parts(*(column[rows] for column in self))
 
@@ -112,7 +112,7 @@ def parts_of(strokes: Strokes, marks: list[Mark], walls: Float, own: Int, role: 
     for name, each in strokes.found.items():
         door = each & ((strokes.role == "door") | (name == "door stroke"))
         found += [
-            part(strokes.segments[chosen], kind, strokes.mark[chosen], rules=name)
+            part(strokes.segments[chosen], kind, strokes.piece[chosen], rules=name)
             for kind, chosen in (("door", door), ("nothing", each & ~door))
         ]
     return found[0].joined(*found[1:])

@@ -25,18 +25,25 @@ import shapely
 
 from lrf3d.base.balance import Balance, in_words
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
-from lrf3d.plans.doubts import of_doors, of_outside, of_pictures, of_rooms
+from lrf3d.plans.doubts import (
+    notes,
+    of_doors,
+    of_outside,
+    of_pictures,
+    of_rooms,
+    warn_of_plans_apart,
+)
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
-from lrf3d.plans.rules.doors import SIDE, Door, cleared
-from lrf3d.plans.rules.enclosure import THICKEST
+from lrf3d.plans.rules.doors import SIDE, Door, cleared, gaps_in
+from lrf3d.plans.rules.enclosure import THICKEST_SOLID
 from lrf3d.plans.rules.layers import role_of
-from lrf3d.plans.rules.sheet import THICKEST_WALL, plans_apart
+from lrf3d.plans.rules.sheet import THICKEST_WALL
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
 from lrf3d.plans.scale import size_doubt
-from lrf3d.world.model import SHEET, World
+from lrf3d.world.model import World
 from lrf3d.world.pieces import TOUCHING, connected, without_repeats, world_of_walls
 from lrf3d.world.toml_file import WorldFile
 
@@ -45,7 +52,7 @@ from lrf3d.world.toml_file import WorldFile
 SLIVER = 0.02
 
 # Contrast below which an area that divides a dark wall may be a doorway.
-PALE = 0.25
+PALE_DOORWAY = 0.25
 
 # Contrast below which a thick area is a floor, unless its layer is one of walls; a darker area is a
 # solid house.
@@ -68,9 +75,6 @@ SHARED = 1e-3
 
 # Least share of the length of outlines that adjacent rooms have in common.
 COMMON = 0.05
-
-# Number of separate plans from which on a sheet is taken for a town of houses, without a warning.
-TOWN = 10
 
 
 class Piece(NamedTuple):
@@ -97,18 +101,22 @@ class Plan(NamedTuple):
     parts: Parts
     doors: Sequence[Door] = ()
     # Strokes (k, 4) [m] that were left out, by the name of the rule that found them.
-    left: Mapping[str, Float] = {}
+    removed: Mapping[str, Float] = {}
     layers: Sequence[Layer] = ()
     # What was left out, in words: ``12 texts, layers DOORS, TEXT``.
     left_out: str = ""
-    # What the reader assumed, in words.
-    said: str = ""
+    # What the reader assumed.
+    said: tuple[Note, ...] = ()
     # Area [m²] and place (2,) [m] of each room, as the route planner divides the plan.
     rooms: Sequence[tuple[float, Float]] = ()
     # Largest gap [m] between walls that count as touching.
     gap: float = TOUCHING
     # Why it may be wrong, and what may correct it.
-    doubt: str = ""
+    doubts: tuple[Note, ...] = ()
+    # Factors of its scale with which it would be as large as a building, by what they are called.
+    scales: Mapping[str, float] = {}
+    # The grey, from 0 to 255, from which on the pixels of a picture are paper.
+    grey: float | None = None
     # The items of the source: used, and left out by reason.
     balance: Balance = Balance("item")
     # Unit of the drawing [m].
@@ -124,18 +132,25 @@ class Plan(NamedTuple):
     @property
     def segments(self) -> Float:
         """The walls (n, 4) [m]: the parts that stand."""
-        return self.parts.taken(self.parts.stands).segments
+        return self.parts.at(self.parts.stands).segments
 
     @property
     def heights(self) -> Float:
         """The heights (n,) of the walls [m]."""
-        return self.parts.taken(self.parts.stands).heights
+        return self.parts.at(self.parts.stands).heights
+
+    @property
+    def openings(self) -> Float:
+        """The openings (k, 2, 2) [m] of its doors; in a picture they are gaps in walls."""
+        if self.doors:
+            return np.array([door.opening for door in self.doors])
+        return gaps_in(self.segments)
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
         return self._replace(
             parts=self.parts._replace(segments=self.parts.segments * factor),
-            left={name: strokes * factor for name, strokes in self.left.items()},
+            removed={name: strokes * factor for name, strokes in self.removed.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,
             unit=self.unit * factor,
@@ -153,10 +168,11 @@ class Plan(NamedTuple):
         world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
-        if words := "; ".join(filter(None, [self.doubt, self.said, doors, left])):
+        said = map(str, self.doubts + self.said)
+        if words := "; ".join(filter(None, [*said, doors, left])):
             walls = counted(len(world.segments), "wall")
             shown = (
-                f"`lrf3d edit {path}` settles it" if self.doubt else "`lrf3d world show` draws it"
+                f"`lrf3d edit {path}` settles it" if self.doubts else "`lrf3d world show` draws it"
             )
             note = f"{path}: {walls}; {words}; {shown}"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
@@ -167,7 +183,7 @@ class Plan(NamedTuple):
                 Lrf3dWarning,
                 stacklevel=4,
             )
-        _warn_of_plans_apart(world, path)
+        warn_of_plans_apart(world, path)
         return world
 
     def file(self, path: Path) -> WorldFile:
@@ -179,25 +195,9 @@ class Plan(NamedTuple):
         world = world_of_walls(self.segments, self.heights, path, self.gap)
         if self.base is None and not any(self.parts.materials):
             return world
-        standing = self.parts.taken(self.parts.stands)
+        standing = self.parts.at(self.parts.stands)
         world = World(standing.segments, connected(standing.segments, self.gap), name=world.name)
         return world_of_parts(standing, world, self.base)
-
-
-def _warn_of_plans_apart(world: World, path: Path) -> None:
-    """Warn of several plans on a sheet: a route is planned in one of them."""
-    # On a drawing in the size of its paper, all parts are close enough to be one plan.
-    large = np.ptp(world.segments.reshape(-1, 2), axis=0).max() > SHEET
-    plans = plans_apart(world.segments) if large else ()
-    if 1 < len(plans) < TOWN:
-        each = [f"{c - a:.0f} x {d - b:.0f} m at ({a:.1f}, {b:.1f})" for a, b, c, d in plans]
-        warnings.warn(
-            f"{path}: {len(plans)} plans stand apart ({', '.join(each)}); the route is"
-            " planned in one of them: --set robot.start=[x,y,0] chooses which, --layers and"
-            " --page choose what is read; `lrf3d world show` draws them",
-            Lrf3dWarning,
-            stacklevel=5,
-        )
 
 
 def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
@@ -207,17 +207,16 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     rooms = _rooms(marks, roles)
     roles = ["wall" if rooms and role in ("floor", *STANDS) else role for role in roles]
     pieces = rooms or _pieces(marks, roles)
-    said = [canvas.said] if canvas.said else []
-    said += ["no walls are drawn: rooms have walls around them"] if rooms else []
+    around = "no walls are drawn: rooms have walls around them" if rooms else ""
     strokes = Strokes(*_segments(pieces), sheet="annotation" in roles)
     for rule in RULES:
-        strokes.take(rule)
-    left = np.flatnonzero(strokes.left)
+        strokes.apply(rule)
+    left = np.flatnonzero(strokes.remaining)
     walls, own, cut, open_ = cleared(strokes.segments[left], strokes.doors)
-    jambs, jambed = _jambs(pieces, strokes.mark[left[cut]], open_)
+    jambs, jambed = _jambs(pieces, strokes.piece[left[cut]], open_)
     jamb_roles = np.array([pieces[number].role for number in jambed], dtype=object)
     role = np.concatenate([strokes.role[left[own]], jamb_roles])
-    stands = np.concatenate([strokes.mark[left[own]], jambed])
+    stands = np.concatenate([strokes.piece[left[own]], jambed])
     parts = parts_of(
         strokes, [piece.mark for piece in pieces], np.concatenate([walls, jambs]), stands, role
     )
@@ -226,8 +225,9 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     counts["doorway line"] = len(cut)
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     outside = strokes.segments[strokes.found["outside line"]]
-    doubts = [of_pictures(canvas.pictured), size_doubt(canvas, strokes)]
-    if not doubts[1]:
+    large, scales = size_doubt(canvas, strokes)
+    doubts = [of_pictures(canvas.pictured)]
+    if not large:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
         doubts.append(of_outside(_box_area(outside), _box_area(walls)))
@@ -237,9 +237,10 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        "; ".join(said),
+        notes(canvas.said, around),
         balance=balance,
-        doubt="; ".join(filter(None, doubts)),
+        doubts=notes(*doubts) + large,
+        scales=scales,
         unit=canvas.unit,
     )
 
@@ -264,7 +265,7 @@ def _balance(
     """
 
     def items(chosen: Any, fate: str) -> dict[Any, str]:
-        drawn = np.unique(strokes.mark[chosen])
+        drawn = np.unique(strokes.piece[chosen])
         return {item: fate for number in drawn for item in pieces[number].items}
 
     fates = {item: fate or "hidden part" for item, fate in canvas.fates.items()}
@@ -275,7 +276,7 @@ def _balance(
     for rule in RULES:
         if rule.counted:
             fates |= items(strokes.found[rule.name], rule.name)
-    fates |= items(strokes.left, "doorway line") | items(kept, "")
+    fates |= items(strokes.remaining, "doorway line") | items(kept, "")
     fates |= items(strokes.found["door stroke"], "")
     left_out = Counter(filter(None, fates.values()))
     return Balance("item", canvas.held, len(fates) - left_out.total(), dict(left_out))
@@ -350,7 +351,7 @@ def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
     ]
     for number in stands:
         shape = shapes[number]
-        if 2.0 * shape.area > THICKEST * shape.length:
+        if 2.0 * shape.area > THICKEST_SOLID * shape.length:
             pale = marks[number].contrast < FLOOR and roles[number] != "wall"
             inner = tree.query(shape, predicate="contains_properly")
             # Marks are in the order of painting: later ones inside are drawn on this area. A wall
@@ -361,7 +362,8 @@ def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
                 roles[number] = "floor"
     for number in stands:
         shape = shapes[number]
-        if marks[number].contrast < PALE and 2.0 * shape.area < THICKEST_WALL * shape.length:
+        narrow = 2.0 * shape.area < THICKEST_WALL * shape.length
+        if narrow and marks[number].contrast < PALE_DOORWAY:
             _open_doorway(marks, roles, number, tree.query(shape, "dwithin", distance=SLIVER))
     return roles
 

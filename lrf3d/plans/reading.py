@@ -9,6 +9,7 @@ from typing import Any
 
 from lrf3d.base.errors import WorldError
 from lrf3d.plans.canvas import PerUnit
+from lrf3d.plans.doubts import notes
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan, plan_of
 from lrf3d.world.files import edits_path, find_world, is_picture, is_plan, load_world, read_world
@@ -73,8 +74,7 @@ def read_plan(
         plan = drawn_plan(path, **{"scale": scale, "isolated": isolated, **options, **how})
         changed = found.digest and found.digest != digest_of(path)
         said = f"{path.name} has changed since it was edited" if changed else ""
-        plan = plan._replace(said="; ".join(filter(None, [plan.said, said])))
-        return found.applied(plan, name)
+        return found.applied(plan._replace(said=plan.said + notes(said)), name)
 
 
 def drawn_plan(

@@ -8,9 +8,10 @@ import re
 
 import numpy as np
 
+from lrf3d.base.text import Note
 from lrf3d.geometry.lines import Float, lengths
 from lrf3d.plans.canvas import Canvas
-from lrf3d.plans.rules.doors import find_doors
+from lrf3d.plans.rules.doors import USUAL, find_doors
 from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
 from lrf3d.world.model import SHEET
 
@@ -19,9 +20,6 @@ EXTENT = (3.0, 400.0)
 
 # In every plan, less than half of the total wall length belongs to walls longer than this [m].
 LONGEST = 15.0
-
-# Least and largest width [m] of most doors.
-DOORS = (0.6, 1.2)
 
 # Units of drawings [m].
 UNITS = {
@@ -60,18 +58,23 @@ def unit_scales(unit: float) -> dict[float, str]:
     return {float(f"{size / unit:.6g}"): f"if it is in {name}" for name, size in UNITS.items()}
 
 
-def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
-    """A doubt about the size of a drawing, with scales that would fit; empty if there is none."""
-    if not len(strokes.segments) or not canvas.scales:
-        return ""
-    points = strokes.segments.reshape(-1, 2)
-    long = lengths(strokes.segments)
+def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict[str, float]]:
+    """A doubt about the size of a drawing, if there is one, and the scales that would fit.
+
+    These are factors of its scale, by what they are called.
+    """
+    # Frames and dimensions are longer than walls.
+    drawn = strokes.segments[strokes.role != "annotation"]
+    if not len(drawn) or not canvas.scales:
+        return (), {}
+    points = drawn.reshape(-1, 2)
+    long = lengths(drawn)
     usual = _quantile(long, long, 0.5)
     # A single long line does not make a large plan.
     weights = np.repeat(long, 2)
     size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
     if size.max() >= SHEET and usual <= LONGEST:
-        return ""
+        return (), {}
     large = [each for each in canvas.scales if EXTENT[0] <= each * size.max() <= EXTENT[1]]
     # A hall may have longer walls than any other plan.
     fits = [each for each in large if each * usual <= LONGEST] or large
@@ -81,15 +84,14 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
     # Without doors, the scale that makes the walls as long as most is in the middle.
     chosen.sort(key=lambda factor: abs(np.log(factor * usual / 4.0)))
     wide, high = np.ptp(points, axis=0)
-    ways = [
-        f"--scale {canvas.scale * factor:g} {canvas.scales[factor]}"
-        f" ({metres(factor * wide)} by {metres(factor * high)}"
-        + (f", {most} doors as wide as doors)" if most else ")")
-        for factor in chosen[:3]
-    ]
-    advice = "; ".join(ways) or "--scale corrects it"
-    found = f"{metres(wide)} by {metres(high)}, with walls of {metres(usual)}"
-    return f"a plan of {found}? {advice}"
+    wider = f", {most} doors as wide as doors" if most else ""
+    scales = {
+        f"{canvas.scales[each]} ({metres(each * wide)} by {metres(each * high)}{wider})": each
+        for each in chosen[:3]
+    }
+    ways = [f"--scale {canvas.scale * factor:g} {words}" for words, factor in scales.items()]
+    found = f"a plan of {metres(wide)} by {metres(high)}, with walls of {metres(usual)}?"
+    return (Note(found, "; ".join(ways) or "--scale corrects it"),), scales
 
 
 def metres(length: float) -> str:
@@ -112,4 +114,4 @@ def _doors(strokes: Strokes, factor: float) -> int:
     """The number of doors of usual width when a drawing is enlarged by a factor."""
     drawn = np.isin(strokes.role, MAY_OPEN)
     doors, _ = find_doors(factor * strokes.segments, strokes.line, drawn)
-    return sum(DOORS[0] <= door.width <= DOORS[1] for door in doors)
+    return sum(USUAL[0] <= door.width <= USUAL[1] for door in doors)

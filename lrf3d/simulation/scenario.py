@@ -224,7 +224,7 @@ class Scenario(Value):
             keep_out=self.keep_out,
         )
         for note in found.notes:
-            say(note)
+            say(str(note))
         return replace(
             self,
             route=found.waypoints,

@@ -77,6 +77,13 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
          ' height="1"/>', (4, 1), (5, 5)),
         ('<rect style="transform: rotate(90deg); transform-origin: center" x="4" y="1" width="2"'
          ' height="1"/>', (8, 4), (9, 6)),
+        # What is important overrules a style, but not what is important, too.
+        ('<style>.a {display: none !important} .b {stroke: #000 !important} g .b {stroke: none}'
+         '</style><path class="a" style="display: inline" d="M0 0h9v9"/><g><path class="b"'
+         ' style="stroke: none; fill: none" d="M1 1h3v2"/></g>', (1, 0.5), (4.5, 3)),
+        # A line on the edge of a clip is seen.
+        ('<svg x=".7" y=".7" width="1.1" height="1.1" viewBox="0 0 7 7"><path d="M0 7h7v-7h-7"/>'
+         '</svg>', (0.7, 0.7), (1.8, 1.8)),
         # The paper may be dark.
         ('<rect width="10" height="10" fill="#123"/><path d="M1 1h4v4" fill="none" stroke="#fff"'
          ' stroke-width=".1"/>', (1, 0.95), (5.05, 5)),
@@ -179,8 +186,12 @@ def test_hidden_parts_of_a_dxf_drawing_are_not_walls(tmp_path):
         hidden = doc.blocks.new("hidden")
         hidden.add_line((0, 30), (1, 30), dxfattribs={"layer": "OFF"})
         space.add_blockref("hidden", (0, 0))
+        # A block on a frozen layer shows nothing, one on a layer that is off its other layers.
+        doc.layers.add("FROZEN").freeze()
+        doc.blocks.new("frozen").add_line((0, 40), (1, 40), dxfattribs={"layer": "SHOWN"})
+        space.add_blockref("frozen", (0, 0), dxfattribs={"layer": "FROZEN"})
 
-    with pytest.warns(Lrf3dNote, match=r"1 hidden part, 1 stroke that is not plotted \(GUIDE\)"):
+    with pytest.warns(Lrf3dNote, match=r"2 hidden parts, 1 stroke that is not plotted \(GUIDE\)"):
         world = dxf(tmp_path, draw)
     assert sorted(np.round(lengths(world.segments), 2)) == [4.0, 5.0, 6.0]
 

@@ -174,6 +174,6 @@ def test_what_a_file_of_decisions_may_not_hold_is_said_in_one_line(room, text, m
 def test_what_fits_a_new_revision_is_kept_and_what_does_not_is_named(room):
     edits = [Class({"layer": "shelf"}, "nothing"), Class({"layer": "sofa"}, "nothing")]
     PlanEdits(edits, room.name, "sha256:0").write(f"{room}.edit.toml")
-    assert "room.svg has changed since it was edited" in read_plan(room).said
+    assert "room.svg has changed since it was edited" in read_plan(room).said[0].fact
     with pytest.warns(Lrf3dWarning, match=r"not found any more: class\[1\] .*sofa"):
         assert len(load_world(room).segments) == 4

@@ -220,6 +220,13 @@ def test_the_space_between_a_solid_wall_and_an_axis_is_not_a_wall(tmp_path):
     assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
 
 
+def test_a_scale_bar_under_a_plan_is_not_a_wall(tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    sheet.box(1, -0.8, 6, -0.6, fill=(0, 0, 0))
+    assert off(sheet.read(tmp_path)) < 0.06
+
+
 def test_uneven_light_on_a_photograph_is_evened(tmp_path):
     sheet = Sheet((240, 238, 230))
     sheet.walls((110, 105, 100))

@@ -91,11 +91,11 @@ def test_what_each_rule_left_out_is_drawn_with_its_name(tmp_path):
     lines = [ring(0, 0, 10, 7), *SYMBOLS["frame line"], *SYMBOLS["pattern line"]]
     dxf(tmp_path, lambda space: [space.add_lwpolyline(line) for line in lines])
     plan = read_plan(tmp_path / "a.dxf")
-    assert {name: len(strokes) for name, strokes in plan.left.items()} == {
+    assert {name: len(strokes) for name, strokes in plan.removed.items()} == {
         "frame line": 13,
         "pattern line": 14,
     }
-    assert np.array_equal(plan.scaled(2.0).left["frame line"], 2.0 * plan.left["frame line"])
+    assert np.array_equal(plan.scaled(2.0).removed["frame line"], 2.0 * plan.removed["frame line"])
     figure = draw_world(plan.world(tmp_path / "a.dxf"), plan=plan)
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"left out: frame lines", "left out: pattern lines"} <= names
@@ -107,7 +107,7 @@ def test_strokes_of_layers_that_are_not_walls_have_a_rule_of_their_own(tmp_path)
         space.add_line((0, 1), (4, 1), dxfattribs={"layer": "A-ANNO-DIMS"})
 
     dxf(tmp_path, draw)
-    left = read_plan(tmp_path / "a.dxf").left
+    left = read_plan(tmp_path / "a.dxf").removed
     assert left["layer stroke"].tolist() == [[0, 1, 4, 1]] and len(left) == 1
 
 

@@ -5,7 +5,6 @@ decisions are saved before the page is answered.
 """
 
 import io
-import re
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cached_property
@@ -20,7 +19,6 @@ from lrf3d.apps.edit.sources import (
     USUAL_SIZE,
     Sheet,
     checked_scale,
-    doorways,
     sheet_of,
     suggestions,
 )
@@ -43,9 +41,6 @@ from lrf3d.world.toml_file import WorldFile, toml_table, world_text
 
 # Distance [m] from a goal within which a robot that stops is at it.
 SHORT = 0.15
-
-# Matches what a note of the planner says of rooms and goals, and remedies for the command line.
-_TOLD = re.compile(r".*(the goal \(|not reached).*|, [^,:]* m² at [^:]*(?=:)|; --set .*")
 
 
 class Editor:
@@ -141,7 +136,7 @@ class Editor:
         scale = self.edits.one(Scale)
         scaled = bool(scale) or "resolution" in self._options or not is_picture(self.path)
         # A world is in metres.
-        doors = doorways(self.plan) if is_plan(self.path) else np.empty((0, 2, 2))
+        doors = self.plan.openings if is_plan(self.path) else np.empty((0, 2, 2))
         source = self._source(self.edits)
         header = {
             "name": self.path.name,
@@ -155,7 +150,9 @@ class Editor:
             "suggestions": [] if scale else suggestions(doors, self.plan.unit, scaled),
             "check": checked_scale(self.plan, doors),
             "gaps": doors.tolist() if is_picture(self.path) else [],
-            "said": "; ".join(filter(None, [self.plan.doubt, source.said])),
+            "said": "; ".join(note.fact for note in self.plan.doubts + source.said),
+            "grey": source.grey,
+            "scales": self.plan.scales,
             "leftOut": self.plan.left_out,
             "lost": self.plan.lost,
             "radius": self.scenario.radius,
@@ -253,7 +250,8 @@ class Editor:
         values = {
             "kind": "route",
             "route": found.waypoints.tolist(),
-            "notes": [*filter(None, (_TOLD.sub("", note) for note in found.notes))],
+            # The page shows the rooms and goals that are missed.
+            "notes": [note.fact for note in found.notes if note not in found.missed],
             "radius": found.radius,
         }
         return packed(values)

@@ -4,18 +4,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.spatial import cKDTree
 
 from lrf3d.base.errors import WorldError
 from lrf3d.base.formats import by_ending, unpacked
 from lrf3d.base.isolation import read_file
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, cross, directions, lengths
+from lrf3d.geometry.lines import Float
 from lrf3d.plans.plan import Plan
-from lrf3d.plans.rules.sheet import THICKEST_WALL
+from lrf3d.plans.rules.doors import USUAL
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import at
 
@@ -25,16 +23,11 @@ LONGEST = 3000
 # Assumed size of a plan whose scale is unknown [m]: that of a flat.
 USUAL_SIZE = 12.0
 
-# Usual width of a door leaf [m], and its least and largest width.
+# Usual width of a door leaf [m].
 LEAF = 0.9
-LEAVES = (0.6, 1.25)
 
 # Largest number of doors that are offered to set the scale.
 OFFERED = 3
-
-# Sine of the angle between the ends of two walls that face each other, and the largest part of
-# their distance by which they may be displaced: pictures are turned, and drawn by hand.
-ASKEW = 0.15
 
 # Difference of a usual door from those of a plan, as a share, above which another scale is offered.
 OFF = 0.05
@@ -82,30 +75,6 @@ def _smaller(picture: Any) -> NDArray[np.uint8]:
     return np.asarray(picture)
 
 
-def doorways(plan: Plan) -> Float:
-    """The openings (k, 2, 2) [m] of the doors of a plan; in a picture they are gaps in walls."""
-    if plan.doors:
-        return np.array([door.opening for door in plan.doors])
-    walls = plan.segments
-    ends = walls[lengths(walls) < THICKEST_WALL]
-    middles = ends.reshape(-1, 2, 2).mean(axis=1)
-    thick = lengths(ends)
-    pairs = cKDTree(middles).query_pairs(LEAVES[1], output_type="ndarray")
-    one, other = pairs.T
-    apart = middles[other] - middles[one]
-    wide = np.hypot(*apart.T)
-    fits = (wide > LEAVES[0]) & (np.minimum(thick[one], thick[other]) > 0.5 * thick[pairs].max(1))
-    fits &= np.abs(cross(directions(ends[one]), directions(ends[other]))) < ASKEW
-    fits &= np.abs((apart * directions(ends[one])).sum(axis=1)) < ASKEW * wide
-    found = middles[pairs[fits]]
-    # Between the ends of one piece of wall there are its sides, between those of two is nothing.
-    inner = 0.9 * found + 0.05 * found.sum(axis=1, keepdims=True)
-    areas = shapely.buffer(shapely.linestrings(inner), 0.55 * thick[one[fits]], cap_style="flat")
-    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
-    crossed, _ = shapely.STRtree(lines).query(areas, predicate="intersects")
-    return np.delete(found, np.unique(crossed), axis=0)
-
-
 def suggestions(openings: Float, unit: float, scaled: bool) -> list[dict[str, Any]]:
     """Lengths by which a user may confirm or set the scale: two places, metres, and a reason.
 
@@ -117,7 +86,7 @@ def suggestions(openings: Float, unit: float, scaled: bool) -> list[dict[str, An
         {
             "between": (openings[each] / unit).tolist(),
             "metres": round(widths[each], 2)
-            if scaled and LEAVES[0] <= widths[each] <= LEAVES[1]
+            if scaled and USUAL[0] <= widths[each] <= USUAL[1]
             else LEAF,
             "why": "a door leaf",
         }
@@ -128,15 +97,17 @@ def suggestions(openings: Float, unit: float, scaled: bool) -> list[dict[str, An
 def checked_scale(plan: Plan, openings: Float) -> dict[str, Any]:
     """How wide doors become with the scale of a plan, and other scales, by what they are called."""
     widths = np.sort(np.hypot(*(openings[:, 1] - openings[:, 0]).T))
+    offers = list[tuple[str, float]]()
     if not len(widths):
-        return {"text": "", "offers": []}
+        return {"text": "", "offers": offers}
     middle = float(np.median(widths))
     size = np.ptp(plan.parts.segments.reshape(-1, 2), axis=0)
     span = " to ".join(dict.fromkeys(f"{each:.2f}" for each in widths[[0, -1]]))
     factor = LEAF / middle
     larger = " × ".join(f"{each:.1f}" for each in size * factor)
-    offer = [f"{LEAF:g} m for most doors: {larger} m", factor]
+    if abs(factor - 1.0) > OFF:
+        offers.append((f"{LEAF:g} m for most doors: {larger} m", factor))
     return {
         "text": f"{counted(len(widths), 'door')} of {span} m, most of {middle:.2f} m",
-        "offers": [offer] if abs(factor - 1.0) > OFF else [],
+        "offers": offers,
     }

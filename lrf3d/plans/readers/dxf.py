@@ -95,6 +95,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
             with redirect_stdout(StringIO()):
                 painter = _EntityFilter(RenderContext(file), canvas, unit * scale, config)
                 painter.unplotted = {e.dxf.name.casefold() for e in file.layers if not e.dxf.plot}
+                painter.frozen = {e.dxf.name.casefold() for e in file.layers if e.is_frozen()}
                 painter.draw_layout(layout)
         for entity in layout:
             if layout is not read or not _is_content(entity):
@@ -138,6 +139,8 @@ class _EntityFilter(Frontend):
         self.canvas = canvas
         # Names of the layers that CAD shows on the screen but does not plot.
         self.unplotted = set[str]()
+        # Names of the layers on which no block shows anything.
+        self.frozen = set[str]()
         # Whether an entity is drawn as its parts, which are not items themselves.
         self.in_parts = False
 
@@ -170,7 +173,9 @@ class _EntityFilter(Frontend):
     def _place(self, entity: Any, properties: Any) -> None:
         """Draw the block that an entity inserts."""
         block = _content(entity)
-        if block is not None:
+        if properties.layer.casefold() in self.frozen:
+            self.skip_entity(entity, "invisible")
+        elif block is not None:
             for each in block:
                 # What ezdxf skips: attributes, of which each insert has its own, and unknown kinds.
                 if each.dxftype() == "ATTDEF" or hasattr(each, "xtags"):

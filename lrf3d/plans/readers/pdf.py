@@ -30,7 +30,7 @@ from lrf3d.plans.canvas import (
     curve_points,
     scale_of,
 )
-from lrf3d.plans.doubts import PICTURED
+from lrf3d.plans.doubts import PICTURED, notes
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.readers.picture import plan_of_picture
 from lrf3d.plans.rules.enclosure import LEAST_CLOSED, closed_share, drawn_cells
@@ -94,17 +94,18 @@ def draw(
     canvas.scale = scale
     canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
-        plan = _scanned(handle, unit, size, threshold)
+        which = f"page {page} of {len(document)}"
+        plan = _scanned(handle, which, unit, size, threshold)
         number = np.arange(len(plan.segments))
         seen = Strokes(plan.segments, number, number, np.full(len(number), "wall"))
-        said = f"page {page} of {len(document)}, {plan.said}"
-        return plan._replace(said=said, doubt=size_doubt(canvas, seen) or plan.doubt)
+        doubts, scales = size_doubt(canvas, seen)
+        return plan._replace(doubts=doubts or plan.doubts, scales=scales)
     pages = len(document) - 1
-    notes = raw.FPDFPage_GetAnnotCount(handle)
-    for reason in ["other page"] * pages + ["annotation"] * notes:
+    annotations = raw.FPDFPage_GetAnnotCount(handle)
+    for reason in ["other page"] * pages + ["annotation"] * annotations:
         canvas.leave(reason)
     held = sum(each.type != raw.FPDF_PAGEOBJ_FORM for each in handle.get_objects(max_depth=DEEPEST))
-    canvas.held = held + pages + notes
+    canvas.held = held + pages + annotations
     if not lines and len(document) > 1:
         others = [n + 1 for n in range(min(len(document), MOST_TRIED)) if _is_drawn(document[n])]
         advice = f"--page {others[0]} shows some" if others else "no page does"
@@ -114,7 +115,7 @@ def draw(
     return canvas
 
 
-def _scanned(page: Any, unit: float, size: Float, threshold: float | None) -> Plan:
+def _scanned(page: Any, which: str, unit: float, size: Float, threshold: float | None) -> Plan:
     """The plan of a scanned page of some size (2,) [m]."""
     # Pixels of two centimetres, but 1,000 to 6,000 along a side.
     side = float(np.clip(0.02, *(size.max() / [6000, 1000])))
@@ -126,7 +127,7 @@ def _scanned(page: Any, unit: float, size: Float, threshold: float | None) -> Pl
     picture = page.render(scale=unit / side).to_pil().convert("RGB")
     plan = plan_of_picture(np.asarray(picture), side, threshold)
     without = f", without {counted(len(labels), 'mark')} on it" if labels else ""
-    return plan._replace(said=f"scanned{without}: {plan.said}", unit=unit)
+    return plan._replace(said=notes(f"{which}, scanned{without}") + plan.said, unit=unit)
 
 
 def _frame(page: Any, unit: float) -> tuple[Float, Float]:

@@ -16,13 +16,13 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, label
 
 from lrf3d.base.errors import WorldError
-from lrf3d.base.text import counted
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
 from lrf3d.plans.canvas import WHITE
-from lrf3d.plans.doubts import of_cells, of_dark, of_outside, of_thick
+from lrf3d.plans.doubts import notes, of_cells, of_dark, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
-from lrf3d.plans.rules.enclosure import THICKEST, reduced
+from lrf3d.plans.rules.enclosure import THICKEST_SOLID, closed_share, reduced
 from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
@@ -55,7 +55,7 @@ LARGEST_DOOR = 1.4
 PARTED = 2.5
 
 # Largest size [m] of a letter.
-LETTER = 0.6
+LARGEST_LETTER = 0.6
 
 # The same, as a share of the extent of a plan that is small: that of a model, or on paper.
 LETTER_OF_MODEL = 0.2
@@ -64,7 +64,7 @@ LETTER_OF_MODEL = 0.2
 LIGHT = 200.0
 
 # Contrast to the paper above which a pixel is pale, and no noise.
-PALE = 0.2
+PALE_PIXEL = 0.2
 
 # Share of dark pixels in its box from which a part is solid.
 SOLID = 0.7
@@ -108,13 +108,17 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     The threshold is the least grey of paper, from 0 to 255; it is found if not given.
     """
     colours, side, coarse = _reduced(colours[::-1], resolution)
-    even = evened(colours, 2.0 * THICKEST / side)
+    even = evened(colours, 2.0 * THICKEST_SOLID / side)
+    light = ""
     if even is not None:
         colours = even
-        coarse = f"{coarse}; uneven light is evened, as on a photograph"
+        light = "uneven light is evened, as on a photograph"
     contrast, lightness, key = contrast_of(colours)
-    found = threshold_of(contrast) if threshold is None else (WHITE - threshold) / WHITE
-    dark = contrast > found
+    how = ("", "")
+    if threshold is None:
+        threshold = WHITE * (1.0 - threshold_of(contrast))
+        how = (", found from the picture", "--threshold sets it")
+    dark = contrast > 1.0 - threshold / WHITE
     pixels = 1.0 / side
     left_out = LeftOut(dark)
     if even is None:
@@ -126,7 +130,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * side
-    darker = f"darker than grey {WHITE * (1.0 - found):.0f} of {WHITE:.0f}"
+    darker = f"darker than grey {threshold:.0f} of {WHITE:.0f}"
     if not len(segments):
         raise WorldError(f"no wall: nothing, or all, is {darker}; `lrf3d edit` draws walls on it")
     balance = left_out.balance(
@@ -136,15 +140,15 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     doubts.append(of_dark(1.0 - balance.used / dark.sum()))
     whole = float(np.ptp(segments.reshape(-1, 2), axis=0).prod())
     doubts.append(of_outside(left_out.outside * side**2, whole))
-    if _is_in_pieces(lengths(segments), SHORT * side):
+    long = lengths(segments)
+    if len(long) > 100 and 2.0 * long[long < SHORT * side].sum() > long.sum():
         doubts = [f"half of their length is in pieces of under {SHORT} pixels: is it a plan?"]
-        if even is not None and threshold is None:
+        if light and how[1]:
             held = f"half of the length of what is {darker} is in pieces of under {SHORT} pixels"
             remedy = "cut it to the plan, or choose --threshold and look at `lrf3d world show`"
             raise WorldError(f"a photograph in which no plan is found, as {held}; {remedy}")
     else:
         doubts.append(of_cells(*reduced(walls, pixels, thin[0])))
-    how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     left = dark & ~grown(walls | furniture, RIM)
     seen = [
         Parts.of(np.concatenate(parts[:2]) * side, "wall"),
@@ -153,10 +157,11 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     ]
     return Plan(
         seen[0].joined(*seen[1:]),
-        left={"dark part": rows_of(left) * side},
+        removed={"dark part": rows_of(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
-        said=f"walls are {darker}{how}{coarse}",
-        doubt="; ".join(filter(None, doubts)),
+        said=(Note(f"walls are {darker}{how[0]}", how[1]), *notes(coarse, light)),
+        doubts=notes(*doubts),
+        grey=threshold,
         gap=0.5 * side,
         balance=balance,
         unit=resolution,
@@ -168,9 +173,9 @@ def _pale(contrast: Any, dark: Bool, pixels: float) -> tuple[Bool, int]:
 
     Thicker ones are floors.
     """
-    pale = (contrast > PALE) & ~dark
-    pale &= ~grown(_opened(pale, 0.5 * THICKEST * pixels), THICKEST * pixels)
-    return _large(_opened(pale, _half_thin(pixels)), LETTER * pixels)
+    pale = (contrast > PALE_PIXEL) & ~dark
+    pale &= ~grown(_opened(pale, 0.5 * THICKEST_SOLID * pixels), THICKEST_SOLID * pixels)
+    return _large(_opened(pale, _half_thin(pixels)), LARGEST_LETTER * pixels)
 
 
 def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
@@ -184,23 +189,18 @@ def _reduced(colours: Any, side: float) -> tuple[Any, float, str]:
         rows = stays(colours[:-1:2], colours[1::2])
         colours = stays(rows[:, :-1:2], rows[:, 1::2])
         side = 2.0 * side
-        coarse = f"; read at {side:g} m a pixel"
+        coarse = f"read at {side:g} m a pixel"
     return colours, side, coarse
-
-
-def _is_in_pieces(long: Float, short: float) -> bool:
-    """Whether half of the length of many walls (n,) is in short ones."""
-    return len(long) > 100 and bool(2.0 * long[long < short].sum() > long.sum())
 
 
 def _floors(pale: Bool, key: Int, pixels: float) -> tuple[Bool, int]:
     """The pale pixels that are floors: thick areas, and their colours around lettering; parts."""
-    floors = _opened(pale, 0.5 * THICKEST * pixels)
+    floors = _opened(pale, 0.5 * THICKEST_SOLID * pixels)
     _, parts = parts_of(floors)
     if not parts:
         return floors, 0
     usual = np.bincount(key[floors], minlength=1 << 12) > 0.02 * floors.sum()
-    return floors | (pale & usual[key] & grown(floors, THICKEST * pixels)), parts
+    return floors | (pale & usual[key] & grown(floors, THICKEST_SOLID * pixels)), parts
 
 
 def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool, list[Float]]:
@@ -307,14 +307,14 @@ def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
             near = np.unique(parts[window])
             near = near[near > 0]
             long = most[near - 1] / most[place]
-            strip = (least[near - 1] < THICKEST * pixels) & (long > 0.85) & (long < 1.15)
+            strip = (least[near - 1] < THICKEST_SOLID * pixels) & (long > 0.85) & (long < 1.15)
             opened[[place + 1, *near[strip]]] = True
     if not doors:
         return np.zeros_like(drawn), 0
     inside = opened[parts]
     reach = max(THIN * pixels, LEAST) + 2.0
     parts, count = label(~drawn)
-    walls = _radii(drawn, parts, count) < 0.5 * THICKEST * pixels
+    walls = _radii(drawn, parts, count) < 0.5 * THICKEST_SOLID * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, _half_thin(pixels))
     opening = grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM)
@@ -337,9 +337,14 @@ def _building(solid: Bool, pixels: float) -> Bool:
     area = shapely.area(hulls)
     if not area.max(initial=0.0) > 0.0:
         return np.ones_like(solid)
-    large = np.flatnonzero(shapely.length(hulls) > 4.0 * LETTER * pixels)
+    large = np.flatnonzero(shapely.length(hulls) > 4.0 * LARGEST_LETTER * pixels)
     part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
-    own = large[part == part[np.argmax(area[large])]] if len(large) else [int(np.argmax(area))]
+    own = np.argmax(area, keepdims=True)
+    if len(large):
+        own = large[part == part[np.argmax(area[large])]]
+    beside = [bar for bar in own if _is_bar(hulls[bar], hulls[own[own != bar]])]
+    if beside and _is_aside(solid, np.isin(parts, np.unique(owner)[beside]), pixels):
+        own = np.setdiff1d(own, beside)
     main = shapely.convex_hull(shapely.union_all(hulls[own]))
     apart = shapely.disjoint(hulls, main)
     if area[apart].sum() > main.area:
@@ -349,6 +354,21 @@ def _building(solid: Bool, pixels: float) -> Bool:
     for shape in shapely.get_parts(kept):
         ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
     return np.asarray(image, dtype=np.bool_)
+
+
+def _is_bar(hull: Any, others: Any) -> bool:
+    """Whether a hull is long and narrow, and outside of what others (n,) surround."""
+    outside = shapely.disjoint(hull, shapely.convex_hull(shapely.union_all(others)))
+    return bool(outside and 8.0 * hull.area < hull.length**2 / 4.0)
+
+
+def _is_aside(solid: Bool, bars: Bool, pixels: float) -> bool:
+    """Whether walls close more without some bars: scale bars; a wall between windows closes."""
+    whole, rest = (
+        closed_share(dark, PARTED * metre)
+        for dark, metre in (reduced(each, pixels) for each in (solid, solid & ~bars))
+    )
+    return rest > whole
 
 
 def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
@@ -396,17 +416,17 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: LeftOut) -> Bool:
     sides = sides_of(parts)
     area, inked = (np.bincount(parts[of], minlength=count + 1)[1:] for of in (solid, solid & drawn))
     space = sides.prod(axis=1)
-    small = sides.max(axis=1) <= min(LETTER * pixels, 0.04 * extent_of(solid))
+    small = sides.max(axis=1) <= min(LARGEST_LETTER * pixels, 0.04 * extent_of(solid))
     # The letters of a word may touch: the outline of such a part is long.
     edges: Any = sum(
         np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
         for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
     )
-    letter = min(LETTER * pixels, LETTER_OF_MODEL * extent_of(solid))
+    letter = min(LARGEST_LETTER * pixels, LETTER_OF_MODEL * extent_of(solid))
     small |= (sides.min(axis=1) <= letter) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other, and to the thin strokes of others.
     strokes, _ = parts_of(drawn & ~grown(solid, RIM))
-    thin = np.append(False, sides_of(strokes).max(axis=1) <= LETTER * pixels)[strokes]
+    thin = np.append(False, sides_of(strokes).max(axis=1) <= LARGEST_LETTER * pixels)[strokes]
     words, _ = parts_of(grown(np.append(False, small)[parts] | thin, CLOSE * pixels))
     word = np.zeros(count + 1, dtype=np.int64)
     word[parts[solid]] = words[solid]
@@ -424,7 +444,7 @@ def _filled(dark: Bool, pixels: float) -> Bool:
     parts, count = label(~dark)
     radius = _radii(dark, parts, count)
     radius[[0, *on_border(parts)]] = np.inf
-    narrow = radius <= 0.5 * THICKEST * pixels
+    narrow = radius <= 0.5 * THICKEST_SOLID * pixels
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a micromouse maze the corridors are as narrow as walls: fill nothing.
     if not len(rows) or narrow[parts].sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
@@ -439,7 +459,7 @@ def _filled(dark: Bool, pixels: float) -> Bool:
     area = np.bincount(parts.ravel(), minlength=count + 1)
     long = narrow & (area >= 24.0 * np.minimum(radius, 1e6) ** 2)
     # Of two spaces that are too thick together, the wider one is outside of the wall.
-    thick, _ = parts_of(_opened(dark | long[parts], 0.55 * THICKEST * pixels))
+    thick, _ = parts_of(_opened(dark | long[parts], 0.55 * THICKEST_SOLID * pixels))
     held = np.unique(np.stack([thick, parts])[:, (thick > 0) & long[parts]], axis=1)
     for place in np.unique(held[0]):
         own = held[1, held[0] == place]

@@ -16,11 +16,9 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-import cssselect2
 import numpy as np
 import shapely
 import svgelements
-import tinycss2
 
 from lrf3d.base.errors import WorldError, one_line, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
@@ -38,6 +36,7 @@ from lrf3d.plans.canvas import (
     is_area,
     scale_of,
 )
+from lrf3d.plans.readers.styles import declarations, overruled, style_sheet
 from lrf3d.plans.scale import sheet_scales
 
 # A pixel [m]: the unit of lengths that name none.
@@ -54,6 +53,9 @@ INHERITED = frozenset(
     "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
     " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
+
+# Distance [m] from the edge of a clip within which a line is on it: coordinates are rounded.
+ON_EDGE = 1e-6
 
 # Elements that are painted, and their classes of svgelements.
 SHAPES = {
@@ -115,7 +117,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
     texts = (text for each in root.iter() if _tag(each) == "text" for text in each.itertext())
     canvas.scales = sheet_scales(" ".join(texts), scale)
     by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
-    painter = _ElementPainter(canvas, _style_sheet(root), by_id)
+    painter = _ElementPainter(canvas, style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
     up[1, 2] = scale * PIXEL * height
     sheet = sheet._replace(matrix=up @ sheet.matrix)
@@ -139,7 +141,8 @@ class _ElementPainter(NamedTuple):
     def state(self, element: Element, outer: State, transformed: bool = True) -> State:
         """The state of what is in an element."""
         own = {key: value.strip() for key, value in element.attrib.items()}
-        own |= self.sheet.get(element, {}) | _declarations(element.get("style", ""))
+        declared = overruled(self.sheet.get(element, {}), declarations(element.get("style", "")))
+        own |= {key: value.partition("!")[0].strip() for key, value in declared.items()}
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
         names, layer = _named(_tag(element), own, outer)
@@ -350,9 +353,11 @@ def _is_hidden(tag: str, state: State) -> bool:
     return invisible or state.style.get("display") == "none" or state.alpha < FAINT
 
 
-def _within(region: Any, clip: Any) -> Any:
-    """The intersection of two clips; None clips nothing."""
-    return region if clip is None else clip if region is None else clip.intersection(region)
+def _within(clip: Any, region: Any) -> Any:
+    """What a clip leaves of a region; None clips nothing."""
+    # Half of a line on the edge is seen.
+    region = region.buffer(ON_EDGE, join_style="mitre")
+    return region if clip is None else clip.intersection(region)
 
 
 def _viewport(element: Element, sized: Element, state: State, placed: bool = False) -> State:
@@ -364,7 +369,7 @@ def _viewport(element: Element, sized: Element, state: State, placed: bool = Fal
     if state.style.get("overflow", "hidden") not in ("visible", "auto"):
         corners = np.array(shapely.box(x, y, x + width, y + height).exterior.coords)
         frame = shapely.Polygon(corners @ state.matrix[:2, :2].T + state.matrix[:2, 2])
-        state = state._replace(clip=_within(frame, state.clip))
+        state = state._replace(clip=_within(state.clip, frame))
     return _framed(element, (x, y, width, height), state)
 
 
@@ -471,29 +476,3 @@ def _is_for_all(choice: Element) -> bool:
 def _is_plain(text: str | None) -> bool:
     """Whether a text names a colour, not a pattern."""
     return text is not None and text != "none" and "url(" not in text
-
-
-def _style_sheet(root: Element) -> dict[Element, dict[str, str]]:
-    """The properties that style sheets give to the elements of a drawing."""
-    matcher = cssselect2.Matcher()
-    texts = ["".join(each.itertext()) for each in root.iter() if _tag(each) == "style"]
-    for rule in tinycss2.parse_stylesheet("\n".join(texts), True, True):
-        if rule.type == "qualified-rule":
-            content = _declarations(tinycss2.serialize(rule.content))
-            try:
-                for selector in cssselect2.compile_selector_list(rule.prelude):
-                    matcher.add_selector(selector, content)
-            except cssselect2.SelectorError:
-                continue
-    said = dict[Element, dict[str, str]]()
-    for each in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
-        # From the least specific rule on.
-        for *_, content in matcher.match(each):
-            said.setdefault(each.etree_element, {}).update(content)
-    return said
-
-
-def _declarations(text: str) -> dict[str, str]:
-    """The properties that the declarations of a style set."""
-    parts = (part.partition(":") for part in re.sub(r"/\*.*?\*/", "", text).split(";"))
-    return {key.strip().lower(): value.replace("!important", "").strip() for key, _, value in parts}

@@ -25,6 +25,13 @@ SWEEP = np.radians([40.0, 150.0])
 # Least and largest width [m] of a leaf: of a cupboard, and of a gate.
 WIDTHS = (0.4, 1.7)
 
+# Least and largest width [m] of most doors.
+USUAL = (0.6, 1.2)
+
+# Sine of the angle between the ends of two walls that face each other, and the largest part of
+# their distance by which they may be displaced: pictures are turned, and drawn by hand.
+ASKEW = 0.15
+
 # Largest distance of a line of a leaf from the hinge and the arc, in widths of the door: a leaf may
 # be drawn with its thickness.
 NEAR = 0.12
@@ -146,6 +153,27 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
     return found
 
 
+def gaps_in(walls: Float) -> Float:
+    """The gaps (k, 2, 2) [m] in walls (n, 4) as wide as doors, between two ends of walls."""
+    ends = walls[lengths(walls) < THICKEST_WALL]
+    middles = ends.reshape(-1, 2, 2).mean(axis=1)
+    thick = lengths(ends)
+    pairs = cKDTree(middles).query_pairs(USUAL[1], output_type="ndarray")
+    one, other = pairs.T
+    apart = middles[other] - middles[one]
+    wide = np.hypot(*apart.T)
+    fits = (wide > USUAL[0]) & (np.minimum(thick[one], thick[other]) > 0.5 * thick[pairs].max(1))
+    fits &= np.abs(cross(directions(ends[one]), directions(ends[other]))) < ASKEW
+    fits &= np.abs((apart * directions(ends[one])).sum(axis=1)) < ASKEW * wide
+    found = middles[pairs[fits]]
+    # Between the ends of one piece of wall there are its sides, between those of two is nothing.
+    inner = 0.9 * found + 0.05 * found.sum(axis=1, keepdims=True)
+    areas = shapely.buffer(shapely.linestrings(inner), 0.55 * thick[one[fits]], cap_style="flat")
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    crossed, _ = shapely.STRtree(lines).query(areas, predicate="intersects")
+    return np.delete(found, np.unique(crossed), axis=0)
+
+
 def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:
     """Clip segments (n, 4) at doorways, as doors stand open.
 
@@ -156,19 +184,19 @@ def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:
     walls = _Walls.of(segments)
     lines = as_lines(segments)
     tips = np.array([door.corners[1] for door in doors])
-    doorways = [_doorway(door, tips, walls) for door in doors]
-    shut = np.array([box for box in doorways if box is not None], dtype=object)
-    box, line = shapely.STRtree(lines).query(shut, predicate="intersects")
+    led = [_doorway(door, tips, walls) for door in doors]
+    doorways = np.array([box for box in led if box is not None], dtype=object)
+    box, line = shapely.STRtree(lines).query(doorways, predicate="intersects")
     cut = np.unique(line)
     while len(line):
         # Cut each line by one of its boxes at a time: joining all boxes first would be slow.
         own, first = np.unique(line, return_index=True)
-        lines[own] = shapely.difference(lines[own], shut[box[first]])
+        lines[own] = shapely.difference(lines[own], doorways[box[first]])
         box = np.delete(box, first)
         line = np.delete(line, first)
     parts, number = shapely.get_parts(lines, return_index=True)
     points, part = shapely.get_coordinates(parts, return_index=True)
-    return points.reshape(-1, 4), number[part[::2]], cut, shapely.union_all(shut)
+    return points.reshape(-1, 4), number[part[::2]], cut, shapely.union_all(doorways)
 
 
 def _doorway(door: Door, tips: Float, walls: _Walls) -> Any:

@@ -13,7 +13,7 @@ from lrf3d.plans.rules.left_out import drawn_on
 from lrf3d.world.grid_walls import extent_of, grown, on_border, parts_of, walls_of_grid
 
 # Largest mean thickness [m] of a wall that is drawn as an area; only a thicker area may be a floor.
-THICKEST = 0.6
+THICKEST_SOLID = 0.6
 
 # Number of cells along a plan whose rooms are sought, and of empty ones around it.
 CELLS = 600
@@ -58,8 +58,8 @@ def closes_rooms(dark: Bool, metre: float) -> bool:
     extent = extent_of(dark)
     if not extent or closed_share(dark, _door(extent, metre)) > LEAST_CLOSED:
         return True
-    core = distance_transform_edt(dark) > 0.5 * THICKEST * metre
-    solid = grown(core, 0.5 * THICKEST * metre) & dark
+    core = distance_transform_edt(dark) > 0.5 * THICKEST_SOLID * metre
+    solid = grown(core, 0.5 * THICKEST_SOLID * metre) & dark
     long = np.sort(lengths(walls_of_grid(dark)))[::-1]
     half = long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())]
     town = parts_of(core)[1] >= LEAST_BLOCKS

@@ -38,7 +38,7 @@ class Strokes:
     # The number (n,) of each stroke's line; consecutive strokes of one line are joined.
     line: Int
     # The index (n,) of each stroke's piece; areas that cover a piece may cut it into several lines.
-    mark: Int
+    piece: Int
     # The role (n,) of each stroke, mostly by the name of its layer.
     role: Any
     # Whether a layer shows that the drawing is a sheet of paper, with more on it than a plan.
@@ -49,15 +49,15 @@ class Strokes:
     found: dict[str, Bool] = field(default_factory=dict)
 
     # Which strokes (n,) no rule has taken out.
-    left: Bool = field(init=False)
+    remaining: Bool = field(init=False)
 
     def __post_init__(self) -> None:
-        self.left = np.ones(len(self.segments), dtype=bool)
+        self.remaining = np.ones(len(self.segments), dtype=bool)
 
-    def take(self, rule: "Rule") -> None:
-        """Take out what a rule finds among the strokes that are left."""
-        self.found[rule.name] = rule.find(self) & self.left
-        self.left = self.left & ~self.found[rule.name]
+    def apply(self, rule: "Rule") -> None:
+        """Take out what a rule finds among the remaining strokes."""
+        self.found[rule.name] = rule.find(self) & self.remaining
+        self.remaining = self.remaining & ~self.found[rule.name]
 
     @property
     def free(self) -> Bool:
@@ -66,7 +66,7 @@ class Strokes:
         A drawing in the size of its paper has none: rules know the sizes of symbols on real plans.
         """
         large = len(self.segments) and np.ptp(self.segments.reshape(-1, 2), axis=0).max() >= SHEET
-        return np.asarray(self.left & (self.role == "other") & bool(large))
+        return np.asarray(self.remaining & (self.role == "other") & bool(large))
 
     def among(self, chosen: Bool, find: Callable[[Float], Bool]) -> Bool:
         """Which free strokes (n,) a function finds if it is given the chosen ones (n,) alone."""
@@ -95,7 +95,7 @@ class Rule(NamedTuple):
 
 
 def _opened(strokes: Strokes) -> Bool:
-    drawn = strokes.left & np.isin(strokes.role, MAY_OPEN)
+    drawn = strokes.remaining & np.isin(strokes.role, MAY_OPEN)
     doors, opened = find_doors(strokes.segments, strokes.line, drawn)
     strokes.doors += doors
     return opened
@@ -110,7 +110,7 @@ def _of_other_layers(strokes: Strokes) -> Bool:
 
 def _annotations(strokes: Strokes) -> Bool:
     free = strokes.free
-    drawn = strokes.line[free], strokes.mark[free]
+    drawn = strokes.line[free], strokes.piece[free]
     return strokes.among(free, lambda each: is_annotation(each, *drawn))
 
 
@@ -124,11 +124,11 @@ def _letters(strokes: Strokes) -> Bool:
 
 def _frame(strokes: Strokes) -> Bool:
     known = strokes.shows_sheet("annotation line")
-    return strokes.among(strokes.left, partial(is_frame, sheet=known))
+    return strokes.among(strokes.remaining, partial(is_frame, sheet=known))
 
 
 def _beside(strokes: Strokes) -> Bool:
-    left = strokes.left & strokes.shows_sheet("annotation line", "frame line")
+    left = strokes.remaining & strokes.shows_sheet("annotation line", "frame line")
     return strokes.among(left, lambda each: is_aside(each, strokes.role[left] != "other"))
 
 

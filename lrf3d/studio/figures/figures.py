@@ -102,7 +102,7 @@ class PlanShown(Protocol):
     doors: Sequence[Any]
 
     @property
-    def left(self) -> Mapping[str, Float]:
+    def removed(self) -> Mapping[str, Float]:
         """Strokes (k, 4) [m] by the name, in the singular, of the rule that left them out."""
 
     @property
@@ -151,7 +151,7 @@ def draw_world(
     robots = np.vstack([where, stops])
     places = [world.segments.reshape(-1, 2), legs, robots[:, :2]]
     if plan is not None:
-        places.append(np.concatenate([np.empty((0, 4)), *plan.left.values()]).reshape(-1, 2))
+        places.append(np.concatenate([np.empty((0, 4)), *plan.removed.values()]).reshape(-1, 2))
     figure, (ax,) = metre_sheet(places, 1, world.name or "world", words)
     plot.world(world, ax, poses=robots, linewidth=WALL_WIDTH)
     if plan is not None:
@@ -207,7 +207,7 @@ def _draw_fields(ax: Axes, lasers: Sequence[LaserRangeFinder], pose: Float) -> N
 
 def _draw_plan(plan: PlanShown, ax: Axes) -> None:
     """Draw the doors and the rooms of a plan, what was left out, and a scale bar."""
-    for (name, strokes), colour in zip(plan.left.items(), cycle(LEFT_OUT), strict=False):
+    for (name, strokes), colour in zip(plan.removed.items(), cycle(LEFT_OUT), strict=False):
         lines = list(strokes.reshape(-1, 2, 2))
         label = f"left out: {name}s"
         rest = LineCollection(lines, colors=colour, linewidths=0.6, label=label, zorder=1)

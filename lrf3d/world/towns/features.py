@@ -157,7 +157,9 @@ def with_rooms(
     The outlines of rooms become lines, shared ones only once, with gaps at openings. Without a
     level the storey is the ground floor, or that with most rooms.
     """
-    storeys = _storeys(features)
+    counts = Counter(each for f in features if f.role == "room" for each in f.levels[:1])
+    # The ground floor comes first, then the storeys with most rooms.
+    storeys = sorted(counts, key=lambda each: (each != "0", -counts[each]))
     known = ", ".join(sorted(storeys)[:20])
     chosen = level or next(iter(storeys), "0")
     if level is not None and all(level not in f.levels for f in features):
@@ -181,12 +183,6 @@ def with_rooms(
     read = [f"level {chosen} of {known} is read; --level chooses"][: len(storeys) - 1]
     said = "; ".join([counted(len(rooms), "indoor room"), *read])
     return found + _walls_of_rooms(rooms, openings), said
-
-
-def _storeys(features: Sequence[Feature]) -> list[str]:
-    """The storeys of rooms: the ground floor comes first, then those with most rooms."""
-    rooms = Counter(each for f in features if f.role == "room" for each in f.levels[:1])
-    return sorted(rooms, key=lambda each: (each != "0", -rooms[each]))
 
 
 def _walls_of_rooms(rooms: list[Feature], openings: list[Feature]) -> list[Feature]:

@@ -189,8 +189,6 @@ const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
 const apart = ([[x1, y1], [x2, y2]]) => Math.hypot(x2 - x1, y2 - y1);
 const word = (kind) => (kind === "nothing" ? "left out" : kind);
 const takenFor = (as) => (as === "nothing" ? "left out" : `taken for ${as}`);
-// Words of the command line, which mean nothing here.
-const plain = (text) => text.replace(/(, found from the picture)?; --threshold sets it/, "").replace(/--scale [\d.]+/g, "another scale");
 const RULES = { "dark part": "thin or loose marks" };
 
 // Place a card where it hides no end of a line, in units of the drawing.
@@ -277,11 +275,11 @@ const TAKE = {
     part("saved").textContent = editor.pending ? `${editor.what} …` : editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "changes saved" : "";
     part("old").textContent = header.old && `${header.old} is older than this`;
     part("map-only").hidden = !header.rosMap;
-    const grey = header.edits.reading?.threshold ?? /grey (\d+)/.exec(header.said)?.[1];
+    const grey = header.edits.reading?.threshold ?? (header.grey && Math.round(header.grey));
     part("picture").hidden = !grey;
     if (grey && !part("threshold").matches(":active")) part("threshold").value = part("grey").textContent = grey;
     tell();
-    part("over").textContent = plain(header.said) || tool.hint;
+    part("over").textContent = header.said || tool.hint;
     if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
@@ -377,12 +375,12 @@ function firstQuestion(header, strokes) {
     return notice("An empty sheet in metres: drag a room from corner to corner, or press W and click the corners of walls.");
   }
   const [suggested] = header.suggestions;
-  // Scales that would fit a drawing of a doubtful size, as the command line names them.
-  const scales = [...header.said.matchAll(/--scale ([\d.]+) if it is ([^;]+)/g)];
+  // Scales that would fit a drawing of a doubtful size.
+  const scales = Object.entries(header.scales);
   if (suggested && !scales.length) editor.ask(suggested);
   else if (!header.scaled || scales.length) {
     choose("scale");
-    notice("How large is it? Click the two ends of something whose length you know, such as a door of 0.9 m.", scales.map(([, factor, words]) => [words, () => scaled(header, Number(factor))]));
+    notice("How large is it? Click the two ends of something whose length you know, such as a door of 0.9 m.", scales.map(([words, factor]) => [words, () => scaled(header, factor)]));
   }
 }
 
