@@ -102,12 +102,18 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
     import lrf3d.compiling as compiling
 
     calls: dict[tuple[str, str, Any], None] = {}
+    within = list[Any]()
 
     def recorded(kernel: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any) -> Any:
-            types = tuple(numba.typeof(each) for each in args)
-            calls[kernel.__module__, kernel.__qualname__, types] = None
-            return kernel(*args)
+            # What a kernel calls becomes part of it.
+            if not within:
+                types = tuple(numba.typeof(each) for each in args)
+                calls[kernel.__module__, kernel.__qualname__, types] = None
+            within.append(kernel)
+            found = kernel(*args)
+            within.pop()
+            return found
 
         return call
 

@@ -1,18 +1,19 @@
 """``lrf3d world`` and ``crosscheck``: worlds, and how exact ranges are in them."""
 
 from argparse import Namespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lrf3d.apps.cli.console import Console, print_json, print_text
 from lrf3d.apps.cli.folder import new_file
 from lrf3d.apps.cli.inputs import on_collision, options_of, routed
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import lengths
-from lrf3d.plans.plan import Plan
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.world import World, load_world, save_world, world_names
 from lrf3d.world.files import is_picture
-from lrf3d.world.generators import generate as generate_world
+
+if TYPE_CHECKING:
+    from lrf3d.plans.plan import Plan
 
 
 def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) -> None:
@@ -46,7 +47,7 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) 
     _describe(console, scenario.world, {"name": scenario.name}, figures, rows)
 
 
-def _plan_figures(plan: Plan) -> dict[str, Any]:
+def _plan_figures(plan: "Plan") -> dict[str, Any]:
     return {
         "layers": [layer._asdict() for layer in plan.layers],
         "doors_m": [door.width for door in plan.doors],
@@ -55,7 +56,7 @@ def _plan_figures(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
+def _plan_rows(plan: "Plan") -> list[tuple[str, str]]:
     layers = [
         ("layer" if number == 0 else "", f"{name or '(none)'}  {length:.1f} m: {roles}")
         for number, (name, length, roles) in enumerate(plan.layers)
@@ -91,6 +92,8 @@ def convert(_: None, args: Namespace, console: Console) -> None:
 
 def generate(_: None, args: Namespace, console: Console) -> None:
     """Generate a world that a robot can drive in."""
+    from lrf3d.world.generators import generate as generate_world
+
     world = generate_world(args.kind, size=args.size, seed=args.seed)
     with new_file(args, args.out, [args.kind]) as place:
         save_world(world, place)
