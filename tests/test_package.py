@@ -18,6 +18,8 @@ CASTING = (
         ("import lrf3d", "numba numpy trimesh pyrender matplotlib scipy shapely"),
         ("import lrf3d.apps.cli", "numba numpy trimesh pyrender matplotlib scipy shapely rich"),
         ("import lrf3d; lrf3d.load_scenario('city')", "numba trimesh scipy shapely"),
+        ("import lrf3d.apps.cli.world", "numba scipy matplotlib"),
+        ("import lrf3d.apps.cli.run", "matplotlib"),
         (CASTING, "trimesh embreex pyrender matplotlib"),
     ],
 )

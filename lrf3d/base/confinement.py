@@ -7,7 +7,6 @@ open no connection. The answer goes to its output. It ends when its input ends.
 """
 
 import ctypes
-import inspect
 import os
 import sys
 import threading
@@ -18,6 +17,7 @@ from typing import Any
 
 from lrf3d.base.errors import Lrf3dError, Lrf3dWarning
 from lrf3d.base.isolation import OUT_OF_MEMORY, read_directly
+from lrf3d.base.lean import lean_loading
 from lrf3d.base.packing import receive, send
 
 # Largest request [bytes]: a reader, a path, and options that users give.
@@ -49,12 +49,11 @@ def main() -> None:
     except EOFError:
         _end_with_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _load_less()
-    _limit(memory, seconds)
-    _confine_at(path)
     status = 1
     try:
-        with os.fdopen(out, "wb") as stream:
+        with lean_loading(), os.fdopen(out, "wb") as stream:
+            _limit(memory, seconds)
+            _confine_at(path)
             try:
                 send(stream, _answer(reader, path, options))
             except TypeError as error:
@@ -66,17 +65,6 @@ def main() -> None:
     finally:
         # The usual exit would wait for threads of libraries.
         os._exit(status)
-
-
-def _load_less() -> None:
-    """Keep SciPy from loading NumPy's tests and compiler, and from editing its own documentation.
-
-    No reader needs them, and they take half of the time that SciPy takes to load.
-    """
-    import numpy as np
-
-    vars(np).update(f2py=None, testing=None)
-    inspect.getdoc = lambda object: None
 
 
 def _answer(reader: str, path: str, options: dict[str, Any]) -> list[Any]:

@@ -25,6 +25,7 @@ import numpy as np
 from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from lrf3d.base.errors import Lrf3dWarning
@@ -176,7 +177,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The machine code for a signature; None if the kernel has to be compiled."""
         self._cache_file, self._stamp = self, stamp_of(self._py_func, *self._compilers)
-        found = super().load_overload(signature, target_context)
+        # What counts references, which kernels call. Numba's own method loads all that compiling
+        # takes, too: half a second, and 40 MB.
+        rtsys.initialize(target_context)
+        found = self._load_overload(signature, target_context)
         if found is None:
             _announce()
         return found

@@ -68,7 +68,7 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
         angles = np.column_stack([scan.angles[:-1], scan.angles[1:]]).ravel()
         corners = reflection_points(scan.pose, angles, away)
         outline = np.round((np.vstack([corners, [x, y], [x, y]]) - low) / size - 0.5)
-        drawing.polygon([tuple(corner) for corner in outline.tolist()], fill=1)
+        drawing.polygon(outline.ravel().tolist(), fill=1)
         column, row = (np.array([x, y]) - low) / size - 0.5
         driven = DRIVEN / size - 0.5
         drawing.ellipse([column - driven, row - driven, column + driven, row + driven], fill=1)

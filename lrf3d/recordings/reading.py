@@ -11,8 +11,15 @@ from lrf3d.base.formats import Format, by_ending, by_looks, by_name, endings, fu
 from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
 from lrf3d.geometry.lines import as_rows, number, whole_number
-from lrf3d.recordings.formats.arrays import RECORDS, array_table, is_foreign, record_table
-from lrf3d.recordings.formats.bags.json_lines import BEGINNING, TOPIC, is_messages
+from lrf3d.recordings.formats.arrays import (
+    LONG_BEGINNING,
+    RECORDS,
+    TOPIC,
+    array_table,
+    is_foreign,
+    is_messages,
+    record_table,
+)
 from lrf3d.recordings.formats.carmen import WORDS
 from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
@@ -194,7 +201,7 @@ def _format_of(path: Path, in_columns: bool) -> Format:
     # Other formats use the endings of CARMEN logs, arrays and runs, too: the content decides.
     if named is not None and name not in ("CARMEN", "arrays", "run"):
         return named
-    head = head_of(path, BEGINNING, "a log")
+    head = head_of(path, LONG_BEGINNING, "a log")
     if name in ("arrays", "run"):
         return by_name("log", "arrays" if name == "arrays" or is_foreign(path) else "run")
     return _format_by_looks(path, head, is_carmen=name == "CARMEN")

@@ -106,20 +106,25 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
     def recorded(kernel: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any) -> Any:
             types = tuple(numba.typeof(each) for each in args)
-            calls[kernel.__module__, kernel.__qualname__, types] = None
-            return kernel(*args)
+            known = {**calls, (kernel.__module__, kernel.__qualname__, types): None}
+            found = kernel(*args)
+            # What a kernel calls becomes part of it.
+            calls.clear()
+            calls.update(known)
+            return found
 
         return call
 
     compiling.compiled = recorded  # type: ignore[assignment]
     import lrf3d
-    from lrf3d.slam import SlamMapper
 
     world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
     lrf = lrf3d.LaserRangeFinder(beams=31)
     drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
     drives: list[dict[str, Any]] = [{"caster": "embree"}]
     if "slam" in parts:
+        from lrf3d.slam import SlamMapper
+
         drives.append({"caster": "embree", "mapper": SlamMapper()})
     if "planar" in parts:
         drives.append({"caster": "planar"})

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.apps.cli.console import Console, warn
-from lrf3d.apps.cli.folder import Drawing, ResultsFolder, new_file, results_folder
+from lrf3d.apps.cli.folder import Drawing, ResultsFolder, draw_figure, new_file, results_folder
 from lrf3d.apps.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.apps.cli.runs import write_film
 from lrf3d.base.errors import InputError
@@ -207,8 +207,6 @@ def _localise_recorded(
 
 def _draw_places(known: Run | World, found: LocalisedLog, picture: Path) -> None:
     """Draw the path of a drive, and what its scans show, on the map where it was found."""
-    from lrf3d.studio.figures.figures import draw_map
-
     chosen = np.flatnonzero(found.known)
     poses = found.poses[chosen]
     points = [np.empty((0, 2))]
@@ -221,8 +219,8 @@ def _draw_places(known: Run | World, found: LocalisedLog, picture: Path) -> None
     line_map = known.map if isinstance(known, Run) else LineMap.empty()
     true = None if isinstance(known, Run) else known
     name = known.world.name if isinstance(known, Run) else known.name
-    draw_map(
-        line_map, picture, points=np.concatenate(points),
+    draw_figure(
+        "map", line_map, picture, points=np.concatenate(points),
         poses=np.insert(poses, ends, np.nan, axis=0), world=true,
         title=f"{found.log.name} on {name or 'the map'}",
     )  # fmt: skip
@@ -282,15 +280,10 @@ def _filled(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
 
 def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str, Drawing]]:
     """Write the map of a run, which a part of it made; where it is, and its picture."""
-
-    def draw(picture: Path) -> None:
-        from lrf3d.studio.figures.figures import draw_map
-
-        draw_map(
-            run.map, picture, points=np.vstack([scan.points() for scan in mapped.scans]),
-            poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
-        )  # fmt: skip
-
+    draw = partial(
+        draw_figure, "map", run.map, points=np.vstack([scan.points() for scan in mapped.scans]),
+        poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
+    )  # fmt: skip
     save_map(run.map, output.path / "map.geojson", free=mapped.free_cells())
     return f"{output.path / 'map.geojson'} holds the map", {"map picture": ("map.png", draw)}
 

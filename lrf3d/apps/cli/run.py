@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.apps.cli.console import Console, json_text, warn
-from lrf3d.apps.cli.folder import Drawing, results_folder
+from lrf3d.apps.cli.folder import Drawing, draw_figure, results_folder
 from lrf3d.apps.cli.inputs import made, on_collision, routed
 from lrf3d.apps.cli.runs import write_film
 from lrf3d.base.errors import InputError
@@ -32,7 +32,6 @@ from lrf3d.simulation.mappers import OptionalParts
 from lrf3d.simulation.recorder import collect
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
-from lrf3d.studio.figures.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.world import World
 
 # The note on a run that is stopped after its last scan.
@@ -77,6 +76,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
         "seconds": seconds, "milliseconds_a_scan": 1000 * seconds / updates if updates else None,
         "milliseconds_an_update": main.milliseconds_an_update,
     }  # fmt: skip
+    del main, simulations
     if scenario.poses is not None and "controller" not in named:
         # The robot did not drive between the poses.
         summary["drive"]["length_m"] = 0.0
@@ -87,7 +87,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, console: Conso
             {"sigma_m": level, "segments": len(each.map), "objects": each.map.object_count}
             for level, each in zip(sigmas, runs, strict=True)
         ]
-        pictures["noise picture"] = "noise.png", partial(draw_noise_levels, runs, sigmas)
+        pictures["noise picture"] = "noise.png", partial(draw_figure, "noise_levels", runs, sigmas)
     output.finish(
         summary,
         {"run": "run.npz", **files},
@@ -119,7 +119,7 @@ def _map_files(
     place = f"{robot}/" if robot else ""
     name = f"{robot} map".strip()
     save_map(run.map, folder / f"{place}map.geojson", free=run.free_cells())
-    draw = partial(draw_map, drawn_part(run))
+    draw = partial(draw_figure, "map", drawn_part(run))
     return {name: f"{place}map.geojson"}, {f"{name} picture": (f"{place}map.png", draw)}
 
 
@@ -131,12 +131,10 @@ def _pictures(
     shown = drawn_part(run)
     levels = [f"noise σ = {level:g} m" for level in args.sigma or scenario.sigmas]
     columns = dict(zip(levels, runs, strict=True)) if len(runs) > 1 else None
-
-    def draw(path: Path) -> None:
-        scan = shown.scan(0)
-        draw_world(shown.world, path, scan=scan, route=scenario.route, poses=scenario.poses)
-
-    pictures: dict[str, Drawing] = {"world picture": ("world.png", draw)}
+    seen = {"scan": shown.scan(0), "route": scenario.route, "poses": scenario.poses}
+    pictures: dict[str, Drawing] = {
+        "world picture": ("world.png", partial(draw_figure, "world", shown.world, **seen))
+    }
     if args.video:
         film = partial(write_film, run, args=args, console=console, columns=columns)
         pictures["video"] = "run.mp4", film

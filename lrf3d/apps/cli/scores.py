@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.apps.cli.console import Console
-from lrf3d.apps.cli.folder import results_folder
+from lrf3d.apps.cli.folder import draw_figure, results_folder
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose, compose
@@ -21,7 +21,6 @@ from lrf3d.scoring import score_map, visible_walls
 from lrf3d.scoring.map_score import drawn_part, judged_part
 from lrf3d.scoring.trajectory_score import PoseErrors, pose_errors
 from lrf3d.simulation.run import Run
-from lrf3d.studio.figures.figures import draw_map
 from lrf3d.world import World, load_world
 from lrf3d.world.pieces import joined_objects
 
@@ -47,7 +46,7 @@ def score(run: Run, args: Namespace, console: Console) -> None:
         figures["map"] = found.as_dict()
     aligned = with_trajectory(run, estimate, errors.alignment)
     draw = partial(
-        draw_map, line_map, poses=run.trajectory.poses, world=run.world,
+        draw_figure, "map", line_map, poses=run.trajectory.poses, world=run.world,
         points=np.vstack([scan.points() for scan in drawn_part(run).scans]),
         estimate=aligned.estimate, title=f"{run.world.name}: {Path(args.trajectory).name}",
     )  # fmt: skip

@@ -4,15 +4,13 @@ from argparse import Namespace
 from typing import Any
 
 from lrf3d.apps.cli.console import Console, print_json, print_text
-from lrf3d.apps.cli.folder import new_file
+from lrf3d.apps.cli.folder import draw_figure, new_file
 from lrf3d.apps.cli.inputs import on_collision, options_of, routed
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import lengths
-from lrf3d.plans.plan import Plan
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.world import World, load_world, save_world, world_names
 from lrf3d.world.files import is_picture
-from lrf3d.world.generators import generate as generate_world
 
 
 def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) -> None:
@@ -37,16 +35,14 @@ def show(found: tuple[Scenario | None, Any], args: Namespace, console: Console) 
         rows += _plan_rows(plan)
         figures |= _plan_figures(plan)
     if args.out is not None:
-        from lrf3d.studio.figures.figures import draw_scenario
-
         with new_file(args, args.out, [args.world]) as place:
-            draw_scenario(scenario, place, plan=plan)
+            draw_figure("scenario", scenario, place, plan=plan)
         figures["picture"] = str(args.out)
         rows.append(("picture", str(args.out)))
     _describe(console, scenario.world, {"name": scenario.name}, figures, rows)
 
 
-def _plan_figures(plan: Plan) -> dict[str, Any]:
+def _plan_figures(plan: Any) -> dict[str, Any]:
     return {
         "layers": [layer._asdict() for layer in plan.layers],
         "doors_m": [door.width for door in plan.doors],
@@ -55,7 +51,7 @@ def _plan_figures(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
+def _plan_rows(plan: Any) -> list[tuple[str, str]]:
     layers = [
         ("layer" if number == 0 else "", f"{name or '(none)'}  {length:.1f} m: {roles}")
         for number, (name, length, roles) in enumerate(plan.layers)
@@ -91,6 +87,8 @@ def convert(_: None, args: Namespace, console: Console) -> None:
 
 def generate(_: None, args: Namespace, console: Console) -> None:
     """Generate a world that a robot can drive in."""
+    from lrf3d.world.generators import generate as generate_world
+
     world = generate_world(args.kind, size=args.size, seed=args.seed)
     with new_file(args, args.out, [args.kind]) as place:
         save_world(world, place)
@@ -158,10 +156,8 @@ def crosscheck(scenario: Scenario, args: Namespace, console: Console) -> int:
         *((f"  {cause}", f"{n}: {CAUSES[cause]}") for cause, n in result.counts.items()),
     ]
     if args.figure is not None:
-        from lrf3d.studio.figures.figures import draw_crosscheck
-
         with new_file(args, args.figure, [args.world]) as place:
-            draw_crosscheck(world, lrf, poses, result, place)
+            draw_figure("crosscheck", world, lrf, poses, result, place)
         figures["picture"] = str(args.figure)
         rows.append(("picture", str(args.figure)))
     console.print(figures, rows)

@@ -33,8 +33,14 @@ RECORDS = re.compile(
     rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,;]*+[,;])+?[^\w,;\[(]*+[\[(]"
 ).match
 
+# Finds the topic of a message in the first bytes of a file.
+TOPIC = re.compile(rb'\s*+\[?\s*+\{[^\0]*?"topic"\s*:\s*"').match
+
 # Bytes of a file that show whether it holds records.
 BEGINNING = 4096
+
+# Number of first bytes of a file in which a topic must occur; a long scan may come before it.
+LONG_BEGINNING = 1 << 16
 
 # Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma.
 CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
@@ -52,6 +58,11 @@ def is_foreign(path: Path) -> bool:
 def is_records(path: Path) -> bool:
     """Whether a file holds records."""
     return bool(RECORDS(head_of(path, BEGINNING)))
+
+
+def is_messages(path: Path) -> bool:
+    """Whether a file holds messages with topics as JSON."""
+    return path.is_file() and bool(TOPIC(head_of(path, LONG_BEGINNING)))
 
 
 def array_table(intake: Intake) -> Table:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,6 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from lrf3d.base.text import counted
-from lrf3d.casting.comparison import CrossCheck
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, LaserScan
@@ -38,6 +37,9 @@ from lrf3d.studio.figures.sheet import (
 )
 from lrf3d.studio.scene.stage.structures import Sight
 from lrf3d.world import World
+
+if TYPE_CHECKING:
+    from lrf3d.casting.comparison import CrossCheck
 
 # Colours of the fields of view of lasers, and of dynamic obstacles.
 FIELDS = ("#3b7dd8", "#d97b29", "#3f9d5f", "#9a5bb5")
@@ -316,7 +318,7 @@ def draw_crosscheck(
     world: World,
     lrf: LaserRangeFinder,
     poses: Float,
-    result: CrossCheck,
+    result: "CrossCheck",
     path: str | Path | None = None,
 ) -> Figure:
     """Draw a world, the poses (k, 3), and the beams that the casters see differently."""

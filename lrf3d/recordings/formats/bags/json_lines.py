@@ -3,14 +3,11 @@
 A file with an object in each line, or an array of objects, enters; messages leave, as from a bag.
 """
 
-import re
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from lrf3d.base.formats import head_of
 from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.recordings.formats.arrays import json_parts
@@ -19,12 +16,6 @@ from lrf3d.recordings.log import Intake
 
 # The encoding of messages that are text.
 JSON = "json"
-
-# Finds the topic of a message in the first bytes of a file.
-TOPIC = re.compile(rb'\s*+\[?\s*+\{[^\0]*?"topic"\s*:\s*"').match
-
-# Number of first bytes of a file in which a topic must occur; a long scan may come before it.
-BEGINNING = 1 << 16
 
 # The types of messages, by their characteristic fields; the first match counts.
 KINDS = {
@@ -44,11 +35,6 @@ LATEST = 1e11
 
 # Names of fields in ROS 1, and their names in ROS 2.
 RENAMED = {"secs": "sec", "nsecs": "nanosec", "nsec": "nanosec"}
-
-
-def is_messages(path: Path) -> bool:
-    """Whether a file holds messages with topics as JSON."""
-    return path.is_file() and bool(TOPIC(head_of(path, BEGINNING)))
 
 
 def json_messages(intake: Intake) -> Iterator[Packet]:

@@ -34,6 +34,7 @@ from lrf3d.base.formats import ZSTD
 from lrf3d.base.isolation import check_memory
 from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import SCAN, TRANSFORMS
+from lrf3d.recordings.formats.arrays import is_messages
 from lrf3d.recordings.formats.bags.contents import MESSAGES, OLD_TRANSFORMS, SCANS, Contents
 from lrf3d.recordings.formats.bags.files import (
     BagTopic,
@@ -42,7 +43,7 @@ from lrf3d.recordings.formats.bags.files import (
     packets,
     unpacked,
 )
-from lrf3d.recordings.formats.bags.json_lines import JSON, is_messages, json_messages
+from lrf3d.recordings.formats.bags.json_lines import JSON, json_messages
 from lrf3d.recordings.formats.bags.poses import log_of
 from lrf3d.recordings.log import Intake, LaserLog
 
