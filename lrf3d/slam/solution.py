@@ -212,7 +212,7 @@ class SolvedLog:
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         wheels = NO_POSES
         if self.log.placed:
-            driven = self.recording.path.at(self.recording.moments)
+            driven = self.recording.path.at(self.recording.taken_at)
             wheels = compose(driven, np.array(mount))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen), wheels)
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())

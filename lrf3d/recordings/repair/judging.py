@@ -21,11 +21,11 @@ from lrf3d.recordings.repair.turns import MOST_DISTANCE, PAIR
 MOST_PAIRS = 120
 
 # Least number of pairs that decide: three quick turns of a drive have 14, and show a sweep clearly.
-LEAST_PAIRS = 12
+LEAST_COMPARED = 12
 
 # Turn [rad] after which a scan forms a pair with the one before: large enough to show a wrong fan,
 # since one that is a third too wide makes this turn wrong by a tenth of a radian.
-LEAST_TURN = 0.3
+PAIR_TURN = 0.3
 
 # Largest turn from the first to the second of a pair [rad], so that both see the same walls.
 WIDEST = 1.0
@@ -35,7 +35,7 @@ INFORMATION = np.asarray(np.linalg.inv(PAIR), dtype=np.float64)
 
 # Number of standard errors from which a difference is clear: correct sweeps reach 4 to 13, a wrong
 # fan reached 18.
-SURE = 3.0
+STANDARD_ERRORS = 3.0
 
 
 def pairs_along(poses: Float) -> list[list[int]]:
@@ -44,7 +44,7 @@ def pairs_along(poses: Float) -> list[list[int]]:
     first = 0
     for number in range(1, len(poses)):
         x, y, turn = np.abs(between(poses[first], poses[number])).tolist()
-        if np.hypot(x, y) > MOST_DISTANCE or turn > LEAST_TURN:
+        if np.hypot(x, y) > MOST_DISTANCE or turn > PAIR_TURN:
             if turn < WIDEST and np.hypot(x, y) < 2.0 * MOST_DISTANCE:
                 pairs.append([first, number])
             first = number
@@ -71,6 +71,6 @@ def explained(
 def is_clear(gains: Sequence[float] | Float) -> bool:
     """Whether the mean of gains (p,) is significantly positive."""
     values = np.asarray(gains)
-    return len(values) >= LEAST_PAIRS and bool(
-        values.mean() > SURE * values.std() / np.sqrt(len(values))
+    return len(values) >= LEAST_COMPARED and bool(
+        values.mean() > STANDARD_ERRORS * values.std() / np.sqrt(len(values))
     )

@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.recording import LATE, SURE, Recording
-from lrf3d.recordings.repair.turns import LEAST_PAIRS, LEAST_TURN
+from lrf3d.recordings.repair.recording import LAG_GAIN, LATE, Recording
+from lrf3d.recordings.repair.turns import LEAST_PAIRS, SHOWN_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Bounds of the lag [odometry lines].
@@ -32,7 +32,7 @@ def find(recording: Recording) -> Lag | None:
     if not recording.log.placed:
         return None
     path = recording.path
-    lags = fitted_lag(recording.turns, path, recording.exact_places, recording.purpose.sure)
+    lags = fitted_lag(recording.turns, path, recording.stamped_at, recording.purpose.sure)
     first, last = (path.interval * lags[[0, -1]]).tolist()
     most = max(abs(first), abs(last))
     # Where a line is worth more than that, stamps are in no unit of time.
@@ -41,7 +41,7 @@ def find(recording: Recording) -> Lag | None:
     return Lag(lags, (first, last))
 
 
-def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = SURE) -> Float:
+def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = LAG_GAIN) -> Float:
     """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
 
     They are the same for all scans, or change evenly where two clocks drift apart.
@@ -61,7 +61,7 @@ def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = SURE)
 
     def fit(*start: float) -> Any:
         # Residuals beyond the least turn count linearly.
-        return least_squares(left, np.array(start), loss="huber", f_scale=LEAST_TURN)
+        return least_squares(left, np.array(start), loss="huber", f_scale=SHOWN_TURN)
 
     def at(lag: float) -> Float:
         return left(np.array([0.0, 0.0, lag]))
@@ -71,7 +71,7 @@ def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = SURE)
     most = max(LAGS[1], bound)
     # If hardly any turn depends on the lag, the lag is not known.
     moved = np.abs(at(most) - at(least))
-    if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
+    if (moved > SHOWN_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
         return lags()
     # Fit first a lag, then a lag with a drift, together with the systematic errors of the wheels. A
     # turn may take no longer than the widest lag, so that the cost has several minima: the fit
