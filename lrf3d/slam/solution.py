@@ -169,13 +169,13 @@ class SolvedLog:
     @property
     def tried(self) -> list[str]:
         """What was tried where the map contradicts itself, in a sentence; else an empty list."""
-        if not self.check.sentences():
+        if not self.refused or not self.check.sentences():
             return []
         first, last = self.check.worst_scans
         reasons = Counter(each.why for each in self.refused)
         why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
         refused = counted(len(self.refused), "loop closure")
-        tried = f"scans {first} to {last}: {refused} refused{': ' if why else ''}{why}"
+        tried = f"scans {first} to {last}: {refused} refused: {why}"
         return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
 
     @property

@@ -39,6 +39,9 @@ BEGINNING = 4096
 # Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma.
 CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
 
+# Matches a line of a CSV: what stands in quotes may have line ends.
+LINES = re.compile(r"""(?:[^\n"]|"[^"]*+")++""")
+
 
 def is_foreign(path: Path) -> bool:
     """Whether a .npz file is not a run of lrf3d."""
@@ -103,7 +106,13 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
 def _shape(table: Table) -> None:
     """Give ranges the shape of scans: those of one scan, or pairs (k, n, 2) with bearings."""
     ranges = table.values.get("ranges", np.empty(0))
-    if ranges.ndim == 1 and table.settings:
+    others = table.values.keys() - {"ranges", "angles"}
+    counts = {len(table.values[role]) for role in others} or {ranges.shape[-1]}
+    beams = len(table.values.get("angles", ranges))
+    # A scan is a column where each column has a stamp or a pose, and each row its bearing.
+    if ranges.ndim == 2 and counts == {ranges.shape[1]} and len(ranges) == beams not in counts:
+        table.values["ranges"] = ranges.T
+    elif ranges.ndim == 1 and table.settings:
         table.values["ranges"] = ranges[None]
     elif ranges.shape[2:] == (2,):
         # Bearings rise, or fall, from beam to beam.
@@ -147,10 +156,10 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     documents = re.split(r"(?m)^---[ \r]*$", text)
     if len(documents) > 1 or re.match(r"\s*\w+:", text):
         return documents, _yaml
-    lines = text.splitlines()
+    lines = LINES.findall(text)
     if "," not in lines[0]:
         # Numbers may be separated by semicolons as well.
-        lines = text.replace(";", ",").splitlines()
+        lines = [line.replace(";", ",") for line in lines]
     return lines[1:], partial(_cells, lines[0].split(","))
 
 
