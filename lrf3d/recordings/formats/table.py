@@ -168,8 +168,7 @@ class Table:
             else:
                 unused.append(f"{name} {array.shape}")
         intake.notes.append("found by name: " + ", ".join([*table.values, *table.settings]))
-        if unused:
-            intake.notes.append(one_line(f"not used: {', '.join(unused)}", 200))
+        intake.notes += [one_line(f"not used: {', '.join(unused)}", 200)] * bool(unused)
         return table
 
     def log(self) -> LaserLog:

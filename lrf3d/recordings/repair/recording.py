@@ -118,9 +118,9 @@ class Recording:
 
     @property
     def sentences(self) -> list[str]:
-        """What was wrong and what was done, a sentence each, except those that the log notes."""
-        said = [each.repair.sentence(each.finding) for each in self.found.values()]
-        return [sentence for sentence in said if sentence and sentence not in self.log.notes]
+        """What was wrong and what was done, a sentence each."""
+        said = (each.repair.sentence(each.finding) for each in self.found.values())
+        return [*filter(None, said)]
 
     def repaired(self, repair: Repair) -> "Recording":
         """The recording after a repair; unchanged if that is left out or finds nothing.
@@ -134,7 +134,7 @@ class Recording:
         after: Recording = repair.apply(self, finding)
         if self._is_worse(after):
             return self
-        return replace(after, found={**after.found, repair.name: Applied(repair, finding, self)})
+        return replace(after, found={**after.found, repair.name: Applied(repair, finding)})
 
     def _is_worse(self, after: "Recording") -> bool:
         """Whether scans explain each other clearly worse after a repair that keeps their number."""

@@ -6,6 +6,7 @@ that a log declares, and finds one that it does not. At a constant rate all scan
 only those all around show it, as their first and last beams do not meet.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from math import copysign
@@ -77,16 +78,13 @@ def find(recording: Recording) -> Sweep | None:
 
 def _shown(recording: Recording, interval: float, declared: float) -> float:
     """The duration [s] that scans at an interval [s] show, or else the declared one."""
-    if not recording.log.placed or recording.log.parts:
+    log = recording.log
+    if not log.placed or log.parts or not 0.0 < (abs(declared) or interval) <= LONGEST:
         return declared
-    if not 0.0 < (abs(declared) or interval) <= LONGEST:
-        return declared
+    wide = float(np.ptp(log.scans[0].angles))
     poses = recording.path.at(recording.taken_at)
-    pairs = max((_uneven_pairs(poses, apart) for apart in APART), key=_enough)
-    angles = recording.scans[0].angles
-    if len(pairs) < LEAST_COMPARED and np.ptp(angles) > WHOLE_FAN:
-        pairs = _closing_pairs(poses)
-    if len(pairs) < LEAST_COMPARED:
+    pairs = _pairs(poses, is_whole=wide > WHOLE_FAN)
+    if pairs is None:
         return declared
 
     @cache
@@ -94,26 +92,37 @@ def _shown(recording: Recording, interval: float, declared: float) -> float:
         scan_of = partial(_rolled, recording, interval, duration)
         return explained(recording.converter, scan_of, poses, pairs)
 
-    def agreement(duration: float) -> float:
-        return float(shares(duration).mean())
-
-    unit = min(interval, LONGEST)
-    turning = interval * float(np.ptp(angles)) / (2.0 * np.pi)
-    best = max((*(unit * np.arange(-1.0, 1.0 + STEP, STEP)).tolist(), declared), key=agreement)
-    if best == declared:
-        return declared
-    for step in (0.5 * STEP * unit, 0.25 * STEP * unit):
-        best = max((best, best - step, best + step), key=agreement)
     # One turn of a mirror for each scan, what is declared, and no time are preferred to what is
     # hardly better.
-    for usual in (copysign(turning, best), copysign(declared, best), 0.0):
-        best = best if is_clear(shares(best) - shares(usual)) else usual
+    usual = interval * wide / (2.0 * np.pi), abs(declared), 0.0
+    best = _best(shares, min(interval, LONGEST), declared, usual)
     # What is found must beat the declared duration; without a declaration it must beat scans that
     # take no time, and the opposite order of beams must be clearly worse than these.
-    gains = [shares(best) - shares(declared)]
-    if not declared:
-        gains.append(shares(0.0) - shares(-best))
-    return best if all(map(is_clear, gains)) else declared
+    is_one_way = declared or is_clear(shares(0.0) - shares(-best))
+    return best if is_one_way and is_clear(shares(best) - shares(declared)) else declared
+
+
+def _pairs(poses: Float, *, is_whole: bool) -> Int | None:
+    """Pairs of scans at poses (k, 3) that show a sweep; None if there are too few."""
+    kinds = [partial(_uneven_pairs, apart) for apart in APART]
+    found = (pairs_of(poses) for pairs_of in [*kinds, *[_closing_pairs] * is_whole])
+    return next((pairs for pairs in found if len(pairs) >= LEAST_COMPARED), None)
+
+
+def _best(
+    shares: Callable[[float], Float], unit: float, declared: float, usual: Sequence[float]
+) -> float:
+    """The duration [s], from minus to plus a unit, at which scans agree best; else a usual one."""
+
+    def best_of(*durations: float) -> float:
+        return max(durations, key=lambda duration: float(shares(duration).mean()))
+
+    best = best_of(declared, *(unit * np.arange(-1.0, 1.0 + STEP, STEP)).tolist())
+    for step in (0.5 * STEP * unit, 0.25 * STEP * unit) if best != declared else ():
+        best = best_of(best, best - step, best + step)
+    for claim in (copysign(each, best) for each in usual):
+        best = best if is_clear(shares(best) - shares(claim)) else claim
+    return best
 
 
 def _rolled(recording: Recording, interval: float, duration: float, number: int) -> LaserScan:
@@ -130,12 +139,7 @@ def _rolled(recording: Recording, interval: float, duration: float, number: int)
     return replace(scan, motion=motion, time_increment=increment)
 
 
-def _enough(pairs: Int) -> bool:
-    """Whether there are enough pairs to decide."""
-    return len(pairs) >= LEAST_COMPARED
-
-
-def _uneven_pairs(poses: Float, apart: int) -> Int:
+def _uneven_pairs(apart: int, poses: Float) -> Int:
     """Pairs of scans at nearby poses (k, 3) whose turn rates differ, the most different first."""
     rates = np.gradient(poses[:, 2])
     x, y, turn = (poses[apart:] - poses[:-apart]).T
@@ -158,11 +162,6 @@ def _closing_pairs(poses: Float) -> Int:
     return pairs[:: len(pairs) // MOST_PAIRS + 1]
 
 
-def longest(sweep: Sweep | None) -> float:
-    """The time [s] that the longest of the scans takes."""
-    return max((scan.duration for scan in sweep.scans), default=0.0) if sweep else 0.0
-
-
 def sentence(sweep: Sweep) -> str:
     """How long scans take, or what of a log is contradicted."""
     order = ", last beams first" * (sweep.duration < 0.0)
@@ -182,5 +181,5 @@ SWEEP = Repair(
     # Unrolled scans show other turns, so that the lag is fitted again.
     lambda recording, sweep: fitted_again(replace(recording, scans=sweep.scans)),
     sentence,
-    lambda sweep: {"sweep": longest(sweep)},
+    lambda sweep: {"sweep": abs(sweep.duration) if sweep else 0.0},
 )
