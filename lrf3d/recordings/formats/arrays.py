@@ -106,11 +106,7 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
 def _shape(table: Table) -> None:
     """Give ranges the shape of scans: those of one scan, or pairs (k, n, 2) with bearings."""
     ranges = table.values.get("ranges", np.empty(0))
-    others = table.values.keys() - {"ranges", "angles"}
-    counts = {len(table.values[role]) for role in others} or {ranges.shape[-1]}
-    beams = len(table.values.get("angles", ranges))
-    # A scan is a column where each column has a stamp or a pose, and each row its bearing.
-    if ranges.ndim == 2 and counts == {ranges.shape[1]} and len(ranges) == beams not in counts:
+    if ranges.ndim == 2 and _are_columns(table, *ranges.shape):
         table.values["ranges"] = ranges.T
     elif ranges.ndim == 1 and table.settings:
         table.values["ranges"] = ranges[None]
@@ -119,6 +115,15 @@ def _shape(table: Table) -> None:
         even = np.abs(np.sign(np.diff(ranges, axis=1)).mean(axis=(0, 1)))
         table.values["angles"] = ranges[..., even.argmax()].ravel()
         table.values["ranges"] = ranges[..., even.argmin()]
+
+
+def _are_columns(table: Table, rows: int, columns: int) -> bool:
+    """Whether scans are columns of ranges: each has a stamp or a pose, or each row its bearing."""
+    others = table.values.keys() - {"ranges", "angles"}
+    counts = {len(table.values[role]) for role in others}
+    beams = len(table.values.get("angles", ()))
+    is_known = bool(beams or counts) and rows != columns
+    return is_known and beams in (0, rows) and counts <= {columns}
 
 
 def record_table(intake: Intake) -> Table:
