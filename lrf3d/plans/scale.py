@@ -72,11 +72,9 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
     size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
     if size.max() >= SHEET and usual <= LONGEST:
         return ""
-    fits = [
-        factor
-        for factor in canvas.scales
-        if EXTENT[0] <= factor * size.max() <= EXTENT[1] and factor * usual <= LONGEST
-    ]
+    large = [each for each in canvas.scales if EXTENT[0] <= each * size.max() <= EXTENT[1]]
+    # A hall may have longer walls than any other plan.
+    fits = [each for each in large if each * usual <= LONGEST] or large
     doors = [_doors(strokes, factor) for factor in fits]
     most = max(doors, default=0)
     chosen = [each for each, count in zip(fits, doors, strict=True) if count == most]
@@ -89,7 +87,7 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> str:
         + (f", {most} doors as wide as doors)" if most else ")")
         for factor in chosen[:3]
     ]
-    advice = "; ".join(ways) or "--scale enlarges it"
+    advice = "; ".join(ways) or "--scale corrects it"
     found = f"{metres(wide)} by {metres(high)}, with walls of {metres(usual)}"
     return f"a plan of {found}? {advice}"
 

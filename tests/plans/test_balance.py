@@ -169,6 +169,15 @@ def test_rooms_that_are_drawn_as_areas_have_walls_around_them(tmp_path):
     )
 
 
+def test_a_hall_in_an_unknown_unit_gets_the_scales_that_make_it_a_building(tmp_path):
+    ring = np.array([(0, 0), (52, 0), (52, 30), (0, 30), (0, 0)]) * 1e3
+    dxf(tmp_path, lambda space: space.add_lwpolyline(ring), 0)
+    assert (
+        "--scale 0.001 if it is in millimetres (52 m by 30 m)"
+        in read_plan(tmp_path / "a.dxf").doubt
+    )
+
+
 @pytest.mark.parametrize(("unit", "scale"), [(0.01, "0.01"), (0.0254, "0.0254"), (1.0, "")])
 def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tmp_path):
     def draw(space):

@@ -398,8 +398,14 @@ def test_bags_of_version_1_2_are_read_in_spite_of_wrong_lengths_of_their_index(t
     assert log.poses[:, 0] == pytest.approx([0.5, 1.5]) and not log.notes
 
 
-def test_a_later_part_without_the_mount_of_its_laser_is_refused(tmp_path):
-    bag = write(tmp_path / "bag", *scans(0.0, 1.0), *wheels(3), storage="SQLITE3")
+@pytest.mark.parametrize("poses", ["odometry", "transforms"])
+def test_a_later_part_without_the_mount_of_its_laser_is_refused(poses, tmp_path):
+    moved = [
+        ("/tf", t, TRANSFORMS, transform(float(t), "odom", "base_link", (t, 0, 0)))
+        for t in range(3)
+    ]
+    driven = wheels(3) if poses == "odometry" else moved
+    bag = write(tmp_path / "bag", *scans(0.0, 1.0), *driven, storage="SQLITE3")
     part = shutil.copy(next(bag.glob("*.db3")), tmp_path / "bag_1.db3")
     with pytest.raises(InputError, match="tf_static"):
         load_log(part)

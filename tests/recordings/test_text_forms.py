@@ -77,6 +77,9 @@ FORMS = {
         dict(zip(["time", "x", "y", "theta", "scan"], [*map(float, row[:4]), [
             [k - 90.0, float(r)] for k, r in enumerate(row[4:])]], strict=True))
         for row in ROWS]),
+    "bearings that begin anew at 0° beside ranges": joined(
+        [*row[:4], *(word for k, r in enumerate(row[4:]) for word in (str((k - 90) % 360), r))]
+        for row in ROWS),
     "records with lists of bearings": "\n".join(
         json.dumps({"theta": np.radians(np.arange(-90.0, 90.0)).tolist(), "time": float(row[0]),
                     "readings": [*map(float, row[4:])], "odometry": [*map(float, row[1:4])]})
@@ -128,6 +131,23 @@ def test_lines_of_other_kinds_are_said_to_be_left_out(tmp_path):
     path.write_text("".join(f"[scan]\n{k}\n{' '.join(r[4:])}\n" for k, r in enumerate(ROWS)))
     log = load_log(path)
     assert len(log) == COUNT and "all others are left out" in str(log.notes)
+
+
+def test_two_columns_may_be_a_single_scan(tmp_path):
+    path = tmp_path / "lidar.csv"
+    bearings = np.radians(np.arange(-90, 90))
+    path.write_text(joined(zip(bearings, RANGES[0], strict=True)))
+    scan = load_log(path).scans[0]
+    assert scan.ranges == pytest.approx(RANGES[0]) and scan.angles == pytest.approx(bearings)
+
+
+def test_readings_of_a_fan_through_0_degrees_are_gathered_scan_by_scan(tmp_path):
+    path = tmp_path / "lidar.csv"
+    rows = [(f"{(b - 90) % 360}", r) for row in RANGES for b, r in enumerate(row)]
+    path.write_text(joined([["angle", "range"], *rows]))
+    log = load_log(path)
+    assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
+    assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
 
 
 def test_a_column_that_counts_scans_holds_no_ranges(tmp_path):

@@ -178,7 +178,7 @@ class Table:
             raise InputError(f"{self.intake.path}: ranges {ranges.shape}: no scan in it")
         if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
             # Each scan has angles of its own.
-            self.gather(np.arange(0, ranges.size + 1, ranges.shape[1]), ranges.ravel())
+            self.gather(ranges.ravel(), np.arange(0, ranges.size + 1, ranges.shape[1]))
         ranges = self._ranges()
         angles = self._angles()
         times = self.times()
@@ -202,14 +202,15 @@ class Table:
             scans, source=source, wheels=wheels, placed=base is not None, fans=self.fans
         )
 
-    def gather(self, begins: Int, readings: Float) -> None:
-        """Make scans of readings at bearings that differ from scan to scan, and begin here.
+    def gather(self, readings: Float, begins: Int | None = None) -> None:
+        """Make scans of readings at bearings that differ from scan to scan, and may begin here.
 
         The beams are those of a fan; what was not measured is −inf.
         """
         angles = self.values["angles"]
         unit = self.units.get("angles") or ("deg" if np.abs(angles).max() > WIDEST_FAN else "rad")
-        angles = angles * ANGLES[unit]
+        angles = _in_one_piece(angles * ANGLES[unit])
+        begins = self._begins(angles) if begins is None else begins
         sizes = np.diff(begins)
         beams = int(np.median(sizes))
         kept = np.flatnonzero(2 * sizes > np.median(sizes))
@@ -217,10 +218,12 @@ class Table:
         wide = float(np.ptp(angles))
         whole = wide > WHOLE_TURN
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
+        cells = np.rint((angles - low) / (step or 1.0)).astype(int) % beams
         ranges = np.full((len(kept), beams), -np.inf)
         for row, number in zip(ranges, kept.tolist(), strict=True):
             own = slice(begins[number], begins[number + 1])
-            row[np.rint((angles[own] - low) / (step or 1.0)).astype(int) % beams] = readings[own]
+            row[cells[own]] = readings[own]
+        lost = int(sizes[kept].sum() - (~np.isneginf(ranges)).sum())
         for role, values in self.values.items():
             if len(values) == len(angles):
                 self.values[role] = values[begins[kept]]
@@ -234,7 +237,18 @@ class Table:
         self.intake.notes.append(
             f"bearings in {unit}, {way}: gathered to {len(kept)} scans of {beams} beams;"
             f" {len(sizes) - len(kept)} partial scans left out"
+            + f", and {lost:,} readings next to others"
+            * (lost > 0)
         )
+
+    def _begins(self, bearings: Float) -> Int:
+        """Where the scans of single readings begin (k + 1,), with the end of the last."""
+        stamps = self.values.get("stamp", np.empty(0))
+        # A scan begins with another stamp, or where the bearings start again.
+        again = np.abs(np.diff(bearings)) > 0.5 * np.ptp(bearings)
+        if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
+            again = np.diff(stamps) != 0.0
+        return np.concatenate([[0], np.flatnonzero(again) + 1, [len(bearings)]])
 
     def _in(self, role: str, guessed: str, why: str = "") -> Float:
         """A column in the units of lrf3d; a guessed unit is noted."""
@@ -368,6 +382,18 @@ class Table:
         ahead = rolled.mean(axis=1)
         turns = (rolled[:, 1] - rolled[:, 0]) / track
         return _driven(ahead, 0.0 * ahead, turns)
+
+
+def _in_one_piece(bearings: Float) -> Float:
+    """Bearings [rad] of a fan through 360°, as 270° to 360° and 0° to 90°, as −90° to 90°."""
+    around = np.sort(bearings % (2.0 * np.pi))
+    gaps = np.diff(around, append=around[0] + 2.0 * np.pi)
+    narrow = 2.0 * np.pi - float(gaps.max())
+    if np.ptp(bearings) <= WHOLE_TURN or narrow > WHOLE_TURN:
+        return bearings
+    # The middle of what the laser does not see.
+    behind = around[gaps.argmax()] + 0.5 * gaps.max()
+    return np.asarray((bearings - behind) % (2.0 * np.pi) + behind - 2.0 * np.pi)
 
 
 def _driven(ahead: Float, left: Float, turns: Float) -> Float:

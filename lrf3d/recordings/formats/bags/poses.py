@@ -41,7 +41,7 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     """The scans of the robot of the first stream, with the poses of the wanted source."""
     notes = contents.intake.notes
     robot = _robot_of(contents, wanted, part)
-    there = ", ".join(robot.there) or "no ground truth, no transforms, no odometry"
+    there = ", ".join(robot.there) or robot.lacks
     if not robot.source and wanted not in ("auto", "odom"):
         raise InputError(f"{contents.intake.path}: no poses from {wanted} in it; there are {there}")
     used = _streams_of(robot, contents)
@@ -188,19 +188,26 @@ class _Robot:
         frames = self._frames
         source = self.source
         base = frames.base(frame)
+        path = self._contents.intake.path
+        moved = source in self._tracks or (self._edges and not source)
+        if moved and frame not in frames and re.search(r"_[1-9]\d*\.(db3|mcap)$", path.name):
+            raise InputError(
+                f"{path}: a later part of a recording, without its /tf_static, which says where"
+                f" {frame} is mounted; read the folder of all parts, or the first one"
+            )
         if source not in self._tracks:
             return base, f"/tf, {frame} in {source}"
         child = self._children[source] or base
         if frames.carries(child, frame):
             return child, source
-        path = self._contents.intake.path
-        if frame not in frames and re.search(r"_[1-9]\d*\.(db3|mcap)$", path.name):
-            raise InputError(
-                f"{path}: a later part of a recording, without its /tf_static, which says where"
-                f" {frame} is mounted; read the folder of all parts, or the first one"
-            )
         middle = f"the laser in the middle of {child} for want of a transform"
         return base, f"{source}, with {middle if base == frame else f'{base} taken for {child}'}"
+
+    @property
+    def lacks(self) -> str:
+        """What a bag lacks that gives no poses."""
+        of = f" of {self._stream.frame}" if self._edges else ""
+        return f"no ground truth, no transforms{of}, no odometry"
 
     @property
     def others(self) -> str:

@@ -247,10 +247,17 @@ def _by_sweep(form: Form) -> Layout | None:
     rows = [words for words in form.sample if len(words) == form.length]
     columns = [values_of(words) for words in zip(*rows, strict=True)]
     varied = [k for k, column in enumerate(columns) if len({*column.tolist()}) > VARIED]
-    for place in filter(lambda k: _goes_round(columns[k]), range(form.length)):
+    for place in _bearings_among(columns):
         if others := [k for k in varied if k != place]:
             return Layout(_sweep(columns, place, others), 1, form.length)
     return None
+
+
+def _bearings_among(columns: Sequence[Float]) -> list[int]:
+    """The columns that may be bearings; a file of two columns may be a single scan."""
+    if len(columns) == 2 and _swept(columns[0]) > LEAST_SWEEP * TURNS[0]:
+        return [0]
+    return [k for k, column in enumerate(columns) if _goes_round(column)]
 
 
 def _goes_round(bearings: Float) -> bool:
@@ -293,15 +300,24 @@ def _by_pairs(form: Form) -> Layout | None:
 
 
 def _are_pairs(row: Float) -> bool:
-    """Whether every other number is a bearing: these rise in even steps, over at most one turn."""
-    bearings = row[::2]
-    if len(row) % 2 or len(row) < 2 * FEWEST_COUNTED or not np.isfinite(bearings).all():
-        return False
-    steps = np.diff(bearings)
-    wide = float(np.ptp(bearings))
+    """Whether every other number is a bearing of one scan."""
+    return len(row) % 2 == 0 and len(row) >= 2 * FEWEST_COUNTED and _swept(row[::2]) > LEAST_SWEEP
+
+
+def _swept(bearings: Float) -> float:
+    """How far numbers go as the bearings of one scan: one way, in even steps, a turn at most.
+
+    This is 0 for others; bearings may begin anew within the scan, as at 0°.
+    """
+    wide = np.ptp(bearings)
+    turn = next((turn for turn in TURNS if wide <= LARGEST_SWEEP * turn), None)
+    if turn is None:
+        return 0.0
+    steps = (np.diff(bearings) + 0.5 * turn) % turn - 0.5 * turn
+    swept = float(np.abs(steps).sum())
     one_way = bool((steps > 0.0).all() or (steps < 0.0).all())
     even = np.abs(steps).max() < UNEVEN * np.median(np.abs(steps))
-    return one_way and even and LEAST_SWEEP < wide <= LARGEST_SWEEP * TURNS[1]
+    return swept if one_way and even and swept <= LARGEST_SWEEP * turn else 0.0
 
 
 def _by_length(form: Form) -> Layout | None:
@@ -376,7 +392,7 @@ GUESSES = [
     ),
     Guess(
         "the bearings, which go round",
-        "A line is a reading: one column goes round, and the range is next to it.",
+        "A line is a reading: one column goes round, once or often, and the range is next to it.",
         _by_sweep,
     ),
     Guess(

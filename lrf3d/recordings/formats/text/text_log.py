@@ -68,9 +68,9 @@ def text_table(intake: Intake, format: str | None) -> Table:
         expected = f"no scan in it, expected a scan of numbers a line{intake.first_bad}"
         raise InputError(f"{intake.path}: {expected}")
     if layout.paired:
-        table.gather(np.cumsum([0, *map(len, ranges)]), np.concatenate(ranges))
+        table.gather(np.concatenate(ranges), np.cumsum([0, *map(len, ranges)]))
     elif "angles" in layout.columns:
-        _gather(table, np.concatenate(ranges) if ranges else table.values["ranges"])
+        table.gather(np.concatenate(ranges) if ranges else table.values["ranges"])
     else:
         _stack(table, ranges)
     if table.values["ranges"].shape[1] < 2:
@@ -104,17 +104,6 @@ def _reads(intake: Intake, spec: str) -> bool:
     with suppress(InputError):
         return bool(text_table(Intake(intake.path), spec).log().scans)
     return False
-
-
-def _gather(table: Table, readings: Float) -> None:
-    """Make scans of single readings, each with its bearing."""
-    angles = table.values["angles"]
-    stamps = table.values.get("stamp", np.empty(0))
-    # A scan begins with another stamp, or where the bearings start again.
-    again = np.abs(np.diff(angles)) > 0.5 * np.ptp(angles)
-    if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
-        again = np.diff(stamps) != 0.0
-    table.gather(np.concatenate([[0], np.flatnonzero(again) + 1, [len(angles)]]), readings)
 
 
 def _stack(table: Table, ranges: list[Float]) -> None:
