@@ -18,6 +18,7 @@ PARTS = {
     "frames": "scripts/bench frames --figure frames.png",
     "light": "scripts/bench light --seeds 3",
     "robots": "scripts/bench robots --robots 1024",
+    "growth": "scripts/bench growth --figure growth.png",
     "warnings": "scripts/bench warnings --scans 120",
     "score": "scripts/bench score footprints.geojson --beams 181 --seeds 2",
 }
@@ -32,6 +33,7 @@ QUICK = {
     "frames": "--buildings 40 --seconds 0.2 --width 160",
     "light": "--world paper_room --poses 3 --seconds 0.2",
     "robots": "corridor --robots 4 --seconds 0.1",
+    "growth": "--most 100",
     "warnings": "--scans 12",
     "score": "corridor --seeds 1 --poses 3 --beams 61",
 }

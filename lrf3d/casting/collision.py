@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import CollisionError, InputError, each_of, expect
-from lrf3d.casting.crowd import Crowd, move_of, moves_of, records
+from lrf3d.casting.crowd import Crowd, grid_over, move_of, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.kernels.touch import EDGE, touched, touched_among
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
@@ -161,7 +161,8 @@ class CollisionChecker:
         found = np.empty(len(moves)), walls, met
         touched(self._tree[:], body.plain, moves, seconds, found)
         if len(self._crowd):
-            touched_among(self._crowd.plain, body.plain, moves, seconds, own, found)
+            grid = grid_over(len(self._crowd))
+            touched_among(self._crowd.plain, grid, body.plain, moves, seconds, own, found)
         return found
 
     def hit(self, starts: Float, ends: Float, radius: float) -> Int:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence, Sized
 from copy import copy
-from typing import Any
 
 import numpy as np
 
@@ -11,8 +10,8 @@ from lrf3d.base.cores import share
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.movers import (
     CORNER,
-    GROUP,
     HELD,
+    LATTICE,
     LEG,
     MOVER,
     PLACED,
@@ -32,12 +31,6 @@ from lrf3d.robot.kinematics import Twist
 # [m] Multiples of this are origins of the frame in which obstacles are placed. Less than half of it
 # from the origin, float64 resolves 1e-13 m; worlds around (0, 0) keep their own coordinates.
 FRAME = 1024.0
-
-# [obstacles] Mean number of those that a group would hold if all were evenly spread.
-TOGETHER = 8
-
-# [obstacles] Up to this number, tests of groups take longer than they save.
-UNGROUPED = 32
 
 
 class Crowd:
@@ -83,9 +76,8 @@ class Crowd:
         self.near: Plain = movers, corners, moves_of(times, poses - self.origin)
         """The same obstacles in that frame."""
         self._placed = *self.near, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
-        # Crowds of the same obstacles share where these are. Few are one group.
-        everywhere = np.array([(0.0, 0.0, np.inf, 0, len(movers))], GROUP)
-        self._groups: list[Any] = [everywhere, np.arange(len(movers))]
+        # Crowds of the same obstacles share where these are.
+        self._grid = grid_over(len(movers))
         self._moment = [math.nan]
 
     def __len__(self) -> int:
@@ -124,9 +116,7 @@ class Crowd:
     def _place(self, time: float) -> None:
         if time != self._moment[0]:
             self._moment[0] = time
-            place_all(self._placed, time)
-            if len(self) > UNGROUPED:
-                self._groups[:] = _grouped(self._placed[3])
+            place_all(self._placed, self._grid, time)
 
     def stop_scans(
         self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int,
@@ -138,7 +128,7 @@ class Crowd:
         """
         self._place(time)
         own = np.full(len(poses), self.own) if own is None else own
-        asked = (self._placed, *self._groups), laser_of(lrf), float(lrf.height)
+        asked = (self._placed, self._grid), laser_of(lrf), float(lrf.height)
         poses = poses - self.origin
 
         def work(start: int, stop: int) -> None:
@@ -178,26 +168,11 @@ def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:
     return rows
 
 
-def _grouped(placed: Records) -> tuple[Records, Int]:
-    """Groups of obstacles (k,) that are close together, and the order (k,) in which they come."""
-    count = len(placed)
-    places = np.column_stack([placed["x"], placed["y"]])
-    size = np.ptp(places, axis=0).max() * math.sqrt(TOGETHER / count)
-    cells = np.floor(places / size).astype(np.int64) if size > 0.0 else np.zeros((count, 2), int)
-    order = np.lexsort(cells.T)
-    new = (np.diff(cells[order], axis=0) != 0).any(axis=1)
-    firsts = np.append(0, 1 + np.flatnonzero(new))
-    groups = np.empty(len(firsts), GROUP)
-    groups["first"] = firsts
-    groups["stop"] = np.append(firsts[1:], count)
-    low = np.minimum.reduceat(places[order], firsts)
-    high = np.maximum.reduceat(places[order], firsts)
-    middles = 0.5 * (low + high)
-    groups["x"], groups["y"] = middles.T
-    offsets = places[order] - np.repeat(middles, groups["stop"] - firsts, axis=0)
-    reach = np.hypot(*offsets.T) + placed["reach"][order]
-    groups["reach"] = np.maximum.reduceat(reach, firsts)
-    return groups, order
+def grid_over(count: int) -> Plain:
+    """A grid over a number of obstacles, which kernels fill: a cell for every four of them."""
+    frames = np.zeros(1, LATTICE)
+    frames["cells"] = cells = 1 + math.isqrt(count // 4)
+    return frames, np.empty(cells * cells + 1, np.int64), np.empty(count, np.int64)
 
 
 def _lap(path: Trajectory | Patrol) -> Trajectory:

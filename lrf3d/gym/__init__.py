@@ -286,24 +286,24 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
 
     def _apart(self, robots: Int, starts: Float, others: Float) -> Float:
         """Starts (k, 2) of robots, or others of (k, n, 2), away from where other robots are."""
-        places = self.poses[:, :2].copy()
         room = 2.0 * self._body.reach + GOAL_MARGIN
+        places = self.poses[:, :2].copy()
         places[robots] = np.inf
+        x, y = places.T.copy()
+
+        def away(choice: Float) -> float:
+            east = x - choice[0]
+            north = y - choice[1]
+            return float((east * east + north * north).min())
+
         for robot, choices in zip(
             robots, np.concatenate([starts[:, None], others], 1), strict=True
         ):
             # The first with room; nearly always one of the first.
-            most = -1.0
-            best = choices[0]
-            for choice in choices:
-                away = float(np.hypot(*(choice - places).T).min())
-                if away > most:
-                    most = away
-                    best = choice
-                if away >= room:
-                    break
-            places[robot] = best
-        return places[robots]
+            free = (choice for choice in choices if away(choice) >= room * room)
+            best = next(free, None)
+            x[robot], y[robot] = max(choices, key=away) if best is None else best
+        return np.column_stack([x, y])[robots]
 
     def _scan(self) -> tuple[Float, Float, Int]:
         """Measured and true ranges, and walls, (k, beams) each, after REP 117, laser by laser."""

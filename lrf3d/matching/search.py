@@ -238,7 +238,10 @@ class Submap:
         shifts = shifts_within(guess, spread, near)
         if self.grid is None or not len(scan.surface) or not len(shifts):
             return []
-        angles = _headings(scan.far, spread)
+        # A step moves points far away by a cell; these are 5 to 15 m away.
+        step = CELL / min(max(scan.far, 5.0), 15.0)
+        turns = max(1, int(np.ceil(DEVIATIONS * np.sqrt(spread[2, 2]) / step)))
+        angles = step * np.arange(-turns, turns + 1, dtype=np.float64)
         scores = window_scores(thin(scan.hits), self.field, guess, shifts, angles)
         sample = thin(scan.surface)
         found: list[tuple[Float, Float]] = []
@@ -256,17 +259,6 @@ class Submap:
             self.place(scan, match_scan(scan.surface, self.grid, place, prior))
             for place, prior in found
         ]
-
-
-def _headings(far: float, spread: Float) -> Float:
-    """The headings (a,) of a window, relative to its middle [rad].
-
-    A step moves points far away by a cell; these are 5 to 15 m away.
-    """
-    step = CELL / min(max(far, 5.0), 15.0)
-    *_, turn = np.sqrt(spread.diagonal())
-    turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
-    return step * np.arange(-turns, turns + 1, dtype=np.float64)
 
 
 def thin(points: Records) -> Records:

@@ -57,6 +57,9 @@ FULL_SPEED = 0.97
 # The command of a robot at rest.
 REST = (0.0, 0.0, 0.0)
 
+# Scans mapped before the clock starts: all kernels of the mapper are compiled by the third.
+REHEARSED_SCANS = 3
+
 # Reports a message at a level: ``info``, ``warning`` or ``error``.
 Say = Callable[[str, str], None]
 
@@ -344,12 +347,21 @@ class Stream:
             )
             for k, robot in enumerate(robots, 1)
         ]
-        # Compiles kernels and builds search trees before anybody listens.
-        robots[0].scans()
+        self._rehearse()
         given = {CLOCK: settings.clock, GRID: settings.give != "none", FIXED: True}
         own = [topic for robot in self.robots for topic in robot.topics]
         # All topics that are published.
         self.topics = [topic for topic, wanted in given.items() if wanted] + [*dict.fromkeys(own)]
+
+    def _rehearse(self) -> None:
+        """Compile kernels and build search trees before the clock starts."""
+        robot = self.robots[0].robot
+        scans = robot.scans()
+        robot.touched(robot.pose, REST, 0.0)
+        mapper = line_mapper(self.scenario.noise, **self.scenario.mapper)
+        for _ in range(REHEARSED_SCANS * self.settings.lines):
+            mapper.update(scans)
+            ObjectTracker().follow(mapper.map)
 
     @property
     def stamp(self) -> Stamp:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from heapq import heapify, heapreplace
 from itertools import combinations
 from typing import Any
 
@@ -286,16 +287,17 @@ def _drive_all(
     steps = [iter(simulation) for simulation in simulations]
     kept = [Collection(simulation) for simulation in simulations]
     total = sum(each.total for each in simulations)
-    times = [each.next_time for each in simulations]
+    waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
+    heapify(waiting)
     done = 0
-    while (time := min(times, default=math.inf)) < math.inf:
-        robot = times.index(time)
+    while waiting and waiting[0][0] < math.inf:
+        time, robot = waiting[0]
         touches.drive_until(time)
         kept[robot].add(next(steps[robot]))
         done += 1
         progress(done, total)
         touches.show(robot)
-        times[robot] = simulations[robot].next_time
+        heapreplace(waiting, (simulations[robot].next_time, robot))
     return [each.run() for each in kept]
 
 

@@ -23,16 +23,20 @@ from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_throu
 from lrf3d.slam.motion import size_of
 
 # Largest distance [m] between key scans that are compared: most of what they see is the same.
-NEAR = 3.0
+COMPARED_WITHIN = 3.0
 
 # Least path length [m] between key scans that are compared: adjacent ones agree in any case.
 LATER = 20.0
+
+# The same where no place was seen again that late, as a multiple of the distance within which the
+# laser sees most walls: a robot in a pen of 3 m comes by again after a few metres.
+LATER_SIGHTS = 5.0
 
 # Largest number of pairs of scans that are compared.
 PAIRS = 60
 
 # Smallest number of pairs that show whether poses are right.
-LEAST_PAIRS = 5
+PAIRS_TO_JUDGE = 5
 
 
 # Largest distance [m] between scans that must show the same walls: in a log with a scan every metre
@@ -56,6 +60,7 @@ class SelfCheck(NamedTuple):
         worst_scans: Numbers of the first and the last scan of that part.
         key_scans_compared: Number of key scans that could be compared with earlier ones.
         mixed_pixels: Share of points that beams pass through in adjacent scans.
+        later: Least path length [m] between key scans that were compared.
 
     Examples:
         >>> from lrf3d.slam.checks import SelfCheck
@@ -69,6 +74,7 @@ class SelfCheck(NamedTuple):
     worst_scans: tuple[int, int] = (0, 0)
     key_scans_compared: int = 0
     mixed_pixels: float = 0.0
+    later: float = LATER
 
     @property
     def passed(self) -> bool:
@@ -84,7 +90,7 @@ class SelfCheck(NamedTuple):
     @property
     def unjudged(self) -> str:
         """Why the map could not be checked, in a sentence; "" if places were compared."""
-        again = f"no place was seen again after {LATER:g} m: nothing checks the map"
+        again = f"no place was seen again after {self.later:.0f} m: nothing checks the map"
         return "" if self.key_scans_compared else again
 
     def sentences(self) -> list[str]:
@@ -117,19 +123,13 @@ def self_check(
 
     Driven (k,) is the distance travelled up to each of them [m].
     """
-    scans = []
-    counts = []
-    compared = 4  # Number of earlier key scans that each one is compared with, the nearest.
-    for number, key in enumerate(keys):
-        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
-        near = np.flatnonzero((apart < NEAR) & (driven[:number] < driven[number] - LATER))
-        near = near[np.argsort(apart[near], kind="stable")][:compared]
-        if len(near):
-            olds = [keys[k] for k in near.tolist()]
-            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
-            scans.append(key.scan)
+    later = LATER
+    scans, counts = _compared(keys, poses, driven, later)
+    if keys and not counts:
+        later = min(LATER, LATER_SIGHTS * float(np.median([key.far for key in keys])))
+        scans, counts = _compared(keys, poses, driven, later)
     if not counts:
-        return SelfCheck(mixed_pixels=mixed_pixels)
+        return SelfCheck(mixed_pixels=mixed_pixels, later=later)
     part_length = 20  # Key scans in a part of a drive.
     part = min(part_length, len(counts))
     through, seen = sliding_window_view(np.array(counts), part, axis=0).sum(axis=2).T
@@ -142,13 +142,33 @@ def self_check(
         (scans[worst], scans[worst + part - 1]),
         len(counts),
         mixed_pixels,
+        later,
     )
+
+
+def _compared(
+    keys: Sequence[Key], poses: Float, driven: Float, later: float
+) -> tuple[list[int], list[tuple[int, int]]]:
+    """Scans, by number, that came by again after a distance [m]; their points passed and seen."""
+    scans = []
+    counts = []
+    compared = 4  # Number of earlier key scans that each one is compared with, the nearest.
+    for number, key in enumerate(keys):
+        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
+        since = driven[number] - driven[:number]
+        near = np.flatnonzero((apart < COMPARED_WITHIN) & (since > later))
+        near = near[np.argsort(apart[near], kind="stable")][:compared]
+        if len(near):
+            olds = [keys[k] for k in near.tolist()]
+            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
+            scans.append(key.scan)
+    return scans, counts
 
 
 def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str | None:
     """Report in a sentence how the laser seems to be mounted; None if it is as declared."""
     own, _, pairs = _paired(scans)
-    if len(pairs) < LEAST_PAIRS:
+    if len(pairs) < PAIRS_TO_JUDGE:
         return None
     found = dict[tuple[int, int], float]()
 
@@ -179,7 +199,7 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
 def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
     """Report in a sentence why the poses cannot be those of the scans; None if they can."""
     own, robots, pairs = _paired(scans)
-    if len(own) <= LEAST_PAIRS:
+    if len(own) <= PAIRS_TO_JUDGE:
         return None
     steps = np.hypot(*np.diff(robots[:, :2], axis=0).T)
     jump = 3.0  # Least step that is a jump [m].
@@ -193,7 +213,7 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
         return f"the poses stay at one place, but {moved}" if far > contradicted else None
     far = float(np.median([_distance(own[a], own[b]) for a, b in pairs]))
-    if len(pairs) < LEAST_PAIRS or far < contradicted:
+    if len(pairs) < PAIRS_TO_JUDGE or far < contradicted:
         return None
     apart = f"scans from nearby poses differ by {far:.2g} m"
     return f"the poses contradict the scans: {apart}; are they this robot's, in metres?"

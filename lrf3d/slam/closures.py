@@ -132,9 +132,9 @@ class LoopCloser:
         # A turn of one radian lets the robot drift like a path of one metre.
         self.distance += sum(size_of(step)) + LOST_LENGTH * lost
 
-    def add_key(self, key: Key, *, apart: bool = False) -> None:
-        """Add the next key scan, which begins a new stretch if it stands apart from the last."""
-        stretch = int(self._stretches[-1]) + apart if self.keys else 0
+    def add_key(self, key: Key, *, new_stretch: bool = False) -> None:
+        """Add the next key scan; it begins a new stretch if it is not adjacent to the last."""
+        stretch = int(self._stretches[-1]) + new_stretch if self.keys else 0
         self.driven = np.append(self.driven, self.distance)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
@@ -377,13 +377,13 @@ def _closure(old: int, new: int, match: Match) -> Closure:
 
 
 def closure_edges(closures: list[Closure]) -> Records:
-    """Convert closures to edges of the pose graph; those not given by the user are robust."""
+    """Convert closures to edges of the pose graph; those not given by the user may be wrong."""
     return edges_of(
         [closure.old for closure in closures],
         [closure.new for closure in closures],
         np.array([closure.relative for closure in closures]),
         np.array([closure.information for closure in closures]),
-        FLOOR, robust=[not closure.certain for closure in closures],
+        FLOOR, may_be_wrong=[not closure.certain for closure in closures],
     )  # fmt: skip
 
 

@@ -213,7 +213,10 @@ class FrontEnd:
         before. Along a bare wall it fits equally well at both places.
         """
         far = self._is_far(placed.expected.step, since)
-        if not far and placed.accepted and not self._half_seen(placed):
+        # A scan may contradict the wheels, and yet leave one direction to them.
+        slipped = self._has_slipped(placed.match, placed.expected)
+        half_seen = slipped and weakest_direction(placed.match.information)[1] < WEAK
+        if not far and placed.accepted and not half_seen:
             return None
         other = self._placed(scan, coasting._replace(doubtful=DOUBTFUL, trusted=True))
         better = self._evidence(other) + CLEARLY >= self._evidence(placed)
@@ -236,11 +239,6 @@ class FrontEnd:
         faster = 2.0  # Factor on the largest speed so far up to which a step is no jump.
         beyond = 0.25  # Allowance for small steps [m], [rad].
         return bool((np.array(size_of(step)) > faster * self._speeds * since + beyond).any())
-
-    def _half_seen(self, placed: Placed) -> bool:
-        """Whether a scan contradicts the wheels, and yet leaves one direction to them."""
-        slipped = self._has_slipped(placed.match, placed.expected)
-        return slipped and weakest_direction(placed.match.information)[1] < WEAK
 
     def _evidence(self, placed: Placed) -> float:
         """The evidence for a scan where it was placed; −inf if it was not."""

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from lrf3d.base.errors import InputError, Lrf3dWarning, expect
 from lrf3d.base.interrupts import Progress, check, silent, stoppable
 from lrf3d.geometry.lines import as_rows
+from lrf3d.geometry.pose import between, compose
 from lrf3d.laser import doubtful_ranges
 from lrf3d.mapping import LineMapper
 from lrf3d.recordings import LaserLog, load_log, load_run
@@ -29,7 +31,7 @@ from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.places.joining import joined
-from lrf3d.slam.solution import SolvedLog, maps_of, run_of
+from lrf3d.slam.solution import LiftedParts, SolvedLog, maps_of, nothing_in_common, run_of
 
 # Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a loop
 # of 460 m, driven with wheels 15 % off, closes with a tenth of the error.
@@ -195,6 +197,17 @@ def solve_log(
     new_slam = partial(
         Slam, start=start, laser_offset=offset, key_distance=key_distance, close=close, apart=apart
     )
+    solved = _solution(recording, known, new_slam, progress)
+    # Pairs of scans are counted along the whole drive.
+    if close or apart or not solved.lifted:
+        return solved
+    return _in_parts(solved, known, new_slam, progress)
+
+
+def _solution(
+    recording: Recording, known: Run | None, new_slam: Callable[..., Slam], progress: Progress
+) -> SolvedLog:
+    """Solve a drive, and join it with the run of an earlier one if that is known."""
     slam, passes = _solved(recording, new_slam, _calibrated(recording), progress)
     slam.finish()
     poses = slam.refined(recording.scans)
@@ -206,6 +219,38 @@ def solve_log(
         surfaces = map(slam.converter.surface, recording.scans)
         both = joined(known, slam, surfaces, poses, recording.log.name)
     return SolvedLog(recording, slam, poses if both is None else both.poses, passes, both)
+
+
+def _in_parts(
+    whole: SolvedLog, known: Run | None, new_slam: Callable[..., Slam], progress: Progress
+) -> SolvedLog:
+    """Solve each part of a drive whose robot was lifted, and place it on the map of the others.
+
+    The first part is the map on which the others are located, unless it is far shorter.
+    """
+    bounds = list(pairwise([0, *whole.lifted, len(whole.scans)]))
+    enough = 0.5 * max(end - first for first, end in bounds)
+    bounds.sort(key=lambda each: each[1] - each[0] < enough)
+    words = list(map(nothing_in_common, whole.lifted))
+    solved = _solution(whole.recording.part(range(*bounds[0])), known, new_slam, progress)
+    chosen = [*range(*bounds[0])]
+    for first, end in bounds[1:]:
+        part = whole.recording.part(range(first, end))
+        scans = f"scans {first} to {end - 1}"
+        try:
+            solved = _solution(part, solved.run, new_slam, progress)
+        except InputError:
+            words.append(f"{scans} are left out: they are nowhere on the map of the others")
+            continue
+        assert solved.joined is not None
+        odds = f"probability {solved.joined.probability:.4f}"
+        words.append(f"{scans} were placed on the map of the others, {odds}")
+        chosen += range(first, end)
+    poses = solved.run.trajectory.poses[-len(chosen) :]
+    robots = compose(poses, between(np.array(solved.mount), np.zeros(3)))
+    rows = np.argsort(chosen)
+    recording = whole.recording.part(sorted(chosen))
+    return replace(solved, parts=LiftedParts(recording, robots[rows], words))
 
 
 def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str]) -> LaserLog:

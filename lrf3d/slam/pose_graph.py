@@ -26,18 +26,18 @@ EDGE = np.dtype(
         ("measured", float, 3),  # the pose of the second as seen from the first
         ("information", float, (3, 3)),  # of that pose, along the axes of the first
         ("prior", float, (3, 3)),  # the part of the information that is not from matching scans
-        ("robust", bool),  # whether it may be wrong, as a closure may
+        ("may_be_wrong", bool),  # whether it may be wrong, as a closure may
     ]
 )  # fmt: skip
 
 
 def edges_of(
     first: ArrayLike, second: ArrayLike, measured: Float, information: Float, prior: Float,
-    *, robust: ArrayLike = False,
+    *, may_be_wrong: ArrayLike = False,
 ) -> Records:  # fmt: skip
     """Edges (e,) between key scans (e,), of relative poses (e, 3) with information (e, 3, 3)."""
     edges = np.zeros(len(measured), EDGE)
-    columns = first, second, measured, information, prior, robust
+    columns = first, second, measured, information, prior, may_be_wrong
     for name, column in zip(EDGE.names or (), columns, strict=True):
         edges[name] = column
     return edges
@@ -54,7 +54,7 @@ def edge_squares(poses: Float, edges: Records) -> tuple[Float, Float]:
     """Squared errors (e,) of edges in units of their variance, and Cauchy's weights (e,)."""
     error = edge_errors(poses, edges)
     squares = np.einsum("ei,eij,ej->e", error, edges["information"], error)
-    return squares, np.where(edges["robust"], 1.0 / (1.0 + squares / DEVIATIONS**2), 1.0)
+    return squares, np.where(edges["may_be_wrong"], 1.0 / (1.0 + squares / DEVIATIONS**2), 1.0)
 
 
 def _matrices(rows: Sequence[Sequence[ArrayLike]], count: int) -> Float:
@@ -115,7 +115,7 @@ def variance_factor(poses: Float, edges: Records, deviation: float) -> float:
     # Factor on the distances of matched points to their walls: adjacent points share their errors.
     point_deviations = 2.4
     before = prior_residuals * (point_deviations * deviation) ** 2
-    residuals = 3 * int(edges["robust"].sum()) + prior_residuals
+    residuals = 3 * int(edges["may_be_wrong"].sum()) + prior_residuals
     return (float((weights * squares).sum()) + before) / residuals
 
 

@@ -24,11 +24,11 @@ from lrf3d.slam.front_end import (
     weakest_direction,
 )
 
-# Longest path along the graph [m] over which a relative pose is certain: the drift is below `OFF`.
+# Longest path along the graph [m] over which a relative pose is certain, to `GUESS_ERROR`.
 CERTAIN = 10.0
 
 # Largest error of the expected pose [m], [m], [rad], and its standard deviations in matching.
-OFF = np.array([0.3, 0.3, 0.06])
+GUESS_ERROR = np.array([0.3, 0.3, 0.06])
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Anchor:
     covariance: Float = field(default_factory=lambda: np.zeros((3, 3)))
 
 
-def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) -> Anchor | None:
+def revisit(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) -> Anchor | None:
     """The anchor of a scan in a known place; None if it is to become a key scan.
 
     The last anchor is the one before it; poses (k, 3) are those of the key scans.
@@ -69,11 +69,11 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
         return None
     near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(LOCAL_KEYS, old.sum())]
     around = Submap([closer.keys[k] for k in near.tolist()], poses[near])
-    match = around.match(scan, guess, np.diag(1.0 / OFF**2))
+    match = around.match(scan, guess, np.diag(1.0 / GUESS_ERROR**2))
     if (
         match is None
         or match.explained < CERTAIN_SHARE
-        or not (np.abs(between(guess, match.pose)) < OFF).all()
+        or not (np.abs(between(guess, match.pose)) < GUESS_ERROR).all()
         or closer.mixed_pixels.contradict(around.keys, scan, around.seen_from(match.pose))
     ):
         return None
@@ -87,5 +87,5 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
         scan.pose,
         closer.distance,
         KEY_DISTANCE if fixed else drifted,
-        np.diag(OFF**2),
+        np.diag(GUESS_ERROR**2),
     )

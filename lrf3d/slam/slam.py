@@ -38,7 +38,7 @@ from lrf3d.slam.pose_graph import (
     pose_covariances,
     variance_factor,
 )
-from lrf3d.slam.revisits import Anchor, in_known_place
+from lrf3d.slam.revisits import Anchor, revisit
 
 # Key scans that may be mapped again for each new scan, on average: mapping them takes as long as
 # tracking the robot. On a long drive the map lags behind the poses by some seconds.
@@ -66,7 +66,7 @@ class Tracker:
         self._lasers = lasers
         self._time: float | None = None
         self.converter = ScanConverter(laser_offset)
-        self._front = FrontEnd(start, key_distance, wheels)
+        self.front = FrontEnd(start, key_distance, wheels)
         # How the front end placed each scan, in its own drifting frame.
         self.tracked: list[Tracked] = []
 
@@ -76,8 +76,8 @@ class Tracker:
         """Place the next scan; returns it, checked and converted, and the key scan it becomes."""
         scans, increment, since = self._checked(scan, odometry)
         candidate = self.converter.candidate(scans, len(self.tracked))
-        self.tracked.append(self._front.track(candidate, increment, since))
-        key = self._front.add_key(candidate) if self._front.key_due() else None
+        self.tracked.append(self.front.track(candidate, increment, since))
+        key = self.front.add_key(candidate) if self.front.key_due() else None
         return scans, candidate, key
 
     def _checked(
@@ -115,7 +115,7 @@ class Tracker:
         return found
 
 
-class Slam(Tracker):
+class Slam:
     """Tracks a robot and maps its world, from scans and odometry increments alone.
 
     Args:
@@ -162,7 +162,10 @@ class Slam(Tracker):
                 " the second one positive"
             )
         lasers = () if lrf is None else lasers_of(lrf)
-        super().__init__(lasers, as_pose(start), laser_offset, key_distance, wheels)
+        self._tracker = Tracker(lasers, as_pose(start), laser_offset, key_distance, wheels)
+        self._front = self._tracker.front
+        self.converter = self._tracker.converter
+        self.tracked = self._tracker.tracked
         self.closer = LoopCloser(self._front.mixed_pixels)
         self.closer.ruled_out = [*apart]
         self._known = [*close]
@@ -208,7 +211,7 @@ class Slam(Tracker):
             InputError: It is not a scan, its number of beams is 0 or not that of the range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        scans, _, key = self.track(scan, odometry)
+        scans, _, key = self._tracker.track(scan, odometry)
         if key is not None:
             self._add_to_graph(key, scans)
         self._update_map_poses()
@@ -216,17 +219,17 @@ class Slam(Tracker):
     def _add_to_graph(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or make it a vertex of the graph and close loops."""
         closer = self.closer
-        apart = False
+        new_stretch = False
         if self._anchors:
             last = self._anchors[-1]
             lost = self._lost()
             closer.drive(between(last.front, key.pose), lost)
-            if place := in_known_place(closer, key, last, self.key_poses):
+            if place := revisit(closer, key, last, self.key_poses):
                 self._anchors.append(place)
                 return
             edge = self._edge_to_last()
             # A scan in a known place, or a lost one, ends the stretch of adjacent key scans.
-            apart = last.scan != closer.keys[last.key].scan or lost > 0
+            new_stretch = last.scan != closer.keys[last.key].scan or lost > 0
             self.edges = np.concatenate([self.edges, edge])
             covariance = np.linalg.inv(edge["information"][-1])
             drifted = last.drifted + closer.distance - last.driven
@@ -234,7 +237,7 @@ class Slam(Tracker):
         number = len(self._key_scans)
         self.key_poses = np.vstack([self.key_poses, self._robot])
         self._key_scans.append(scans)
-        closer.add_key(key, apart=apart)
+        closer.add_key(key, new_stretch=new_stretch)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
         self._close_known()
         if closures := closer.search(self.key_poses):
@@ -398,7 +401,7 @@ class Slam(Tracker):
         self._known = [(min(pair), min(max(pair), last)) for pair in self._known]
         self._close_known()
         self.closer.settle(self.key_poses)
-        self.edges = self.edges[~self.edges["robust"]]
+        self.edges = self.edges[~self.edges["may_be_wrong"]]
         if closed := [closure for closure in self.closer.accepted if not closure.certain]:
             self.edges = np.concatenate([self.edges, closure_edges(closed)])
         if len(self.edges):

@@ -8,14 +8,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lrf3d.base.errors import InputError
 from lrf3d.base.interrupts import Progress, check, silent
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, Int, lengths, usual_step
+from lrf3d.geometry.lines import Float, lengths, usual_step
 from lrf3d.geometry.pose import Pose, compose
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
@@ -57,6 +57,14 @@ MOST_COVARIANCES = 128
 PAUSE = 1.0
 
 
+class LiftedParts(NamedTuple):
+    """The parts of a drive whose robot was lifted: scans that were placed, their poses (k, 3)."""
+
+    recording: Recording
+    poses: Float
+    words: list[str]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class SolvedLog:
     """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
@@ -64,7 +72,8 @@ class SolvedLog:
     ``poses`` (k, 3) are those at the scans (k,) of the recording, which reports what was repaired.
     The drive was solved ``passes`` times: more than once if its wheels' errors turned out to
     differ from their first estimate. If it was joined with an earlier drive, all poses are in the
-    frame of that one, and the run is that of both.
+    frame of that one, and the run is that of both. Of a drive in ``parts``, the last one is joined
+    with the others in this way.
     """
 
     recording: Recording
@@ -72,6 +81,7 @@ class SolvedLog:
     poses: Float
     passes: int
     joined: Joined | None = None
+    parts: LiftedParts | None = None
 
     def __repr__(self) -> str:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
@@ -89,7 +99,8 @@ class SolvedLog:
     @cached_property
     def line_poses(self) -> Float:
         """Poses (n, 3) of the robot at the odometry lines, as logged."""
-        return self.recording.line_poses(self.poses)
+        recording, poses, _ = self.parts or (self.recording, self.poses, [])
+        return recording.line_poses(poses)
 
     @cached_property
     def check(self) -> SelfCheck:
@@ -101,20 +112,22 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = [MIRROR.sentence(True)] * (MIRROR.name in self.recording.found)
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        doubts = [*([mount] if mount else []), *self._lifted(), *self._unseen()]
+        doubts = [*([mount] if mount else []), *self._put_down(), *self._unseen()]
         doubts += self.check.sentences()
         return [*mirrored, *doubts, *self.tried]
 
-    def _lifted(self) -> list[str]:
-        """Where the robot was lifted and put down, a sentence each."""
+    @cached_property
+    def lifted(self) -> list[int]:
+        """The numbers of the scans at which the robot had been lifted and put down."""
         shares = np.array([scan.explained for scan in self.slam.tracked])
-        found = lifts(self.slam.converter, self.scans, self.poses, shares)
-        return [
-            f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
-            " down, or the log was cut; what follows is misplaced: solve both parts on their own"
-            " and join them by --on"
-            for number in found
-        ]
+        return lifts(self.slam.converter, self.scans, self.poses, shares)
+
+    def _put_down(self) -> list[str]:
+        """Where the robot was lifted and put down, and what became of the parts, in sentences."""
+        if self.parts is not None:
+            return self.parts.words
+        advice = "what follows is misplaced: solve both parts on their own and join them by --on"
+        return [f"{nothing_in_common(number)}; {advice}" for number in self.lifted]
 
     def _unseen(self) -> list[str]:
         """What the scans do not show of the drive, in a sentence."""
@@ -197,14 +210,18 @@ class SolvedLog:
         taken = dict(zip([scan.time for scan in self.log.scans], self.log.parts, strict=True))
         return [taken[scan.time] for scan in self.scans]
 
+    @property
+    def mount(self) -> Pose:
+        """The pose of the laser on the robot."""
+        mount = self.scans[0].mount
+        return Pose(self.log.odometry.laser_offset, 0.0, 0.0) if mount == CENTRE else mount
+
     @cached_property
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam = self.slam
         keys = slam.key_scans
-        mount = self.scans[0].mount
-        if mount == CENTRE:
-            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
+        mount = self.mount
         poses = compose(self.poses, np.array(mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
         if self.joined is not None:
@@ -255,6 +272,14 @@ class SolvedLog:
             ],
             "joined": None if self.joined is None else self.joined.summary(),
         }
+
+
+def nothing_in_common(number: int) -> str:
+    """What happened before a scan at which a robot had been put down, in words."""
+    return (
+        f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
+        " down, or the log was cut"
+    )
 
 
 def maps_of(
@@ -352,33 +377,21 @@ def joint_run(both: Joined, slam: Slam, moments: Sequence[Moment], poses: Float,
     whole = np.vstack([before, poses])
     whole[:, 2] = np.unwrap(whole[:, 2])
     later = first.trajectory.times[-1] + PAUSE - moments[0][0].time
-    shown = [first.scans_at(k) for k in range(len(first))]
+    shown = [*map(first.scans_at, range(len(first)))]
     shown += [tuple(replace(scan, time=scan.time + later) for scan in each) for each in moments]
-    scans = [together(moment) for moment in shown]
-    one = _mounts(first.lasers)
-    other = _mounts(moments[0])
+    scans = [*map(together, shown)]
+    one, other = (np.array([each.mount for each in own]) for own in (first.lasers, moments[0]))
     if one.shape != other.shape or not np.allclose(one, other):
         shown = [(scan,) for scan in scans]
     keys = [*both.keys.tolist(), *(len(first) + slam.key_scans).tolist()]
     earlier = first.estimate or EstimatedTrajectory(before)
     own = slam.estimate(poses, NO_SCANS, NO_COVARIANCES)
-    estimate = _joint_estimate(earlier, own, whole, both.ties)
-    return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
-
-
-def _mounts(lasers: Sequence[LaserRangeFinder] | Moment) -> Float:
-    """The mounts (k, 3) of lasers, or of those of scans."""
-    return np.array([each.mount for each in lasers])
-
-
-def _joint_estimate(
-    earlier: EstimatedTrajectory, own: EstimatedTrajectory, poses: Float, ties: Int
-) -> EstimatedTrajectory:
-    """The estimates of two drives as one, with the ties (c, 2) between their scans."""
-    count = len(earlier.poses)
+    count = len(before)
     dropped = np.vstack([earlier.dropped_closures, count + own.dropped_closures])
-    closures = np.vstack([earlier.closures, count + own.closures, ties + np.array([0, count])])
-    return EstimatedTrajectory(poses, closures=closures, dropped_closures=dropped)
+    ties = both.ties + np.array([0, count])
+    closures = np.vstack([earlier.closures, count + own.closures, ties])
+    estimate = EstimatedTrajectory(whole, closures=closures, dropped_closures=dropped)
+    return run_of(name, shown, whole, maps_of(scans, whole, keys, LineMapper()), estimate)
 
 
 def rising(stamps: Float) -> Float:

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.geometry.pose import compose
+from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.slam import checks
 from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 
@@ -87,3 +89,18 @@ def test_the_worst_part_of_a_drive_is_that_whose_beams_pass_most(
 def test_only_returns_are_points_of_a_scan():
     scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1, 0.2, 0.3], [2.0, np.inf, 0.0, -np.inf], [-1] * 4)
     assert checks._points(scan, 1).tolist() == [[2.0, 0.0]]
+
+
+@pytest.mark.parametrize(("turned", "said"), [(0.0, ""), (0.4, "the map contradicts itself")])
+def test_in_a_small_pen_a_wrong_map_is_named_after_a_few_metres(turned, said):
+    pen = lrf3d.World([[0, 0, 3, 0], [3, 0, 3, 2], [3, 2, 0, 2], [0, 2, 0, 0], [1.4, 0, 1.4, 0.8]])
+    lrf = lrf3d.LaserRangeFinder(beams=91, range_max=4.0)
+    lap = [(0.5, 0.5), (0.6, 1.5), (2.4, 1.5), (2.5, 0.5), (2.4, 1.5), (0.6, 1.5)]
+    poses = lrf3d.follow_route(np.array([*lap, *lap]), speed=0.5, dt=1.0).poses
+    keys = [ScanConverter().candidate(lrf3d.PlanarCaster(pen).cast(lrf, each)) for each in poses]
+    driven = np.linspace(0.0, 16.0, len(keys))
+    claimed = compose(np.array([0.0, 0.0, turned]), poses)
+    claimed = np.where((driven < 8.0)[:, None], poses, claimed)
+    check = checks.self_check(keys, claimed, driven)
+    assert check.key_scans_compared > 3
+    assert [each.split(":")[0] for each in check.sentences()] == [said] * bool(said)

@@ -31,14 +31,14 @@ def measured(poses, pairs, rng, noise=0.0, robust=False):
     first, second = np.array(pairs).T
     relative = between(poses[first], poses[second])
     relative = relative + noise * rng.normal(size=relative.shape)
-    return edges_of(first, second, relative, INFORMATION, 0.0 * INFORMATION, robust=robust)
+    return edges_of(first, second, relative, INFORMATION, 0.0 * INFORMATION, may_be_wrong=robust)
 
 
 def cost(edges, poses):
     """What is minimised: Cauchy's sum of closures, and plain squares of others."""
     squares, _ = edge_squares(poses, edges)
     cauchy = DEVIATIONS**2 * np.log1p(squares / DEVIATIONS**2)
-    return np.where(edges["robust"], cauchy, squares).sum()
+    return np.where(edges["may_be_wrong"], cauchy, squares).sum()
 
 
 def test_the_sum_is_the_least_that_a_general_solver_finds(rng):

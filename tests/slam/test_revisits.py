@@ -9,7 +9,7 @@ from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.slam.checks import self_check
 from lrf3d.slam.closures import LEAST_DISTANCE
 from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.revisits import CERTAIN, Anchor, in_known_place
+from lrf3d.slam.revisits import CERTAIN, Anchor, revisit
 
 WORLD = lrf3d.World(
     [[0, 0, 10, 0], [10, 0, 10, 6], [10, 6, 4, 6], [4, 6, 0, 5.5], [0, 5.5, 0, 0],
@@ -61,7 +61,7 @@ def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_ther
     attached = 0
     for number, key in enumerate(closer.keys[:10]):
         last = Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance)
-        found = in_known_place(closer, key, last, poses)
+        found = revisit(closer, key, last, poses)
         if found is None:
             continue
         attached += 1
@@ -69,11 +69,11 @@ def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_ther
         assert found.drifted == KEY_DISTANCE
         # It has driven too far to be certain of the place.
         far = replace(last, drifted=CERTAIN)
-        assert in_known_place(closer, key, far, poses) is None
+        assert revisit(closer, key, far, poses) is None
         surface = key.surface.copy()
         surface["x"] *= 0.8
         surface["y"] *= 0.8
-        assert in_known_place(closer, replace(key, surface=surface), last, poses) is None
+        assert revisit(closer, replace(key, surface=surface), last, poses) is None
     assert attached > 3
 
 
@@ -84,7 +84,7 @@ def test_a_place_that_was_left_a_moment_ago_is_not_known():
     assert len(closer.keys) > 5 and closer.distance < LEAST_DISTANCE
     for number, key in enumerate(closer.keys):
         last = Anchor(key.scan, number, np.zeros(3), key.pose, closer.driven[number])
-        assert in_known_place(closer, key, last, slam.key_poses) is None
+        assert revisit(closer, key, last, slam.key_poses) is None
 
 
 def test_a_drive_that_agrees_with_itself_passes_its_check_and_has_each_wall_once(rounds):

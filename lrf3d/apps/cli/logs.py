@@ -32,7 +32,6 @@ from lrf3d.recordings.repair.repairs import repaired_log
 from lrf3d.scoring import score_log, score_trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
-from lrf3d.slam.checks import LATER
 from lrf3d.slam.offline import map_scans, solve_log
 from lrf3d.slam.places import OdometryNoise
 from lrf3d.slam.places.monte_carlo import FilterSettings, score_localisation
@@ -144,7 +143,7 @@ def _draw_check(solved: SolvedLog, picture: Path) -> None:
     points = [np.column_stack([surface["x"], surface["y"]]) for surface in surfaces]
     scans = np.array([key.scan for key in shown])
     check = solved.check
-    stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, LATER)
+    stretch = Pass(scans, points, *check.worst_scans, check.worst_violation, check.later)
     title = f"{solved.log.name}: where the map contradicts itself"
     draw_check(stretch, poses, solved.refused, title, picture)
 

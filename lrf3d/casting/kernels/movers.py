@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.fan import Fan, beams_between, bearing
+from lrf3d.casting.kernels.fan import Fan
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import ROOM, Plain
@@ -57,8 +57,15 @@ HELD = -1.0
 # The origin of an obstacle at a moment [m], and its reach.
 PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 
-# Obstacles close together: a circle around all of them [m], and their rows in an order.
-GROUP = record(x=float, y=float, reach=float, first=int, stop=int)
+# A grid over obstacles: its corner [m], the size of its cells [m], how many are in a row and in a
+# column, and the largest reach of an obstacle [m].
+LATTICE = record(x=float, y=float, wide=float, deep=float, cells=int, reach=float)
+
+# [beams] Beams of a scan are stopped in so many parts, each by the obstacles in a box around it.
+PARTS = 16
+
+# [m] Largest length of a beam, so that its end has a place.
+LONGEST = 1e9
 
 # A side of an obstacle in the world [m].
 SIDE = record(**dict.fromkeys(("px", "py", "qx", "qy"), float))
@@ -75,6 +82,14 @@ class Movers(NamedTuple):
     legs: Records
     placed: Records
     sides: Records
+
+
+class MoverGrid(NamedTuple):
+    """Obstacles by the cells of a grid over their origins."""
+
+    frames: Records  # (1,) of the kind LATTICE.
+    firsts: Int  # (cells² + 1,) where those of each cell begin in the order.
+    order: Int
 
 
 @inner
@@ -149,14 +164,26 @@ def anywhere(plain: Plain) -> Movers:
 @inner
 def place(among: Movers, j: int, time: float) -> None:
     """Place an obstacle's sides where they are at a time."""
+    turn_sides(among, j, locate(among, j, time))
+
+
+@inner
+def locate(among: Movers, j: int, time: float) -> float:
+    """Set where an obstacle is at a time; returns its heading [rad]."""
+    at = among.placed[j]
+    at.x, at.y, theta = mover_at(among, j, time)
+    at.reach = among.movers[j].reach
+    return theta
+
+
+@inner
+def turn_sides(among: Movers, j: int, theta: float) -> None:
+    """Set the sides of an obstacle where it is, with a heading [rad]."""
     mover = among.movers[j]
     corners = among.corners
     sides = among.sides
-    x, y, theta = mover_at(among, j, time)
-    at = among.placed[j]
-    at.x = x
-    at.y = y
-    at.reach = mover.reach
+    x = among.placed[j].x
+    y = among.placed[j].y
     cos = math.cos(theta)
     sin = math.sin(theta)
     before = mover.stop - 1
@@ -171,11 +198,78 @@ def place(among: Movers, j: int, time: float) -> None:
 
 
 @compiled
-def place_all(plain: Plain, time: float) -> None:
-    """Place all obstacles where they are at a time."""
+def place_all(plain: Plain, plain_grid: Plain, time: float) -> None:
+    """Place all obstacles where they are at a time, and fill the grid over them."""
     among = Movers(*plain)
     for j in range(len(among.movers)):
         place(among, j, time)
+    fill(MoverGrid(*plain_grid), among.placed)
+
+
+@borrower
+def cell_at(frame: Any, x: float, y: float) -> tuple[int, int]:
+    """The column and the row of the cell nearest to a point."""
+    last = frame.cells - 1.0
+    column = min(max((x - frame.x) / frame.wide, 0.0), last)
+    row = min(max((y - frame.y) / frame.deep, 0.0), last)
+    return int(column), int(row)
+
+
+@borrower
+def fill(grid: MoverGrid, placed: Records) -> None:
+    """Fill the grid over the origins of obstacles (n,)."""
+    frame = grid.frames[0]
+    firsts = grid.firsts
+    low_x = low_y = np.inf
+    high_x = high_y = reach = -np.inf
+    for j in range(len(placed)):
+        at = placed[j]
+        low_x = min(low_x, at.x)
+        low_y = min(low_y, at.y)
+        high_x = max(high_x, at.x)
+        high_y = max(high_y, at.y)
+        reach = max(reach, at.reach)
+    frame.x = low_x
+    frame.y = low_y
+    # Obstacles in one place have an area, too.
+    frame.wide = max((high_x - low_x) / frame.cells, 1.0)
+    frame.deep = max((high_y - low_y) / frame.cells, 1.0)
+    frame.reach = reach
+    for cell in range(len(firsts)):
+        firsts[cell] = 0
+    for j in range(len(placed)):
+        column, row = cell_at(frame, placed[j].x, placed[j].y)
+        firsts[row * frame.cells + column] += 1
+    total = 0
+    for cell in range(len(firsts)):
+        total += firsts[cell]
+        firsts[cell] = total
+    # Each cell is filled from its end on, until its first is where it begins.
+    for j in range(len(placed)):
+        column, row = cell_at(frame, placed[j].x, placed[j].y)
+        firsts[row * frame.cells + column] -= 1
+        grid.order[firsts[row * frame.cells + column]] = j
+
+
+@borrower
+def rows_in(
+    grid: MoverGrid, placed: Records, box: tuple[float, float, float, float], found: Int
+) -> int:
+    """Fill the rows of obstacles with their origin in a box [m]; returns how many there are."""
+    low_x, low_y, high_x, high_y = box
+    frame = grid.frames[0]
+    first_column, first_row = cell_at(frame, low_x, low_y)
+    last_column, last_row = cell_at(frame, high_x, high_y)
+    count = 0
+    for row in range(first_row, last_row + 1):
+        cell = row * frame.cells
+        for member in range(grid.firsts[cell + first_column], grid.firsts[cell + last_column + 1]):
+            j = grid.order[member]
+            at = placed[j]
+            inside = low_x <= at.x <= high_x and low_y <= at.y <= high_y
+            found[count] = j
+            count += int(inside)
+    return count
 
 
 @borrower
@@ -226,34 +320,6 @@ def range_to(among: Movers, row: int, beam: Beam, limits: tuple[float, float]) -
     return within(length_of(beam, side), limits[0], limits[1], beam, side)
 
 
-@borrower
-def facing(
-    circle: tuple[float, float, float], fan: Fan, high: Float, farthest: float
-) -> tuple[int, int, float]:
-    """The beams that may meet something in a circle before they end, and how near it may be [m]."""
-    x, y, radius = circle
-    east = x - fan.x
-    north = y - fan.y
-    # Widened by more than rounding may be.
-    reach = radius * ROOM + 1e-12 * (abs(x) + abs(y))
-    distance = math.sqrt(east * east + north * north) / ROOM
-    near = distance - reach
-    beams = len(high)
-    if near > farthest:
-        return 0, 0, near
-    if near <= 0.0:
-        return 0, beams, near
-    share = reach / distance
-    # At least the arc sine of the share.
-    half = share + (0.5 * np.pi - 1.0) * share * share * share
-    ahead = east * fan.ahead_x + north * fan.ahead_y
-    middle = bearing(ahead, north * fan.ahead_x - east * fan.ahead_y)
-    start, stop = beams_between(middle - half, 2.0 * half, fan, beams)
-    while start < stop and high[start] < near:
-        start += 1
-    return start, stop, near
-
-
 @compiled
 def cast_among(
     plain: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
@@ -261,14 +327,13 @@ def cast_among(
 ) -> None:  # fmt: skip
     """Let obstacles of a height stop the beams of scans from poses (k, 3) at one moment.
 
-    They are given with their groups and the order of these. Own (k,) are the obstacles that the
-    scans do not see, or −1.
+    They are given with the grid over them. Own (k,) are the obstacles that the scans do not see, or
+    −1.
     """
-    plain_movers, groups, order = plain
+    plain_movers, plain_grid = plain
     among = Movers(*plain_movers)
+    grid = MoverGrid(*plain_grid)
     laser = Laser(*plain_laser)
-    movers = among.movers
-    placed = among.placed
     limits = (laser.range_min, laser.range_max)
     beams = laser.fan.shape[1]
     dx = np.empty(beams + PADDING)
@@ -276,72 +341,98 @@ def cast_among(
     row = np.empty(beams, np.int64)
     low = np.empty(beams)
     high = np.empty(beams)
-    nears = np.empty(len(groups))
-    nearest = np.empty(len(groups), np.int64)
+    near = np.empty(len(among.movers) + 1, np.int64)
+    part = (beams + PARTS - 1) // PARTS
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
-        farthest = 0.0
         for i in range(beams):
             row[i] = -1
             low[i] = np.inf
             high[i] = min(ranges[k, i], laser.range_max * ROOM) * ROOM
-            farthest = max(farthest, high[i])
-        waiting = 0
-        for g in range(len(groups)):
-            group = groups[g]
-            start, stop, near = facing((group.x, group.y, group.reach), fan, high, farthest)
-            if start >= stop:
-                continue
-            # The nearest first: beams that end there meet no more.
-            place = waiting
-            while place > 0 and nears[place - 1] > near:
-                nears[place] = nears[place - 1]
-                nearest[place] = nearest[place - 1]
-                place -= 1
-            nears[place] = near
-            nearest[place] = g
-            waiting += 1
-        for w in range(waiting):
-            group = groups[nearest[w]]
-            for place in range(group.first, group.stop):
-                j = order[place]
-                if j == own[k] or movers[j].height < height:
-                    continue
-                at = placed[j]
-                start, stop, _ = facing((at.x, at.y, at.reach), fan, high, farthest)
-                if start < stop:
-                    _stop_beams(among, j, fan, (row, low, high), (start, stop))
+        seen = height, own[k]
+        for first in range(0, beams, part):
+            stop = min(first + part, beams)
+            _stop_beams(among, grid, fan, (row, low, high), (first, stop), near, seen)
         for i in range(beams):
+            beam = Beam(fan.x, fan.y, dx[i], dy[i])
+            if row[i] == UNDECIDED:
+                limit = min(ranges[k, i], laser.range_max * ROOM) * ROOM
+                row[i] = _met_exactly(among, beam, limit, seen)
             if row[i] < 0:
                 continue
-            t = range_to(among, row[i], Beam(fan.x, fan.y, dx[i], dy[i]), limits)
+            t = range_to(among, row[i], beam, limits)
             # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
             if t < ranges[k, i]:
                 ranges[k, i] = t
                 hits[k, i] = -1
 
 
-@inner
+@borrower
 def _stop_beams(
-    among: Movers, j: int, fan: Fan, nearest: tuple[Int, Float, Float], beams: tuple[int, int]
-) -> None:
-    """Let an obstacle stop some beams of a fan, of which the nearest sides so far are known."""
-    row, low, high = nearest
-    sides = among.sides
-    mover = among.movers[j]
-    at = among.placed[j]
-    east = at.x - fan.x
-    north = at.y - fan.y
-    away = abs(at.x) + abs(at.y) + math.sqrt(east * east + north * north)
-    wide = at.reach * ROOM + 1e-12 * away
-    for i in range(beams[0], beams[1]):
-        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-        if abs(beam.dx * north - beam.dy * east) > wide:
+    among: Movers, grid: MoverGrid, fan: Fan, met: tuple[Int, Float, Float],
+    part: tuple[int, int], near: Int, seen: tuple[float, int],
+) -> None:  # fmt: skip
+    """Let obstacles stop a part of the beams of a fan, of which the nearest sides are filled in.
+
+    What is seen has a height, and is not the robot's own; the row of a side may be UNDECIDED.
+    """
+    row, low, high = met
+    height, own = seen
+    placed = among.placed
+    right_x = fan.dx[part[0]]
+    right_y = fan.dy[part[0]]
+    left_x = fan.dx[part[1] - 1]
+    left_y = fan.dy[part[1] - 1]
+    low_x = high_x = fan.x
+    low_y = high_y = fan.y
+    farthest = 0.0
+    for i in range(part[0], part[1]):
+        length = min(high[i], LONGEST)
+        farthest = max(farthest, high[i])
+        low_x = min(low_x, fan.x + length * fan.dx[i])
+        high_x = max(high_x, fan.x + length * fan.dx[i])
+        low_y = min(low_y, fan.y + length * fan.dy[i])
+        high_y = max(high_y, fan.y + length * fan.dy[i])
+    # More than rounding may be.
+    room = grid.frames[0].reach * ROOM + 1e-12 * (abs(fan.x) + abs(fan.y) + LONGEST)
+    box = low_x - room, low_y - room, high_x + room, high_y + room
+    for candidate in range(rows_in(grid, placed, box, near)):
+        j = near[candidate]
+        mover = among.movers[j]
+        if j == own or mover.height < height:
             continue
-        before = Nearest(row[i], low[i], high[i])
-        row[i], low[i], high[i] = _meet_clearly(sides, mover.first, mover.stop, beam, before)
-        if row[i] == UNDECIDED:
-            row[i], low[i], high[i] = meet(among, j, beam, before)
+        east = placed[j].x - fan.x
+        north = placed[j].y - fan.y
+        away = math.sqrt(east * east + north * north)
+        wide = placed[j].reach * ROOM + 1e-12 * (abs(placed[j].x) + abs(placed[j].y) + away)
+        nearest = away / ROOM - wide
+        beside = right_x * north - right_y * east < -wide or left_x * north - left_y * east > wide
+        if beside or nearest > farthest:
+            continue
+        for i in range(part[0], part[1]):
+            beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+            across = beam.dx * north - beam.dy * east
+            if abs(across) > wide or high[i] < nearest or row[i] == UNDECIDED:
+                continue
+            before = Nearest(row[i], low[i], high[i])
+            found = _meet_clearly(among.sides, mover.first, mover.stop, beam, before)
+            row[i], low[i], high[i] = found
+
+
+@inner
+def _met_exactly(among: Movers, beam: Beam, limit: float, seen: tuple[float, int]) -> int:
+    """The row of the nearest side that a beam meets up to a limit [m], of all obstacles, or −1."""
+    height, own = seen
+    nearest = Nearest(-1, np.inf, limit)
+    for j in range(len(among.movers)):
+        at = among.placed[j]
+        east = at.x - beam.ox
+        north = at.y - beam.oy
+        wide = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y) + abs(east) + abs(north))
+        beside = abs(beam.dx * north - beam.dy * east) > wide
+        if j != own and not beside and among.movers[j].height >= height:
+            nearest = meet(among, j, beam, nearest)
+    return nearest.row
 
 
 @compiled

@@ -15,16 +15,20 @@ import numpy as np
 from lrf3d.casting.kernels.movers import (
     PLACED,
     SIDE,
+    MoverGrid,
     Movers,
     anywhere,
+    fill,
+    locate,
     moved,
     mover_at,
-    place,
+    rows_in,
     side_at,
+    turn_sides,
 )
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
-from lrf3d.compiling import compiled, inner, record
+from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
 # [m] Depth up to which a body that meets something does not touch it: more than rounding.
@@ -98,41 +102,65 @@ def touched(
 
 @compiled
 def touched_among(
-    plain: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int, found: Plain
-) -> None:
+    plain: Plain, plain_grid: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int,
+    found: Plain,
+) -> None:  # fmt: skip
     """Replace what `touched` has found where bodies touch an obstacle before.
 
-    Own (k,) are the obstacles that are the bodies themselves, or −1.
+    Own (k,) are the obstacles that are the bodies themselves, or −1. The grid is filled in.
     """
     times, walls, met = found
     among = anywhere(plain)
+    grid = MoverGrid(*plain_grid)
     body = Footprint(*plain_body)
     movers = among.movers
     wall = np.empty(1, SIDE)
     begin = np.nan
-    places = np.empty(len(movers), PLACED)
     sides = np.empty(len(body.edges), SIDE)
+    places = np.empty(len(movers), PLACED)
+    near = np.empty(len(movers) + 1, np.int64)
+    rim = 0.0
+    for j in range(len(movers)):
+        rim = max(rim, movers[j].rim)
+        places[j].reach = max(movers[j].reach, movers[j].disc)
     for k in range(len(moves)):
         move = moves[k]
         if begin != move.time:
             begin = move.time
             for j in range(len(movers)):
                 places[j].x, places[j].y, _ = mover_at(among, j, begin)
+            fill(grid, places)
         fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
-        for j in range(len(movers)):
+        room = (
+            (fastest + rim) * min(times[k], seconds[k]) + grid.frames[0].reach + body.reach + 1e-6
+        )
+        box = move.x - room, move.y - room, move.x + room, move.y + room
+        for candidate in range(_ascending(near, rows_in(grid, places, box, near))):
+            j = near[candidate]
             mover = movers[j]
-            rate = fastest + movers[j].rim
             best = min(times[k], seconds[k])
-            room = rate * best + max(mover.reach, mover.disc) + body.reach + 1e-6
-            east = places[j].x - move.x
-            north = places[j].y - move.y
-            if j == own[k] or east * east + north * north > room * room:
+            room = (fastest + mover.rim) * best + places[j].reach + body.reach + 1e-6
+            away = math.hypot(places[j].x - move.x, places[j].y - move.y)
+            if j == own[k] or away > room:
                 continue
             time = _first_meeting(among, j, body, move, best, sides, wall)
             if time < np.inf:
                 times[k] = time
                 walls[k] = -1
                 met[k] = j
+
+
+@borrower
+def _ascending(rows: Int, count: int) -> int:
+    """Sort the first rows, of which there are few; returns their count."""
+    for k in range(1, count):
+        row = rows[k]
+        place = k
+        while place > 0 and rows[place - 1] > row:
+            rows[place] = rows[place - 1]
+            place -= 1
+        rows[place] = row
+    return count
 
 
 @inner
@@ -412,7 +440,7 @@ def _gap_at(
     From far away it is that of the circles around them. It is negative where they overlap. The
     sides of the body and the middle of a disc are filled in.
     """
-    place(among, j, move.time + time)
+    heading = locate(among, j, move.time + time)
     x, y, theta = moved(move, time)
     at = among.placed[j]
     mover = among.movers[j]
@@ -430,6 +458,7 @@ def _gap_at(
         side.qx = x + cos * edge.qx - sin * edge.qy
         side.qy = y + sin * edge.qx + cos * edge.qy
     if mover.disc == 0.0:
+        turn_sides(among, j, heading)
         return _gap(sides, among.sides, mover.first, mover.stop) - body.radius
     spot[0].px = spot[0].qx = at.x
     spot[0].py = spot[0].qy = at.y

@@ -3,7 +3,7 @@
 A log and a purpose enter. Each repair returns a new recording; `repairs.repair` runs them all.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -121,6 +121,17 @@ class Recording:
         """What was wrong and what was done, a sentence each."""
         said = (each.repair.sentence(each.finding) for each in self.found.values())
         return [*filter(None, said)]
+
+    def part(self, chosen: Sequence[int]) -> "Recording":
+        """The recording of some of its scans, along the whole path."""
+        numbers = np.array(chosen)
+        return replace(
+            self,
+            scans=[self.scans[k] for k in chosen],
+            places=self.places[numbers],
+            lags=self.lags[numbers] if len(self.lags) > 1 else self.lags,
+            seen_turns=None,
+        )
 
     def repaired(self, repair: Repair) -> "Recording":
         """The recording after a repair; unchanged if that is left out or finds nothing.

@@ -19,7 +19,7 @@ from lrf3d.recordings.repair.wheel_path import WheelPath
 PAIRS = 200
 
 # Least number of pairs from which anything is concluded.
-LEAST_PAIRS = 20
+ENOUGH_TURNS = 20
 
 # Least turn of a pair [rad] by odometry; smaller ones drown in its noise.
 SHOWN_TURN = 0.01

@@ -17,7 +17,7 @@ from lrf3d.geometry.pose import bent, between, compose, turned
 from lrf3d.matching.key_scans import MOST_THROUGH, Key, seen_through_both
 from lrf3d.simulation.run import Run
 from lrf3d.slam import Slam
-from lrf3d.slam.checks import LATER, NEAR, SelfCheck, self_check
+from lrf3d.slam.checks import COMPARED_WITHIN, LATER, SelfCheck, self_check
 from lrf3d.slam.closures import (
     FLOOR,
     LEAST_DISTANCE,
@@ -31,7 +31,7 @@ from lrf3d.slam.places.known_keys import KnownKeys
 from lrf3d.slam.places.known_places import KnownPlaces
 from lrf3d.slam.places.place_search import Found, PlaceSearch
 from lrf3d.slam.pose_graph import edges_of, optimised
-from lrf3d.slam.revisits import OFF
+from lrf3d.slam.revisits import GUESS_ERROR
 
 # Standard deviations of the pose of a map's key scan relative to its neighbours [m], [m], [rad].
 STEP = np.array([0.01, 0.01, 0.003])
@@ -145,7 +145,9 @@ def _tied(
 def _tie(places: KnownKeys, key: Key, guess: Float, number: int) -> Closure | None:
     """The tie of a key scan, by its number among all, to the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
-    found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
+    if apart.min() >= COMPARED_WITHIN:
+        return None
+    found = places.judged(key, guess, np.diag(1.0 / GUESS_ERROR**2))
     if found is None or found.evidence < 0.0 or found.match.explained < CERTAIN_SHARE:
         return None
     pose = found.match.pose

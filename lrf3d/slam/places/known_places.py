@@ -8,7 +8,7 @@ hit in an unknown cell counts little. A map of cells is used as it is; walls are
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
@@ -43,10 +43,6 @@ LEAST = 0.05
 # tried positions is found.
 BLUR = 0.25
 
-# Largest share of hits in unknown cells of a map that shows where its robot is. Drives in other
-# buildings have 0.6 at the places that fit best by chance, drives on their map hardly any.
-MOST_UNKNOWN = 0.25
-
 # Least distance from walls [m] of positions that are searched.
 ROOM = 0.2
 
@@ -65,13 +61,6 @@ MOST_PLACES = 30
 # Distance [m] and turn [rad] up to which two poses are the same place.
 APART = 1.0
 TURNED = 0.3
-
-
-class Fit(NamedTuple):
-    """A pose (3,) on a map, and its score: the mean log likelihood of the hits there."""
-
-    pose: Float
-    score: float
 
 
 @compiled
@@ -193,44 +182,28 @@ class KnownPlaces:
         places = CELL * (len(self._lattice) * positions[:, ::-1] + 0.5)
         return compose(self.origin, np.column_stack([places, headings]))
 
-    def search(self, hits: Records) -> list[Fit]:
-        """The places on the whole map where hits fit best, the best first.
+    def search(self, hits: Records) -> Float:
+        """The poses (k, 3) on the whole map where hits fit best, the best first.
 
         The robot is where the map is free, and the hits are in its frame.
         """
         few = some(hits, SEARCHED_HITS)
-        near = self._reached(self._peaks(few), few)
-        return self._reached(np.array([each.pose for each in near]).reshape(-1, 3), hits)
+        return self._reached(self._reached(self._peaks(few), few), hits)
 
-    def _reached(self, guesses: Float, hits: Records) -> list[Fit]:
-        """The places to which the score of hits leads from guesses (k, 3), the best first."""
-        fits = sorted(self.climbed(guesses, hits), key=lambda each: -each.score)
-        poses = np.array([each.pose for each in fits]).reshape(-1, 3)
-        return [fits[k] for k in distinct(poses, APART, TURNED, MOST_PLACES)]
+    def _reached(self, guesses: Float, hits: Records) -> Float:
+        """The poses to which the score of hits leads from guesses (k, 3), the best first."""
+        poses, scores = self.climbed(guesses, hits)
+        ranked = poses[np.argsort(-scores, kind="stable")]
+        return ranked[distinct(ranked, APART, TURNED, MOST_PLACES)]
 
-    def climbed(self, guesses: Float, hits: Records) -> list[Fit]:
-        """The poses (k,) to which the score of hits leads from guesses (k, 3)."""
+    def climbed(self, guesses: Float, hits: Records) -> tuple[Float, Float]:
+        """The poses to which the score of hits leads from guesses (k, 3), and the scores (k,).
+
+        A score is the mean log likelihood of the hits.
+        """
         local = between(self.origin, guesses)
         poses, scores = climbed(local, hits, self._scores, self.side)
-        return [*map(Fit, compose(self.origin, poses), scores.tolist())]
-
-    def explained(self, pose: Float, hits: Records) -> float:
-        """Share of the hits at a pose (3,) that lie at walls, among those in known cells.
-
-        Where more hits than `MOST_UNKNOWN` are in unknown cells, the others count as not at walls:
-        few hits fit somewhere on any map.
-        """
-        at = between(self.origin, pose)
-        walls, known = (mean_score(at, hits, cells, self.side) for cells in self._shares)
-        return walls / max(known, 1.0 - MOST_UNKNOWN)
-
-    @cached_property
-    def _shares(self) -> tuple[Likelihood, Likelihood]:
-        """Masks of the cells at walls and of the known cells, as 0 and 1."""
-        near = 0.2  # Distance [m] up to which a hit is at a wall.
-        known = self.free | self.occupied
-        walls = known & (self._distance < near)
-        return np.pad(walls, 1).astype(np.float32), np.pad(known, 1).astype(np.float32)
+        return compose(self.origin, poses), scores
 
     def fits(self, pose: Float, hits: Records) -> bool:
         """Whether hits fit better at a pose (3,) than at any of several poses all over the map."""

@@ -2,12 +2,13 @@
 
 Key scans of a drive enter, with poses in the drive's own frame; the places of which the search is
 certain leave. Every few key scans, their hits are combined by these poses and matched with the
-whole map. The best place must stand out from what matches by chance: the mirror image of the hits,
-which has the same walls, gaps and noise but is nowhere on the map. A place that stands out is
-tracked along the drive.
+whole map. Each of the best places is followed back through the last searches. The track that fits
+best must stand out from all others, and from the mirror image of the drive, which has the same
+walls, gaps and noise but is nowhere on the map. From then on it is tracked scan by scan.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from lrf3d.matching.key_scans import Key
 from lrf3d.matching.likelihood import some
 from lrf3d.matching.surface import concatenated, moved
 from lrf3d.slam.motion import size_of
-from lrf3d.slam.places.known_places import APART, LEAST, TURNED, KnownPlaces, is_same
+from lrf3d.slam.places.known_places import APART, TURNED, KnownPlaces, is_same
 
 # Distance [m] or turn [rad] after which the next scan is used; nearer ones see the same.
 SPACING = np.array([0.4, 0.5])
@@ -36,15 +37,19 @@ PATIENT = 6
 # Number of scans before and after a scan that are matched with it while a place is tracked.
 FOLLOWED = 6
 
-# Number of the best wrong places whose scores give the unit of a lead.
+# Number of places of a search that are followed back through earlier searches.
 COMPARED = 11
 
-# Log odds that a place gains if a search with other scans finds it, too: among about ten wrong
-# places that fit equally well, this happens by chance once in ten times.
-AGREED = 2.3
-
-# Number of earlier searches with which a search is compared; over more, odometry drifts.
+# Number of searches through which places are followed: one corridor looks like the next, several in
+# the order of the drive do not.
 REMEMBERED = 5
+
+# Number of independent hits in a search; the others lie on the same walls. With 5 to 8, and a
+# clutter of 0.1 to 0.3, stated probabilities are met on maps of others: see the docs.
+INDEPENDENT = 6.0
+
+# Mean misfit of hits [log likelihood] that has nothing to do with the place: people, range noise.
+CLUTTER = 0.2
 
 # Largest log odds of a place that is tracked, so that a kidnapped robot is noticed soon.
 MOST = 7.0
@@ -56,10 +61,6 @@ GAIN = 0.6
 # Probability from which a place counts as certain, and its log odds.
 CERTAIN = 0.99
 ENOUGH = float(np.log(CERTAIN / (1.0 - CERTAIN)))
-
-# Least share of the hits that lie at walls of the map at a right place. It is 0.73 to 1 on maps of
-# others; it was 0.61 at a wrong place that stood out, as hardly any hits fit anywhere.
-LEAST_EXPLAINED = 0.65
 
 # Largest number of hits of a scan, so that all scans have about the same weight.
 SCAN_HITS = 60
@@ -123,11 +124,16 @@ class PlaceSearch:
         self._is_followed = False
         self._moved = np.array([np.inf, np.inf])
         self._pose: Float | None = None
-        # The scans since the last place was lost, and the best place of each search since then.
+        # The scans since the last place was lost.
         self._drive: list[_Seen] = []
-        self._searched: list[Hypothesis] = []
         self._new = 0
         self._number = 0
+        self._restart()
+
+    def _restart(self) -> None:
+        """Forget what was searched before a place was found or lost."""
+        self._here = _Tracks(self._places)
+        self._chance = _Tracks(self._places)
 
     @property
     def probability(self) -> float:
@@ -148,63 +154,37 @@ class PlaceSearch:
                 self._follow()
             else:
                 # Searches become rarer where nothing is found.
-                often = 1 + len(self._searched) // PATIENT
-                if self._new >= (often * WINDOW if self._searched else FIRST):
+                searches = len(self._here.windows)
+                often = (1 + searches // PATIENT) * WINDOW
+                if self._new >= (often if searches else FIRST):
                     self.search()
         self._keep()
 
     def search(self) -> None:
         """Search the whole map for the last scans, unless the place is known."""
-        window = self._drive[-WINDOW:]
-        if self._is_followed or not self._new or len(window) < FIRST:
+        scans = self._drive[-WINDOW:]
+        if self._is_followed or not self._new or len(scans) < FIRST:
             return
         self._new = 0
-        middle = window[len(window) // 2]
-        now = self._judged(_laid_out(window, middle), middle)
-        if now is None:
-            return
-        now.sure = window[0].number
-        agreeing = sum(_agree(now, each) for each in self._searched[-REMEMBERED:])
-        self._searched.append(now)
-        # Each search with other scans is another chance of a wrong place.
-        chances = max(len(self._drive) / WINDOW, 1.0)
-        log_odds = now.log_odds + AGREED * agreeing - float(np.log(chances))
-        # Halves of fewer scans see the same walls, and may agree on a wrong place.
-        if len(window) == WINDOW and ENOUGH - AGREED <= log_odds < ENOUGH:
-            log_odds += AGREED * self._halves_agree(window, now)
-        self._place = replace(now, log_odds=log_odds)
-        if log_odds >= ENOUGH:
-            self._begin(self._place)
-
-    def _judged(self, hits: Records, at: _Seen) -> Hypothesis | None:
-        """The best place of hits; its log odds are its lead over all other and mirrored places."""
-        mirrored = hits.copy()
-        mirrored["y"] *= -1.0
-        here = self._places.search(hits)
-        chance = self._places.search(mirrored)
+        middle = scans[len(scans) // 2]
+        window = _Seen(middle.number, middle.pose, _laid_out(scans, middle))
+        here = self._here.search(window)
+        chance = self._chance.search(_mirrored(window))
         if not here or not chance:
-            return None
+            return
         first, *others = here
-        wrong = sorted((each.score for each in (*others, *chance)), reverse=True)
-        # The scores of the best wrong places fall off exponentially, so that a lead of n units
-        # occurs by chance once in e^n cases.
-        *best, last = wrong[:COMPARED]
-        spread = float(np.mean(best)) - last if best else np.inf
-        # Scores differ by no less than one hit does, also where wrong places fit equally well.
-        unit = max(spread, -float(np.log(LEAST)) / len(hits))
-        lead = (first.score - wrong[0]) / unit
-        # If the map lacks most of what the laser saw, the lead of a place means little.
-        doubtful = self._places.explained(first.pose, hits) < LEAST_EXPLAINED
-        return Hypothesis(first.pose, at, min(lead, 0.0) if doubtful else lead)
-
-    def _halves_agree(self, window: list[_Seen], place: Hypothesis) -> bool:
-        """Whether each half of some scans, searched on its own, finds the same place."""
-        middle = len(window) // 2
-        for half in (window[:middle], window[middle:]):
-            first, *_ = self._places.search(_laid_out(half, place.at))
-            if not is_same(first.pose, place.pose, APART, TURNED):
-                return False
-        return True
+        second = max((*others, *chance), key=lambda each: each.score)
+        # The misfits of hits are taken to be distributed exponentially, with a mean that is not
+        # known: so the likelihood of a track is a power of its own mean misfit.
+        count = len(first.poses)
+        misfit, other = (CLUTTER - each.score / count for each in (first, second))
+        # Each search is another chance of a wrong place.
+        searches = len(self._here.windows)
+        log_odds = float(INDEPENDENT * count * np.log(other / misfit) - np.log(searches))
+        pose, *_ = first.poses
+        self._place = Hypothesis(pose, middle, min(log_odds, MOST), sure=scans[0].number)
+        if self._place.log_odds >= ENOUGH:
+            self._begin(self._place)
 
     def _begin(self, place: Hypothesis) -> None:
         """Track a new place to both ends of the drive; backward as long as scans fit."""
@@ -232,18 +212,17 @@ class PlaceSearch:
             self._is_followed = False
             self._drive = [each for each in self._drive if each.number > place.sure]
             self._new = len(self._drive)
-            self._searched = []
+            self._restart()
 
     def _step(self, place: Hypothesis, k: int) -> bool:
         """Move a place to another scan of the drive; returns whether the scan fits there."""
         scan = self._drive[k]
         guess = compose(place.pose, between(place.at.pose, scan.pose))
         around = self._drive[max(k - FOLLOWED, 0) : k + FOLLOWED]
-        [found] = self._places.climbed(guess[None], _laid_out(around, scan))
-        place.pose = found.pose
+        [place.pose], _ = self._places.climbed(guess[None], _laid_out(around, scan))
         place.at = scan
-        place.path[scan.number] = found.pose
-        fits = self._places.fits(found.pose, scan.hits)
+        place.path[scan.number] = place.pose
+        fits = self._places.fits(place.pose, scan.hits)
         if fits:
             place.sure = max(place.sure, scan.number)
         return fits
@@ -275,12 +254,50 @@ def _laid_out(scans: list[_Seen], middle: _Seen) -> Records:
     return some(concatenated(parts), WINDOW_HITS)
 
 
-def _agree(now: Hypothesis, before: Hypothesis) -> bool:
-    """Whether two searches by different scans found the same place, and it stood out in both."""
-    there = compose(now.pose, between(now.at.pose, before.at.pose))
-    apart = before.at.number < now.sure
-    return (
-        min(now.log_odds, before.log_odds) > 0.0
-        and apart
-        and is_same(there, before.pose, APART, TURNED)
-    )
+def _mirrored(seen: _Seen) -> _Seen:
+    """The mirror image of hits, and of their pose in the drive."""
+    hits = seen.hits.copy()
+    hits["y"] *= -1.0
+    return _Seen(seen.number, seen.pose * [1.0, -1.0, -1.0], hits)
+
+
+class _Track(NamedTuple):
+    """Poses (w, 3) of the robot at the last windows, the newest first, and their total score."""
+
+    poses: Float
+    score: float
+
+
+class _Tracks:
+    """The tracks on a map that fit the last windows best, of a drive or of its mirror image."""
+
+    def __init__(self, places: KnownPlaces) -> None:
+        self._places = places
+        self.windows: list[_Seen] = []
+        self._best = np.empty((0, 3))
+
+    def search(self, now: _Seen) -> list[_Track]:
+        """Search for a new window, and follow each place back through the others; best first."""
+        before = self.windows[-REMEMBERED + 1 :]
+        self.windows.append(now)
+        poses = self._places.search(now.hits)[:COMPARED]
+        for last in before[-1:]:
+            poses = np.vstack([poses, compose(self._best, between(last.pose, now.pose))])
+        at = now
+        paths = list[Float]()
+        total = np.zeros(len(poses))
+        for window in (now, *reversed(before)):
+            guesses = compose(poses, between(at.pose, window.pose))
+            poses, scores = self._places.climbed(guesses, window.hits)
+            paths.append(poses)
+            total += scores
+            at = window
+        tracks = np.stack(paths, axis=1)
+        found = list[_Track]()
+        for k in np.argsort(-total, kind="stable").tolist():
+            # Tracks that meet in one of the windows are one place.
+            pairs = (pair for other in found for pair in zip(tracks[k], other.poses, strict=True))
+            if not any(is_same(*pair, APART, TURNED) for pair in pairs):
+                found.append(_Track(tracks[k], float(total[k])))
+        self._best = np.array([each.poses[0] for each in found[:COMPARED]]).reshape(-1, 3)
+        return found
