@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.recording import LAG_GAIN, LATE, Recording
-from lrf3d.recordings.repair.turns import LEAST_PAIRS, SHOWN_TURN
+from lrf3d.recordings.repair.recording import COST_RATIO, LATE, Recording
+from lrf3d.recordings.repair.turns import ENOUGH_TURNS, SHOWN_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Bounds of the lag [odometry lines].
@@ -41,7 +41,7 @@ def find(recording: Recording) -> Lag | None:
     return Lag(lags, (first, last))
 
 
-def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = LAG_GAIN) -> Float:
+def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = COST_RATIO) -> Float:
     """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
 
     They are the same for all scans, or change evenly where two clocks drift apart.
@@ -71,7 +71,7 @@ def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = LAG_G
     most = max(LAGS[1], bound)
     # If hardly any turn depends on the lag, the lag is not known.
     moved = np.abs(at(most) - at(least))
-    if (moved > SHOWN_TURN * np.ptp(LAGS)).sum() < LEAST_PAIRS:
+    if (moved > SHOWN_TURN * np.ptp(LAGS)).sum() < ENOUGH_TURNS:
         return lags()
     # Fit first a lag, then a lag with a drift, together with the systematic errors of the wheels. A
     # turn may take no longer than the widest lag, so that the cost has several minima: the fit

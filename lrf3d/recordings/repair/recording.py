@@ -18,7 +18,7 @@ from lrf3d.recordings.log import COARSE, LaserLog
 from lrf3d.recordings.repair import Applied, Repair
 from lrf3d.recordings.repair.judging import explained, is_clear, pairs_along
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
-from lrf3d.recordings.repair.turns import LEAST_PAIRS, SHOWN_TURN, turns_between
+from lrf3d.recordings.repair.turns import ENOUGH_TURNS, SHOWN_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Least lag of the scans [s] that is reported: larger ones blur maps of fast turns.
@@ -27,7 +27,7 @@ LATE = 0.03
 # Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs that have a
 # lag it is 1.7 times and more. Without one it may be 1.1 times higher: between two odometry lines
 # the noise of both cancels in part, which looks like a lag.
-LAG_GAIN = 1.3
+COST_RATIO = 1.3
 
 # Least share of odometry lines with a stamp of their own; below it the stamps are not used.
 STAMPED = 0.25
@@ -47,7 +47,7 @@ class Purpose(NamedTuple):
     """
 
     left_out: tuple[str, ...] = ()
-    sure: float = LAG_GAIN
+    sure: float = COST_RATIO
     least_lag: float = 0.0
     known: bool = False
 
@@ -169,7 +169,7 @@ class Recording:
         """Median share of the robot's turns above a least one [rad] that scans show; or inf."""
         turned = np.abs(np.diff(self.path.at(self.stamped_at)[:, 2]))
         known = np.isfinite(self.turns) & (turned > SHOWN_TURN) & (turned > least)
-        if known.sum() < LEAST_PAIRS:
+        if known.sum() < ENOUGH_TURNS:
             return np.inf
         return float(np.median(np.abs(self.turns[known]) / turned[known]))
 
