@@ -33,7 +33,7 @@ KINDS = {
     "stamps that are late or early": ("are stamped",),
     "jumps of the odometry": ("jump",),
     "the robot itself in view": ("robot itself",),
-    "walls that bend in turns": ("bend in turns",),
+    "walls that bend in turns": ("bend in turns", "unlike the declared"),
     "another fan of beams": ("as the scans turn",),
     "another unit": ("metres", "degrees"),
     "a robot that was lifted": ("lifted",),

@@ -140,7 +140,7 @@ FORMATS: list[Format] = [
         kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
         read="lrf3d.recordings.reading:arrays_log",
         looks={
-            b"PK": "arrays of NumPy or a zip: name it .npz",
+            b"PK": "a zip: unpack it, or name it .npz if it holds arrays of NumPy",
             b"\x93NUMPY": "an array: name it .npy",
             b"MATLAB 5": "a .mat file: name it .mat",
         },

@@ -20,6 +20,10 @@ from lrf3d.laser.scan import LIGHT, LaserScan
 # [s] Longest time between two scans from which the motion during one of them is interpolated.
 LONGEST_GAP = 1.0
 
+# Largest share of the time to the next scan that the beams of a scan may take: a larger one is an
+# error of the driver.
+TOO_LONG = 1.1
+
 
 def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
     """The scan as it would be if all beams had been sent where and when the first was.
@@ -119,9 +123,6 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
     lasers: dict[str, list[int]] = {}
     for number, scan in enumerate(scans):
         lasers.setdefault(scan.laser, []).append(number)
-    # [share] Largest share of the time to the next scan that the beams of a scan may take: a larger
-    # one is an error of the driver.
-    too_long = 1.1
     for own in lasers.values():
         rate = np.zeros(3)
         for number, following in zip(own, [*own[1:], None], strict=True):
@@ -131,6 +132,6 @@ def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
                 gap = scans[following].time - scan.time
                 step = between(np.array(scan.robot), np.array(scans[following].robot))
                 rate = step / gap if 0.0 < gap <= LONGEST_GAP else np.zeros(3)
-            if scan.motion is None and 0.0 < scan.duration <= too_long * gap:
+            if scan.motion is None and 0.0 < abs(scan.duration) <= TOO_LONG * gap:
                 found[number] = replace(scan, motion=scan.duration * rate)
     return found

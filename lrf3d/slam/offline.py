@@ -193,7 +193,7 @@ def solve_log(
     offset = recording.log.odometry.laser_offset
     for name, pairs in (("close", close), ("apart", apart)):
         _check_pairs(name, pairs, recording)
-    start = recording.path.at(recording.places[:1])[0]
+    start = recording.path.at(recording.poses_before[:1])[0]
     new_slam = partial(
         Slam, start=start, laser_offset=offset, key_distance=key_distance, close=close, apart=apart
     )

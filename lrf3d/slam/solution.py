@@ -182,13 +182,13 @@ class SolvedLog:
     @property
     def tried(self) -> list[str]:
         """What was tried where the map contradicts itself, in a sentence; else an empty list."""
-        if not self.check.sentences():
+        if not self.refused or not self.check.sentences():
             return []
         first, last = self.check.worst_scans
         reasons = Counter(each.why for each in self.refused)
         why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
         refused = counted(len(self.refused), "loop closure")
-        tried = f"scans {first} to {last}: {refused} refused{': ' if why else ''}{why}"
+        tried = f"scans {first} to {last}: {refused} refused: {why}"
         return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
 
     @property
@@ -229,7 +229,7 @@ class SolvedLog:
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         wheels = NO_POSES
         if self.log.placed:
-            driven = self.recording.path.at(self.recording.moments)
+            driven = self.recording.path.at(self.recording.taken_at)
             wheels = compose(driven, np.array(mount))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen), wheels)
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())

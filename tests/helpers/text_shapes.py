@@ -281,6 +281,9 @@ PLACED = {
     "times of day": times_of_day,
     "nanoseconds": nanoseconds,
     "a list in a cell": a_list_in_a_cell,
+    "a list over several lines of a cell": lambda drive: re.sub(
+        "(?<=[0-9]), (?=[0-9])", " \n", a_list_in_a_cell(drive)
+    ),
     "rostopic echo -p": rostopic_echo,
     "bagpy": bagpy,
     "JSON lines": json_lines,

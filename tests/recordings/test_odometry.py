@@ -196,10 +196,10 @@ def test_between_lines_far_apart_scans_lie_by_their_stamps(recorded):
     places = np.arange(COUNT) // 3
     rare = WheelRecord(log.times[lines], true[lines], places)
     [recording] = recordings_of(replace(log, wheels=rare), SOLVING)
-    assert recording.moments[:7] == pytest.approx(np.arange(7) / 3)
+    assert recording.taken_at[:7] == pytest.approx(np.arange(7) / 3)
     late = replace(rare, times=rare.times + 100.0)
     [recording] = recordings_of(replace(log, wheels=late), SOLVING)
-    assert recording.moments.tolist() == places.tolist()
+    assert recording.taken_at.tolist() == places.tolist()
 
 
 @pytest.mark.slow

@@ -18,7 +18,9 @@ from text_shapes import (
     Drive,
     counted_ranges,
     encoder_ticks,
+    names,
     pairs,
+    parts,
     with_words,
 )
 from text_shapes import lines as text
@@ -74,6 +76,14 @@ def test_words_for_missing_readings_mean_no_return(nothing, tmp_path):
     log = load_log(path)
     assert "inf" in path.read_text() and nothing in path.read_text()
     check(log, drive, apart=1e-3)
+
+
+def test_blank_cells_at_the_end_of_a_row_are_missing_readings(tmp_path):
+    drive = replace(S300, farthest=3.5)
+    head = names(drive, "range_{}", ",", "time", "x", "y", "theta")
+    (tmp_path / "drive.csv").write_text(text(parts(drive), ",", head).replace("nan", ""))
+    assert ",,\n" in (tmp_path / "drive.csv").read_text()
+    check(load_log(tmp_path / "drive.csv"), drive, apart=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -241,8 +251,8 @@ def test_a_reading_a_line_makes_scans(drive, tmp_path):
 def test_arrays_are_read_by_their_names(drive, tmp_path):
     times, poses, ranges = drive
     np.savez(tmp_path / "drive.npz", ranges=ranges, angles=ANGLES, stamps_s=times, poses=poses)
-    savemat(tmp_path / "drive.mat", {"data": {"Ranges": ranges, "Angles": np.degrees(ANGLES),
-                                              "time": times, "pose": poses}})  # fmt: skip
+    savemat(tmp_path / "drive.mat", {"data": {"Ranges": ranges.T, "Angles": np.degrees(ANGLES),
+                                              "time": times, "pose": poses.T}})  # fmt: skip
     for name in ("drive.npz", "drive.mat"):
         log = load_log(tmp_path / name)
         assert log.times == pytest.approx(times) and len(map_log(log).map) == 4

@@ -42,6 +42,9 @@ from lrf3d.world import World
 # Least share of the returns that a right map explains: 0.85 to 1 in buildings, less among trees.
 LEAST_EXPLAINED = 0.6
 
+# Largest share of the beams that pass through a right map: up to 0.1 in crowded offices.
+MOST_VIOLATED = 0.2
+
 # Extent of the poses [m] below which a laser is said to stand: less than half a robot. The noise of
 # its poses adds up to metres of path.
 STANDING = 0.2
@@ -72,6 +75,9 @@ def map_(log: LaserLog, args: Namespace, console: Console) -> None:
         explained = f"{share}, which it was not built from"
         if score.explained < LEAST_EXPLAINED:
             warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
+        elif score.violation > MOST_VIOLATED:
+            through = f"{100 * score.violation:.0f} % of the beams of the odd scans"
+            warn(f"{through} pass through the map: the poses drift; lrf3d slam finds others")
     rows = [
         ("poses", log.source),
         ("map", f"{run.map.counts}, {score.length:.0f} m long"),

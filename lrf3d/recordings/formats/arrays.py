@@ -45,6 +45,9 @@ LONG_BEGINNING = 1 << 16
 # Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma.
 CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
 
+# Matches a line of a CSV: what stands in quotes may have line ends.
+LINES = re.compile(r"""(?:[^\n"]|"[^"]*+")++""")
+
 
 def is_foreign(path: Path) -> bool:
     """Whether a .npz file is not a run of lrf3d."""
@@ -114,13 +117,24 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
 def _shape(table: Table) -> None:
     """Give ranges the shape of scans: those of one scan, or pairs (k, n, 2) with bearings."""
     ranges = table.values.get("ranges", np.empty(0))
-    if ranges.ndim == 1 and table.settings:
+    if ranges.ndim == 2 and _are_columns(table, *ranges.shape):
+        table.values["ranges"] = ranges.T
+    elif ranges.ndim == 1 and table.settings:
         table.values["ranges"] = ranges[None]
     elif ranges.shape[2:] == (2,):
         # Bearings rise, or fall, from beam to beam.
         even = np.abs(np.sign(np.diff(ranges, axis=1)).mean(axis=(0, 1)))
         table.values["angles"] = ranges[..., even.argmax()].ravel()
         table.values["ranges"] = ranges[..., even.argmin()]
+
+
+def _are_columns(table: Table, rows: int, columns: int) -> bool:
+    """Whether scans are columns of ranges: each has a stamp or a pose, or each row its bearing."""
+    others = table.values.keys() - {"ranges", "angles"}
+    counts = {len(table.values[role]) for role in others}
+    beams = len(table.values.get("angles", ()))
+    is_known = bool(beams or counts) and rows != columns
+    return is_known and beams in (0, rows) and counts <= {columns}
 
 
 def record_table(intake: Intake) -> Table:
@@ -158,10 +172,10 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     documents = re.split(r"(?m)^---[ \r]*$", text)
     if len(documents) > 1 or re.match(r"\s*\w+:", text):
         return documents, _yaml
-    lines = text.splitlines()
+    lines = LINES.findall(text)
     if "," not in lines[0]:
         # Numbers may be separated by semicolons as well.
-        lines = text.replace(";", ",").splitlines()
+        lines = [line.replace(";", ",") for line in lines]
     return lines[1:], partial(_cells, lines[0].split(","))
 
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lrf3d.base.errors import InputError
+from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float, Int, sealed, usual_step
 from lrf3d.geometry.pose import Pose, compose, heading_of
 from lrf3d.laser import LaserScan
@@ -129,6 +129,15 @@ def _role_of(words: Sequence[str]) -> str:
     return ""
 
 
+def _planar(array: Float) -> Sequence[Float] | None:
+    """The columns x, y and theta of poses (k, 3), (3, k), or matrices (k, 3, 3) or (k, 4, 4)."""
+    if array.shape[1:] in ((3, 3), (4, 4)):
+        return array[:, 0, -1], array[:, 1, -1], np.arctan2(array[:, 1, 0], array[:, 0, 0])
+    if array.ndim != 2 or 3 not in array.shape:
+        return None
+    return [*(array.T if array.shape[1] == 3 else array)]
+
+
 @dataclass
 class Table:
     """Columns by what they hold, in units that may be known; others are found and noted."""
@@ -144,19 +153,22 @@ class Table:
     def named(cls, intake: Intake, arrays: dict[str, Float]) -> "Table":
         """The table of arrays whose names say what they are."""
         table = cls(intake, {})
+        unused = []
         for name, array in arrays.items():
             role, unit = meaning(name)
             # A list for each scan holds bearings, and no heading.
             role = {("theta", 2): "angles"}.get((role, array.ndim), role)
-            if role == "poses" and array.shape[-1:] == (3,):
-                poses = dict(zip(("x", "y", "theta"), array.T, strict=True))
-                table.values |= poses | table.values
+            if role == "poses" and (columns := _planar(array)) is not None:
+                table.values |= dict(zip(("x", "y", "theta"), columns, strict=True)) | table.values
             elif role in SETTINGS and array.size and np.ptp(array) == 0.0:
                 table.settings[role] = float(array.flat[0])
             elif role in ROLES and role not in table.values:
                 table.values[role] = array if role == "ranges" else array.reshape(-1)
                 table.units[role] = unit
+            else:
+                unused.append(f"{name} {array.shape}")
         intake.notes.append("found by name: " + ", ".join([*table.values, *table.settings]))
+        intake.notes += [one_line(f"not used: {', '.join(unused)}", 200)] * bool(unused)
         return table
 
     def log(self) -> LaserLog:

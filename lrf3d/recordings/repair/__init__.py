@@ -26,8 +26,7 @@ class Repair:
 
 
 class Applied(NamedTuple):
-    """A repair that was applied, what it found, and the recording before it, to undo it."""
+    """A repair that was applied, and what it found."""
 
     repair: Repair
     finding: Any
-    before: Any

@@ -60,7 +60,7 @@ COPIES = Repair(
         scans=[recording.scans[k] for k in copies.scans.tolist()],
         poses=recording.poses[copies.lines],
         times=recording.times[copies.lines],
-        places=copies.rows[recording.places[copies.scans]],
+        poses_before=copies.rows[recording.poses_before[copies.scans]],
         rows=copies.rows,
     ),
     sentence,

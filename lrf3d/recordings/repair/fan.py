@@ -34,9 +34,7 @@ def find(recording: Recording) -> Recording | None:
             "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
             " it by --format, such as 'first=-120deg, last=120deg'"
         )
-    # The fan is an assumption, so that the log notes it.
-    log = replace(best.log, notes=(*best.log.notes, sentence(best)))
-    return replace(best, log=log, seen_turns=best.turns)
+    return replace(best, seen_turns=best.turns)
 
 
 def _off(recording: Recording) -> float:

@@ -4,7 +4,7 @@ A repair is proposed by local evidence, such as turns that are too small. It is 
 of scans from the whole drive, and taken back if they explain each other clearly worse with it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from lrf3d.recordings.repair.turns import MOST_DISTANCE, PAIR
 MOST_PAIRS = 120
 
 # Least number of pairs that decide: three quick turns of a drive have 14, and show a sweep clearly.
-LEAST_PAIRS = 12
+LEAST_COMPARED = 12
 
 # Turn [rad] after which a scan forms a pair with the one before: large enough to show a wrong fan,
 # since one that is a third too wide makes this turn wrong by a tenth of a radian.
@@ -68,9 +68,7 @@ def explained(
     return np.array(shares)
 
 
-def is_clear(gains: Sequence[float] | Float) -> bool:
+def is_clear(gains: Float) -> bool:
     """Whether the mean of gains (p,) is significantly positive."""
-    values = np.asarray(gains)
-    return len(values) >= LEAST_PAIRS and bool(
-        values.mean() > STANDARD_ERRORS * values.std() / np.sqrt(len(values))
-    )
+    error = gains.std() / np.sqrt(len(gains) or 1)
+    return len(gains) >= LEAST_COMPARED and bool(gains.mean() > STANDARD_ERRORS * error)

@@ -112,5 +112,5 @@ def with_more_jumps(recording: Recording, number: int) -> Recording:
     """The recording with a number of jumps that SLAM found, added to those found here."""
     found = recording.found.get(JUMPS.name)
     number += found.finding.number if found else 0
-    jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number), recording)}
+    jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number))}
     return replace(recording, found={**recording.found, **jumps}) if number else recording

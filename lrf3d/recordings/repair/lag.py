@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import COST_RATIO, LATE, Recording
-from lrf3d.recordings.repair.turns import ENOUGH_TURNS, LEAST_TURN
+from lrf3d.recordings.repair.turns import ENOUGH_TURNS, SHOWN_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Bounds of the lag [odometry lines].
@@ -32,7 +32,7 @@ def find(recording: Recording) -> Lag | None:
     if not recording.log.placed:
         return None
     path = recording.path
-    lags = fitted_lag(recording.turns, path, recording.exact_places, recording.purpose.sure)
+    lags = fitted_lag(recording.turns, path, recording.stamped_at, recording.purpose.sure)
     first, last = (path.interval * lags[[0, -1]]).tolist()
     most = max(abs(first), abs(last))
     # Where a line is worth more than that, stamps are in no unit of time.
@@ -61,7 +61,7 @@ def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = COST_
 
     def fit(*start: float) -> Any:
         # Residuals beyond the least turn count linearly.
-        return least_squares(left, np.array(start), loss="huber", f_scale=LEAST_TURN)
+        return least_squares(left, np.array(start), loss="huber", f_scale=SHOWN_TURN)
 
     def at(lag: float) -> Float:
         return left(np.array([0.0, 0.0, lag]))
@@ -71,7 +71,7 @@ def fitted_lag(turns: Float, path: WheelPath, places: Float, sure: float = COST_
     most = max(LAGS[1], bound)
     # If hardly any turn depends on the lag, the lag is not known.
     moved = np.abs(at(most) - at(least))
-    if (moved > LEAST_TURN * np.ptp(LAGS)).sum() < ENOUGH_TURNS:
+    if (moved > SHOWN_TURN * np.ptp(LAGS)).sum() < ENOUGH_TURNS:
         return lags()
     # Fit first a lag, then a lag with a drift, together with the systematic errors of the wheels. A
     # turn may take no longer than the widest lag, so that the cost has several minima: the fit

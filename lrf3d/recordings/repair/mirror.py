@@ -9,7 +9,7 @@ from lrf3d.base.errors import InputError, Lrf3dWarning
 from lrf3d.geometry.lines import Float, sealed
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import CLEARLY, ENOUGH_TURNS, LEAST_TURN
+from lrf3d.recordings.repair.turns import CLEARLY, ENOUGH_TURNS, SHOWN_TURN
 
 # Turn from scan to scan [rad] that odometry in radians seldom exceeds; degrees often do. Scans that
 # seem to stand still, as in a bare corridor, fit turns in degrees, too.
@@ -28,7 +28,7 @@ WHOLE = np.pi
 
 def find(recording: Recording) -> bool | None:
     """Whether the laser turns clockwise, by the turns between its scans."""
-    steps = np.diff(recording.path.at(recording.exact_places), axis=0)
+    steps = np.diff(recording.path.at(recording.stamped_at), axis=0)
     mirrored = _is_mirrored(recording.turns, steps[:, 2])
     _warn_of_another_plane(recording, steps)
     return mirrored or None
@@ -36,7 +36,7 @@ def find(recording: Recording) -> bool | None:
 
 def _is_mirrored(turns: Float, wheels: Float) -> bool:
     """Whether the turns (k − 1,) [rad] of scans are opposite to those of the odometry."""
-    known = np.isfinite(turns) & (np.abs(wheels) > LEAST_TURN)
+    known = np.isfinite(turns) & (np.abs(wheels) > SHOWN_TURN)
     if known.sum() < ENOUGH_TURNS:
         return False
     alike, mirrored, in_degrees = (

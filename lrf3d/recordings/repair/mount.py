@@ -19,7 +19,7 @@ from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.judging import LEAST_PAIRS, pairs_along
+from lrf3d.recordings.repair.judging import LEAST_COMPARED, pairs_along
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import CLEARLY
 
@@ -47,7 +47,7 @@ def find(recording: Recording) -> Pose | None:
     if is_said or not log.placed:
         return None
     driven, seen = _motions(recording)
-    if len(seen) < LEAST_PAIRS:
+    if len(seen) < LEAST_COMPARED:
         return None
     (_, centred), straight, turned = (
         _fitted(driven, seen, farthest)
@@ -61,7 +61,7 @@ def find(recording: Recording) -> Pose | None:
 
 def _motions(recording: Recording) -> tuple[Float, Float]:
     """Motions (k, 3) of the robot by its odometry, and of the laser by its scans."""
-    poses = recording.path.at(recording.moments)
+    poses = recording.path.at(recording.taken_at)
     motions = []
     for pair in pairs_along(poses):
         check()

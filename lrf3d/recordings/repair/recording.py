@@ -18,7 +18,7 @@ from lrf3d.recordings.log import COARSE, LaserLog
 from lrf3d.recordings.repair import Applied, Repair
 from lrf3d.recordings.repair.judging import explained, is_clear, pairs_along
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
-from lrf3d.recordings.repair.turns import ENOUGH_TURNS, LEAST_TURN, turns_between
+from lrf3d.recordings.repair.turns import ENOUGH_TURNS, SHOWN_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Least lag of the scans [s] that is reported: larger ones blur maps of fast turns.
@@ -56,8 +56,8 @@ class Purpose(NamedTuple):
 class Recording:
     """Scans (k,) of a log, and the path of their robot through poses (n, 3) at times (n,) [s].
 
-    ``places`` (k,) holds for each scan the index of the last pose before it, and ``rows`` (lines,)
-    for each odometry line of the log the index of its pose: lines that are copies share one.
+    ``poses_before`` (k,) holds for each scan the index of the last pose before it, and ``rows``
+    (lines,) for each odometry line the index of its pose: lines that are copies share one.
     ``stamped`` says whether poses have times of their own, as known ones always do; ``converter``
     prepares scans for matching. Scans are late by ``lags`` (k,) or (1,) [odometry lines]. ``found``
     holds what repairs found, by their names, and ``seen_turns`` (k − 1,) [rad] the turns between
@@ -69,7 +69,7 @@ class Recording:
     scans: list[LaserScan]
     poses: Float
     times: Float
-    places: Int
+    poses_before: Int
     rows: Int
     stamped: bool
     converter: ScanConverter
@@ -86,38 +86,41 @@ class Recording:
     def turns(self) -> Float:
         """Turns (k − 1,) [rad] from each scan to the next, by matching them; NaN where unknown."""
         if self.seen_turns is None:
-            return turns_between(self.converter, self.scans, self.path, self.exact_places)
+            return turns_between(self.converter, self.scans, self.path, self.stamped_at)
         return self.seen_turns
 
     @cached_property
-    def exact_places(self) -> Float:
-        """As `places` (k,), but between two poses by the stamps where odometry is coarse."""
-        places = self.places.astype(np.float64)
+    def stamped_at(self) -> Float:
+        """Where on the path scans were stamped (k,), as indices of poses: at the pose before each.
+
+        Where odometry is coarse, they lie between two poses by the stamps.
+        """
+        places = self.poses_before.astype(np.float64)
         if len(self.times) < 2 or self.path.interval < COARSE:
             return places
-        before = self.times[self.places]
-        after = self.times[np.minimum(self.places + 1, len(self.times) - 1)]
+        before = self.times[self.poses_before]
+        after = self.times[np.minimum(self.poses_before + 1, len(self.times) - 1)]
         since = np.array([scan.time for scan in self.scans]) - before
         share = since / np.where(after > before, after - before, np.inf)
         inside = (since >= 0.0) & (share <= 1.0)
         return places + np.where(inside, share, 0.0) if inside.mean() > ONE_CLOCK else places
 
     @property
-    def moments(self) -> Float:
+    def taken_at(self) -> Float:
         """Where on the path scans were taken (k,), by stamps and lag, as indices of poses."""
-        return self.exact_places - self.lags
+        return self.stamped_at - self.lags
 
     @property
     def increments(self) -> list[Float] | list[None]:
         """Motion (k, 3) of the robot to each scan by odometry; a list of None without odometry."""
-        steps = self.path.increments(self.moments)
+        steps = self.path.increments(self.taken_at)
         return list(steps) if self.log.placed else [None] * len(steps)
 
     @property
     def sentences(self) -> list[str]:
-        """What was wrong and what was done, a sentence each, except those that the log notes."""
-        said = [each.repair.sentence(each.finding) for each in self.found.values()]
-        return [sentence for sentence in said if sentence and sentence not in self.log.notes]
+        """What was wrong and what was done, a sentence each."""
+        said = (each.repair.sentence(each.finding) for each in self.found.values())
+        return [*filter(None, said)]
 
     def part(self, chosen: Sequence[int]) -> "Recording":
         """The recording of some of its scans, along the whole path."""
@@ -142,17 +145,19 @@ class Recording:
         after: Recording = repair.apply(self, finding)
         if self._is_worse(after):
             return self
-        return replace(after, found={**after.found, repair.name: Applied(repair, finding, self)})
+        return replace(after, found={**after.found, repair.name: Applied(repair, finding)})
 
     def _is_worse(self, after: "Recording") -> bool:
         """Whether scans explain each other clearly worse after a repair that keeps their number."""
         if len(after.scans) != len(self.scans) or not after.log.placed:
             return False
-        pairs = pairs_along(self.path.at(self.moments))
+        pairs = pairs_along(self.path.at(self.taken_at))
         # Most repairs make the scans agree better, which a third of the pairs shows.
         for tried in (pairs[::3], pairs):
             before, now = (
-                explained(each.converter, each.scans.__getitem__, each.path.at(each.moments), tried)
+                explained(
+                    each.converter, each.scans.__getitem__, each.path.at(each.taken_at), tried
+                )
                 for each in (self, after)
             )
             losses = before - now
@@ -162,17 +167,17 @@ class Recording:
 
     def shown_share(self, least: Float | float = 0.0) -> float:
         """Median share of the robot's turns above a least one [rad] that scans show; or inf."""
-        turned = np.abs(np.diff(self.path.at(self.exact_places)[:, 2]))
-        known = np.isfinite(self.turns) & (turned > LEAST_TURN) & (turned > least)
+        turned = np.abs(np.diff(self.path.at(self.stamped_at)[:, 2]))
+        known = np.isfinite(self.turns) & (turned > SHOWN_TURN) & (turned > least)
         if known.sum() < ENOUGH_TURNS:
             return np.inf
         return float(np.median(np.abs(self.turns[known]) / turned[known]))
 
     def placed_scans(self) -> list[LaserScan]:
         """The scans with the poses at which they were taken, corrected for their lag."""
-        if not self.lags.any() and not (self.exact_places % 1.0).any():
+        if not self.lags.any() and not (self.stamped_at % 1.0).any():
             return self.scans
-        robots = self.path.at(self.moments)
+        robots = self.path.at(self.taken_at)
         return [
             replace(scan, pose=Pose(*compose(robot, np.array(scan.mount)).tolist()))
             for scan, robot in zip(self.scans, robots, strict=True)
@@ -185,8 +190,10 @@ class Recording:
         the clock of the laser, since they are compared with the laser's measurements.
         """
         numbers = np.arange(len(self.poses))
-        wheels = self.path.at(numbers + np.interp(numbers, self.places, self.moments - self.places))
-        known, last = np.unique(self.places[::-1], return_index=True)
+        wheels = self.path.at(
+            numbers + np.interp(numbers, self.poses_before, self.taken_at - self.poses_before)
+        )
+        known, last = np.unique(self.poses_before[::-1], return_index=True)
         # The difference between odometry and scans is spread in proportion to the motion, plus a
         # little for each line, also where the robot stands.
         steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + 1e-3

@@ -30,14 +30,14 @@ def find(recording: Recording) -> Int | None:
 def apply(recording: Recording, order: Int) -> Recording:
     """The recording with its lines in this order, and each scan after the line that it followed."""
     rank = np.argsort(order)
-    places = rank[recording.places]
-    scans = np.lexsort([np.array([scan.time for scan in recording.scans]), places])
+    before = rank[recording.poses_before]
+    scans = np.lexsort([np.array([scan.time for scan in recording.scans]), before])
     return replace(
         recording,
         scans=[recording.scans[k] for k in scans.tolist()],
         poses=recording.poses[order],
         times=recording.times[order],
-        places=places[scans],
+        poses_before=before[scans],
         rows=rank[recording.rows],
     )
 

@@ -1,13 +1,15 @@
-"""Sweep: scans whose beams were sent one after the other, without times in the log, are unrolled.
+"""Sweep: how long a scan takes, from its first beam to its last, as turns of the robot show it.
 
 A laser whose mirror turns once for each scan shows bent walls while its robot turns. Two scans at
-different turn rates agree better once both are unrolled, and worse if they are unrolled in the
-opposite sense. At a constant rate all scans are bent alike; only those all around show it, as their
-first and last beams do not meet.
+different turn rates agree best once each is unrolled by the time that it took; that tests the time
+that a log declares, and finds one that it does not. At a constant rate all scans are bent alike;
+only those all around show it, as their first and last beams do not meet.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from math import copysign
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +17,9 @@ import numpy as np
 from lrf3d.geometry.lines import Float, Int, usual_step
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import TOO_LONG
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.judging import LEAST_PAIRS, MOST_PAIRS, WIDEST, explained, is_clear
+from lrf3d.recordings.repair.judging import LEAST_COMPARED, WIDEST, explained, is_clear
 from lrf3d.recordings.repair.lag import fitted_again
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import MOST_DISTANCE
@@ -24,8 +27,13 @@ from lrf3d.recordings.repair.turns import MOST_DISTANCE
 # Longest revolution of a mirror [s]: lasers that take longer are turned as a whole.
 LONGEST = 0.25
 
-# Number of scans from the first to the second of a pair, in which the turn rate can change.
-APART = 4
+# Number of pairs that are compared, those whose turn rates differ most. Eleven show a tenth of the
+# interval between scans at ten standard errors.
+MOST_PAIRS = 40
+
+# Numbers of scans from the first to the second of a pair, in which the turn rate can change; the
+# first of them with enough pairs is used, as slow lasers move too far in four scans.
+APART = (4, 2, 1)
 
 # Least difference between the turn rates of the two scans of a pair [rad per scan]; at a constant
 # rate, the least rate.
@@ -38,72 +46,108 @@ CLOSING = 2.0
 # Least width of a fan that closes on itself [rad].
 WHOLE_FAN = 6.0
 
+# Durations that are tried, from -1 to 1 in units of the interval between scans, then half that
+# step and a quarter around the best.
+STEP = 0.25
+
 
 class Sweep(NamedTuple):
-    """Scans with the motion during each, in a sense: 1 for that of the beams in the log, −1, or 0.
+    """Scans with the motion during each, which take a duration [s], negative for last beams first.
 
-    If the log ``declared`` how long a scan takes, the sense differs from the declared one, 1.
+    ``declared`` is the duration in the log [s], which the scans contradict; 0 if it names none.
     """
 
     scans: list[LaserScan]
-    sense: int
-    declared: bool
+    duration: float
+    declared: float
 
 
 def find(recording: Recording) -> Sweep | None:
     """The scans with the motion during each, if they agree clearly better with it."""
     scans = recording.scans
     interval = usual_step(np.array([scan.time for scan in scans]))
-    declared = any(scan.motion is not None for scan in scans)
-    if not recording.log.placed or recording.log.parts or not 0.0 < interval <= LONGEST:
+    declared = float(np.median([scan.duration for scan in scans]))
+    # No scan takes longer than the time to the next one.
+    possible = 0.0 if abs(declared) > TOO_LONG * interval > 0.0 else declared
+    duration = _shown(recording, interval, possible)
+    if duration == declared:
         return None
-    places = recording.moments
-    poses = recording.path.at(places)
-    pairs = _uneven_pairs(poses)
-    if len(pairs) < LEAST_PAIRS and np.ptp(scans[0].angles) > WHOLE_FAN:
-        pairs = _closing_pairs(poses)
-    if len(pairs) < LEAST_PAIRS:
-        return None
-    rolled = partial(_rolled, recording, places, interval)
-    measured = partial(explained, recording.converter, poses=poses, pairs=pairs)
-    shares = {sense: measured(partial(rolled, sense)) for sense in (0, 1, -1)}
-    sense = max(shares, key=lambda sense: float(shares[sense].mean()))
-    # What is found must beat the sense that the log declares; without a declaration it must beat
-    # scans that take no time, and the opposite sense must be clearly worse than these.
-    gains = [shares[sense] - shares[declared]]
-    if not declared:
-        gains.append(shares[0] - shares[-sense])
-    if not all(map(is_clear, gains)):
-        return None
-    return Sweep([rolled(sense, number) for number in range(len(scans))], sense, declared)
+    rolled = partial(_rolled, recording, interval, duration)
+    return Sweep([rolled(number) for number in range(len(scans))], duration, declared)
 
 
-def _rolled(
-    recording: Recording, places: Float, interval: float, sense: int, number: int
-) -> LaserScan:
-    """A scan with its motion in a sense, for as long as declared, or a turn in an interval [s]."""
+def _shown(recording: Recording, interval: float, declared: float) -> float:
+    """The duration [s] that scans at an interval [s] show, or else the declared one."""
+    log = recording.log
+    if not log.placed or log.parts or not 0.0 < (abs(declared) or interval) <= LONGEST:
+        return declared
+    wide = float(np.ptp(log.scans[0].angles))
+    poses = recording.path.at(recording.taken_at)
+    pairs = _pairs(poses, is_whole=wide > WHOLE_FAN)
+    if pairs is None:
+        return declared
+
+    @cache
+    def shares(duration: float) -> Float:
+        scan_of = partial(_rolled, recording, interval, duration)
+        return explained(recording.converter, scan_of, poses, pairs)
+
+    # One turn of a mirror for each scan, what is declared, and no time are preferred to what is
+    # hardly better.
+    usual = interval * wide / (2.0 * np.pi), abs(declared), 0.0
+    best = _best(shares, min(interval, LONGEST), declared, usual)
+    # What is found must beat the declared duration; without a declaration it must beat scans that
+    # take no time, and the opposite order of beams must be clearly worse than these.
+    is_one_way = declared or is_clear(shares(0.0) - shares(-best))
+    return best if is_one_way and is_clear(shares(best) - shares(declared)) else declared
+
+
+def _pairs(poses: Float, *, is_whole: bool) -> Int | None:
+    """Pairs of scans at poses (k, 3) that show a sweep; None if there are too few."""
+    kinds = [partial(_uneven_pairs, apart) for apart in APART]
+    found = (pairs_of(poses) for pairs_of in [*kinds, *[_closing_pairs] * is_whole])
+    return next((pairs for pairs in found if len(pairs) >= LEAST_COMPARED), None)
+
+
+def _best(
+    shares: Callable[[float], Float], unit: float, declared: float, usual: Sequence[float]
+) -> float:
+    """The duration [s], from minus to plus a unit, at which scans agree best; else a usual one."""
+
+    def best_of(*durations: float) -> float:
+        return max(durations, key=lambda duration: float(shares(duration).mean()))
+
+    best = best_of(declared, *(unit * np.arange(-1.0, 1.0 + STEP, STEP)).tolist())
+    for step in (0.5 * STEP * unit, 0.25 * STEP * unit) if best != declared else ():
+        best = best_of(best, best - step, best + step)
+    for claim in (copysign(each, best) for each in usual):
+        best = best if is_clear(shares(best) - shares(claim)) else claim
+    return best
+
+
+def _rolled(recording: Recording, interval: float, duration: float, number: int) -> LaserScan:
+    """A scan with its motion in a duration [s], by the path between scans at an interval [s]."""
     scan = recording.scans[number]
-    declared = abs(scan.duration)
-    if not sense:
-        return replace(scan, motion=None, time_increment=0.0) if declared else scan
-    if sense > 0 and scan.motion is not None:
+    if duration == scan.duration and (not duration or scan.motion is not None):
         return scan
-    share = declared / interval or float(abs(scan.angles[-1] - scan.angles[0])) / (2.0 * np.pi)
-    lines = sense * share * usual_step(places)
-    motion = between(*recording.path.at(places[number] + np.array([0.0, lines])))
-    increment = share * interval / max(len(scan.ranges) - 1, 1)
+    if not duration:
+        return replace(scan, motion=None, time_increment=0.0)
+    at = recording.taken_at
+    lines = duration / interval * usual_step(at)
+    motion = between(*recording.path.at(at[number] + np.array([0.0, lines])))
+    increment = abs(duration) / max(len(scan.ranges) - 1, 1)
     return replace(scan, motion=motion, time_increment=increment)
 
 
-def _uneven_pairs(poses: Float) -> Int:
+def _uneven_pairs(apart: int, poses: Float) -> Int:
     """Pairs of scans at nearby poses (k, 3) whose turn rates differ, the most different first."""
     rates = np.gradient(poses[:, 2])
-    x, y, turn = (poses[APART:] - poses[:-APART]).T
-    change = np.abs(rates[APART:] - rates[:-APART])
+    x, y, turn = (poses[apart:] - poses[:-apart]).T
+    change = np.abs(rates[apart:] - rates[:-apart])
     near = (np.hypot(x, y) < MOST_DISTANCE) & (np.abs(turn) < WIDEST) & (change > LEAST_CHANGE)
     first = np.flatnonzero(near)
     first = first[np.argsort(-change[first], kind="stable")[:MOST_PAIRS]]
-    return np.column_stack([first, first + APART])
+    return np.column_stack([first, first + apart])
 
 
 def _closing_pairs(poses: Float) -> Int:
@@ -118,17 +162,17 @@ def _closing_pairs(poses: Float) -> Int:
     return pairs[:: len(pairs) // MOST_PAIRS + 1]
 
 
-def longest(sweep: Sweep | None) -> float:
-    """The time [s] that the longest of the scans takes."""
-    return max((scan.duration for scan in sweep.scans), default=0.0) if sweep else 0.0
-
-
 def sentence(sweep: Sweep) -> str:
     """How long scans take, or what of a log is contradicted."""
+    order = ", last beams first" * (sweep.duration < 0.0)
+    taken = (
+        f"a scan takes {abs(sweep.duration):.3f} s{order}"
+        if sweep.duration
+        else "all beams are of one moment"
+    )
     if not sweep.declared:
-        return f"walls bend in turns, as a scan takes {longest(sweep):.3f} s: unrolled"
-    found = "beams go out last first" if sweep.sense else "all beams are of one moment"
-    return f"walls bend in turns by the declared times of beams: {found}"
+        return f"walls bend in turns, as {taken}: unrolled"
+    return f"by turns and stamps, {taken}, unlike the declared {sweep.declared:.3f} s: corrected"
 
 
 SWEEP = Repair(
@@ -137,5 +181,5 @@ SWEEP = Repair(
     # Unrolled scans show other turns, so that the lag is fitted again.
     lambda recording, sweep: fitted_again(replace(recording, scans=sweep.scans)),
     sentence,
-    lambda sweep: {"sweep": longest(sweep)},
+    lambda sweep: {"sweep": abs(sweep.duration) if sweep else 0.0},
 )

@@ -22,7 +22,7 @@ PAIRS = 200
 ENOUGH_TURNS = 20
 
 # Least turn of a pair [rad] by odometry; smaller ones drown in its noise.
-LEAST_TURN = 0.01
+SHOWN_TURN = 0.01
 
 # Largest distance of a pair [m] by odometry, so that much of one scan shows in the other.
 MOST_DISTANCE = 0.5
@@ -44,7 +44,7 @@ def turns_between(
     """
     turns = np.full(max(len(places) - 1, 0), np.nan)
     x, y, turn = path.increments(places)[1:].T
-    chosen = np.flatnonzero((np.abs(turn) > LEAST_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
+    chosen = np.flatnonzero((np.abs(turn) > SHOWN_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
         pair = scans[number : number + 2]
         first, following = (converter.candidate(unrolled(scan)) for scan in pair)

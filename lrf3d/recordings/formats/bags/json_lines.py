@@ -51,10 +51,11 @@ def json_messages(intake: Intake) -> Iterator[Packet]:
         fields = value if isinstance(value, dict) else {}
         bodies = [each for each in fields.values() if isinstance(each, dict)]
         if "topic" in fields and bodies:
-            kind = _kind_of(bodies[0])
-            message = _message(bodies[0])
+            # Beside the message, times of receipt may be objects, too.
+            body = max(bodies, key=lambda each: bool(_kind_of(each)))
+            message = _message(body)
             received = _received(value, message) or APART * number
-            yield BagTopic.of(str(value["topic"]), kind, JSON), received, message
+            yield BagTopic.of(str(value["topic"]), _kind_of(body), JSON), received, message
 
 
 def _kind_of(message: dict[str, Any]) -> str:

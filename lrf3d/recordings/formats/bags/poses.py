@@ -288,10 +288,11 @@ class _Robot:
         askew = np.abs(upright[known & inside & ~(np.abs(upright) >= LEAST_UPRIGHT)])
         if len(askew):
             tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
-            raise InputError(
-                f"{intake.path}: the laser {stream.frame} is tilted by {tilt:.0f}°, expected one"
-                " that scans in the plane"
-            )
+            tilted = f"the laser {stream.frame} is tilted by {tilt:.0f}°"
+            if len(self._contents.streams) == 1:
+                raise InputError(f"{intake.path}: {tilted}, expected one that scans in the plane")
+            intake.notes.append(f"{tilted}: left out")
+            return []
         scans = []
         for number in np.flatnonzero(inside).tolist():
             if not known[number]:

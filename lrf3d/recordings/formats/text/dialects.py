@@ -71,7 +71,7 @@ class Dialect:
             # What else stands in brackets is the size of a column.
             names = re.sub(r"(?<=\w)\[[A-Za-z_]{4,}\]", "", UNITS.sub(r"_\1", legend[1]))
             return [_parts(FIRST_TO_LAST.sub(_series, names))]
-        return [words for words in self.split(text) if words]
+        return [words for words in self.split(text) if any(words)]
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
@@ -120,8 +120,8 @@ def _have_commas(lines: Sequence[str]) -> bool:
 def _separated(mark: str | None, text: str) -> list[Words]:
     """The words between the marks, or between spaces; commas that are no marks are decimal ones."""
     bare = JOINTS.sub(mark or " ", QUOTED.sub(r"\1.\2", text))
-    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).strip().lstrip("#% ")
-    words = bare.rstrip(mark).split(mark)
+    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).lstrip().lstrip("#% ")
+    words = bare.split(mark)
     if mark != ",":
         words = [word.replace(",", ".") for word in words]
     if len(words) <= SHORT:

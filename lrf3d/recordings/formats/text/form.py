@@ -18,6 +18,7 @@ from lrf3d.recordings.formats.text.words import (
     is_number,
     mostly_numbers,
     named,
+    trimmed,
 )
 from lrf3d.recordings.log import Intake
 
@@ -61,6 +62,11 @@ class Form:
         """The usual number of words of a line."""
         return Counter(map(len, self.sample)).most_common(1)[0][0]
 
+    @cached_property
+    def width(self) -> int:
+        """Number of columns: the largest number of words of a line, or of names."""
+        return max(map(len, [self.header, *self.sample]))
+
     @property
     def is_steady(self) -> bool:
         """Whether nearly all lines have the usual number of words."""
@@ -73,7 +79,7 @@ def form_of(path: Path) -> Form:
     texts = _first_texts(path)
     body = [text for text in texts if not text.startswith("#")]
     dialect = dialect_of(body)
-    rows = [words for text in texts for words in dialect.rows(text)]
+    rows = [trimmed(words) for text in texts for words in dialect.rows(text)]
     numeric = [words for words in rows if mostly_numbers(words)]
     if not numeric:
         raise InputError(f"{path}: no lines of numbers; expected a scan a line")

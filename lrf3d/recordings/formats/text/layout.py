@@ -13,7 +13,13 @@ from lrf3d.recordings.formats.table import ROLES, SETTINGS, Table
 from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.lines import texts_of
-from lrf3d.recordings.formats.text.words import is_number, mostly_numbers, named, parsed
+from lrf3d.recordings.formats.text.words import (
+    is_number,
+    mostly_numbers,
+    named,
+    parsed,
+    trimmed,
+)
 from lrf3d.recordings.log import Intake
 
 # Matches a column of a format: its name, its unit, how many columns it takes, and where it is.
@@ -145,9 +151,11 @@ def _rows(form: Form, intake: Intake) -> Iterator[tuple[int, Words]]:
     for number, text in texts_of(intake):
         if text.startswith("#") or not text:
             continue
-        for words in form.dialect.rows(text):
+        for cells in form.dialect.rows(text):
+            words = trimmed(cells)
             if form.has(words) and named(words) != form.header:
-                yield number, words
+                # Blank cells at the end are missing readings, a last mark is none.
+                yield number, words if len(cells) < form.width else cells[: form.width]
 
 
 def described(spec: str, header: Words) -> Layout:

@@ -46,7 +46,8 @@ def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
 
 
 def _text(line: bytes) -> str:
-    text = line.decode("utf-8-sig", "replace").strip()
+    # Tabs at the end of a line are cells without a number.
+    text = line.decode("utf-8-sig", "replace").lstrip().rstrip(" \r\n")
     if text.startswith("//"):
         return ""
     return CLOCK.sub(_seconds, text) if ":" in text else text

@@ -25,6 +25,14 @@ def is_number(word: str) -> bool:
     return True
 
 
+def trimmed(words: Sequence[str]) -> list[str]:
+    """Words without the blank ones at their end."""
+    count = len(words)
+    while count and not words[count - 1].strip():
+        count -= 1
+    return [*words[:count]]
+
+
 def mostly_numbers(words: Sequence[str]) -> bool:
     """Whether more than half of the words are numbers."""
     return 2 * sum(map(is_number, words)) > len(words)
