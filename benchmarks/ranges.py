@@ -210,14 +210,16 @@ def single_rays(report: Report, seconds: float) -> None:
         return
     rays = city_crossings(400, RAYS, seed=3)
     ways = np.column_stack([np.cos(rays[:, 2]), np.sin(rays[:, 2])])
-    work = {"rays": (rays, lambda: planar.cast_rays(rays[:, :2], ways, LRF)[0])}
+    work: dict[str, tuple[Float, Callable[[], Float]]] = {
+        "rays": (rays, lambda: planar.cast_rays(rays[:, :2], ways, LRF)[0])
+    }
     for beams in (LRF.beams, 1081):
         lrf = LaserRangeFinder(beams=beams, scan_duration=0.02)
         motion = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.03]])
         path = Trajectory([0.0, 0.1], compose(rays[:1], motion))
         sensor = Sensor(world, lrf, caster=planar, noise=ProportionalNoise(0.0), path=path)
         each = poses_on(path, rays[0], lrf.delays) + np.outer(lrf.angles, [0.0, 0.0, 1.0])
-        work[f"rolling scan, {beams} beams"] = each, lambda s=sensor: s.cast(rays[0], 0.0).ranges
+        work[f"rolling scan, {beams} beams"] = each, partial(_rolling, sensor, rays[0])
     for name, (poses, own) in work.items():
         timed = take_turns(
             {"bare": _repeated(prepared(poses, BEAM)), "own": _repeated(own)}, seconds=seconds / 10
@@ -230,6 +232,11 @@ def single_rays(report: Report, seconds: float) -> None:
             error_m=errors(own()[:, None], exact, BEAM).max(),
             bare_error_m=errors(bare(BEAM, poses), exact, BEAM).max(),
         )
+
+
+def _rolling(sensor: Sensor, pose: Float) -> Float:
+    """The ranges of a rolling scan."""
+    return sensor.cast(pose, 0.0).ranges
 
 
 def _repeated(call: Callable[[], object]) -> Callable[[int], object]:

@@ -128,7 +128,7 @@ class Recording:
         return replace(
             self,
             scans=[self.scans[k] for k in chosen],
-            places=self.places[numbers],
+            poses_before=self.poses_before[numbers],
             lags=self.lags[numbers] if len(self.lags) > 1 else self.lags,
             seen_turns=None,
         )

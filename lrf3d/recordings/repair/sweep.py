@@ -104,8 +104,9 @@ def _shown(recording: Recording, interval: float, declared: float) -> float:
 
 def _pairs(poses: Float, *, is_whole: bool) -> Int | None:
     """Pairs of scans at poses (k, 3) that show a sweep; None if there are too few."""
-    kinds = [partial(_uneven_pairs, apart) for apart in APART]
-    found = (pairs_of(poses) for pairs_of in [*kinds, *[_closing_pairs] * is_whole])
+    kinds: list[Callable[[Float], Int]] = [partial(_uneven_pairs, apart) for apart in APART]
+    kinds += [_closing_pairs] * is_whole
+    found = (pairs_of(poses) for pairs_of in kinds)
     return next((pairs for pairs in found if len(pairs) >= LEAST_COMPARED), None)
 
 
