@@ -26,7 +26,7 @@ PARTS = {
 
 QUICK = {
     "ranges": "--walls 40 --seconds 0.1",
-    "lidar": "--seconds 0.05 --walls 500 --robots 8",
+    "lidar": "--seconds 0.05 --walls 500 --robots 8 --beams 20000",
     "maps": "--seeds 1 --every 80 --scans 20",
     "drive": "--seconds 5",
     "slam": "--scans 40 --spacings 0.5",

@@ -2,13 +2,14 @@
 
 PlanarCaster casts lidars and depth cameras by skylines; bare Embree, and Open3D and MuJoCo where
 they are installed, the same beams one by one, with their rays prepared beforehand, in turns. All
-beams are compared with those that are cast one by one in float64 at the triangles of the walls; the
-tests compare with rational numbers. Then dynamic obstacles, rolling scans, and environments.
+beams are compared with those that are cast one by one in float64 at the triangles of the walls.
+Then dynamic obstacles, rolling scans, environments, and beams of the hardest kinds by rationals.
 """
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
 from importlib import import_module
 from time import process_time
@@ -23,10 +24,10 @@ from benchmarks.report import Report
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.casting.skyline import Conditions
+from lrf3d.casting.skyline import Conditions, Layered, StandingWalls, _columns, rays_along
 from lrf3d.geometry.lines import Float
 from lrf3d.gym import DriveVectorEnv
-from lrf3d.laser import DepthCamera, Lidar
+from lrf3d.laser import DepthCamera, LaserRangeFinder, Lidar
 from lrf3d.robot import Trajectory
 from lrf3d.simulation.scenario import load_scenario
 from lrf3d.world import World, load_world
@@ -82,6 +83,7 @@ def bench(
     seconds: Annotated[float, "Time for each comparison [s]."] = 2.0,
     walls: Annotated[int, "Walls of the large town."] = 100_000,
     robots: Annotated[int, "Robots of the environment."] = 1024,
+    beams: Annotated[int, "Beams of the hardest kinds."] = 1_000_000,
     footprints: Annotated[str | None, "A world of buildings with heights, such as GeoJSON."] = None,
 ) -> Report:
     """Time lidars and depth cameras against bare Embree, and count wrong beams of both."""
@@ -99,6 +101,7 @@ def bench(
         compare(report, "128 x 2,048", SENSORS["128 x 2,048"][0], town, place, seconds)
     moving(report, seconds)
     environments(report, robots)
+    hardest(report, beams)
     report.notes.append("wrong: of all beams, off by over 1 cm, or a return where there is none")
     report.notes += [f"{name} is not installed" for name in OTHERS if not library(name)]
     return report
@@ -257,6 +260,115 @@ def environments(report: Report, robots: int) -> None:
         actions = np.random.default_rng(0).uniform(-1.0, 1.0, (robots, 2))
         (step_s,) = in_turns([partial(envs.step, actions)], 0.0)
         report.add("environments", world=world, robots=robots, steps_each_s=robots / step_s)
+
+
+# Boxes with tops, x, y, X, Y [m], and walls along beams and between boxes, from middles of sides.
+ROWS = [(-6, -5), (-3, -1), (0, 1), (2, 4), (5, 6)]
+BETWEEN = [(3, 0.5, 5, 0.5), (2.5, -5, 2.5, -3), (8.5, 1, 8.5, 2), (6, 3, 8, 3)]
+BLOCKS = [(x, y, x + 1, Y) for y, Y in ROWS for x in range(2, 15, 3)] + BETWEEN
+
+# Heights of boxes and of sensors [m], of which some are equal.
+TOPS = (0.25, 0.5, 0.75, 1.0)
+EYES = (0.5, 0.625, 0.75, 1.0, 1.25)
+
+# Directions of beams, many through corners.
+WAYS = np.array([(x, y) for x in range(1, 17) for y in range(-16, 17)], float)
+
+
+def hardest(report: Report, beams: int) -> None:
+    """Count wrong beams at edges of tops, corners, T-junctions and heights, by rationals."""
+    heights = np.resize(TOPS, len(BLOCKS))
+    parts = [
+        [[x, y, X, y], [X, y, X, Y], [X, Y, x, Y], [x, Y, x, y]] if x < X and y < Y else [block]
+        for block in BLOCKS
+        for x, y, X, Y in [block]
+    ]
+    owners = np.repeat(np.arange(len(parts)), [len(each) for each in parts])
+    world = World(np.concatenate(parts), owners, heights[owners])
+    walls = StandingWalls(world)
+    casters = PlanarCaster(world)
+    rng = np.random.default_rng(0)
+    done: dict[str, list[int]] = {"edges of tops": [0, 0], "a level lidar": [0, 0]}
+    layers = 64
+    while done["edges of tops"][0] < beams // 2:
+        place = np.array([0.0, rng.integers(-48, 49) / 8, 0.0])
+        z = float(rng.choice(EYES))
+        crossed = [crossings(place, way) for way in WAYS]
+        slopes = np.array([aimed(each, heights, z, layers, rng) for each in crossed])
+        sensor = Layered.of(slopes, np.ones(layers), LaserRangeFinder(range_max=1e6))
+        rays = rays_along(place, WAYS)
+        found, _ = _columns(walls, walls.standing(place, z), rays, z, sensor)
+        check(done["edges of tops"], found, crossed, heights, z, slopes)
+        # The same edges, by all azimuths of a lidar.
+        lidar = Lidar(np.arctan(slopes[rng.integers(len(slopes))]), 512, 0.0, 1e6, (0, 0, z))
+        scan = casters.cast_lidar(lidar, tuple(place))
+        beam = lidar.planar.directions(tuple(place))
+        crossed = [crossings(place, way) for way in beam]
+        steep = np.broadcast_to(lidar.slopes, (len(beam), layers))
+        found = (scan.ranges / lidar.stretches[:, None]).T
+        check(done["a level lidar"], found, crossed, heights, z, steep)
+    for kind, (count, bad) in done.items():
+        report.add("hardest", kind=kind, beams=count, wrong=bad)
+
+
+def crossings(place: Float, way: Float) -> list[tuple[int, Fraction, Fraction]]:
+    """The blocks that a beam from a place meets, and the t at which it enters and leaves them."""
+    found = []
+    d = [Fraction(each) for each in way.tolist()]
+    o = [Fraction(each) for each in place[:2].tolist()]
+    for number, block in enumerate(BLOCKS):
+        enter = Fraction(0)
+        leave = Fraction(10**9)
+        for axis in (0, 1):
+            ends = [Fraction(block[axis]) - o[axis], Fraction(block[axis + 2]) - o[axis]]
+            if d[axis]:
+                ends = sorted(each / d[axis] for each in ends)
+                enter = max(enter, ends[0])
+                leave = min(leave, ends[1])
+            elif not ends[0] <= 0 <= ends[1]:
+                leave = Fraction(-1)
+        if enter <= leave:
+            found.append((number, enter, leave))
+    return found
+
+
+def aimed(crossed: Any, heights: Float, z: float, layers: int, rng: Any) -> Float:
+    """Slopes (layers,), ascending, at edges of tops and at feet, and just above and below them."""
+    edges = [
+        float(Fraction(rise) / t)
+        for number, *ends in crossed
+        for t in ends if t
+        for rise in (heights[number] - z, -z)
+    ]  # fmt: skip
+    near = np.concatenate([np.nextafter(edges, -9.0), edges, np.nextafter(edges, 9.0), [0.0]])
+    return np.sort(rng.choice(near, layers)) if edges else np.linspace(-1.0, 1.0, layers)
+
+
+def check(
+    count: list[int], found: Float, crossed: Any, heights: Float, z: float, slopes: Float
+) -> None:
+    """Count beams and wrong ones, of ranges (k, layers) along ways that cross blocks."""
+    for row, own, s in zip(found, crossed, slopes, strict=True):
+        with np.errstate(divide="ignore", over="ignore"):
+            true = np.where(s < 0.0, -z / s, np.inf)
+        for number, enter, leave in own:
+            rise = Fraction(heights[number]) - Fraction(z)
+            meets = not_above(s, rise, enter)
+            true = np.where(meets, np.minimum(true, float(enter)), true)
+            if rise < 0:
+                down = ~meets & not_above(s, rise, leave)
+                true[down] = np.minimum(true[down], float(rise) / s[down])
+        true[true > 1e6] = np.inf
+        count[0] += len(s)
+        count[1] += int((~np.isclose(row, true, rtol=1e-12, atol=0.0)).sum())
+
+
+def not_above(slopes: Float, rise: Fraction, t: Fraction) -> Any:
+    """Which slopes (n,) are at t at most as high as a rise; equal floats are compared exactly."""
+    if not t:
+        return np.full(len(slopes), rise >= 0)
+    edge = rise / t
+    return (slopes < float(edge)) | ((slopes == float(edge)) & (Fraction(float(edge)) <= edge))
 
 
 def in_turns(calls: Sequence[Callable[[], object]], seconds: float) -> list[float]:

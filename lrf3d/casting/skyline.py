@@ -161,6 +161,14 @@ class StandingWalls:
         return array
 
 
+def _enclosed(lines: NDArray[Any]) -> NDArray[Any]:
+    """The areas (n,) that lines (n,) enclose, which are invalid for some lines that cross."""
+    try:
+        return np.asarray(shapely.build_area(lines))
+    except shapely.errors.GEOSException:
+        return np.asarray(shapely.build_area(shapely.node(lines)))
+
+
 def solids(world: World) -> Solids:
     """The closed objects of a world: all walls of one have one height and are an area's outline.
 
@@ -172,14 +180,15 @@ def solids(world: World) -> Solids:
     owners = world.objects[order]
     groups = np.full(world.object_count, None, dtype=object)
     groups = shapely.multilinestrings(lines[order], indices=owners, out=groups)
-    areas = shapely.build_area(groups)
+    areas = _enclosed(groups)
     outlines = shapely.length(shapely.boundary(areas))
     whole = np.abs(outlines - shapely.length(groups)) <= WHOLE * outlines
     low = np.full(world.object_count, np.inf)
     high = np.zeros(world.object_count)
     np.minimum.at(low, world.objects, world.heights)
     np.maximum.at(high, world.objects, world.heights)
-    solid = np.flatnonzero(whole & (low == high) & (shapely.area(areas) > 0.0))
+    proper = (shapely.area(areas) > 0.0) & shapely.is_valid(areas)
+    solid = np.flatnonzero(whole & (low == high) & proper)
     tree = shapely.STRtree(areas[solid])
     wall, around = tree.query(lines, predicate="intersects")
     meets = shapely.relate_pattern(areas[solid][around], lines[wall], "T********")
