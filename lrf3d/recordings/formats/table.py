@@ -234,11 +234,10 @@ class Table:
         self.values["angles"] = np.asarray(low + step * np.arange(beams))
         self.units["angles"] = "rad"
         way = "clockwise, as RPLIDARs with qualities" if self.clockwise else "counter-clockwise"
+        beside = f", and {lost:,} readings next to others" * (lost > 0)
         self.intake.notes.append(
             f"bearings in {unit}, {way}: gathered to {len(kept)} scans of {beams} beams;"
-            f" {len(sizes) - len(kept)} partial scans left out"
-            + f", and {lost:,} readings next to others"
-            * (lost > 0)
+            f" {len(sizes) - len(kept)} partial scans left out{beside}"
         )
 
     def _begins(self, bearings: Float) -> Int:
