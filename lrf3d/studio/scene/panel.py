@@ -159,7 +159,7 @@ def _card(run: Run, playback: float) -> Label:
         rest = ""
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
-        rest = f"what was never seen stays dark  ·  {objects}"
+        rest = f"what it never saw stays dark  ·  {objects}"
     others = [*_drifted(run, playback), *((words, _PALE) for words in _glass_words(run))]
     return _label([(found, _INK), *(others or [(rest, _PALE)])], _SIZE)
 

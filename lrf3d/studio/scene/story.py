@@ -81,7 +81,7 @@ _DUSK = 0.5
 
 
 # What is said then.
-_LIT = "Lit is what its laser has met"
+_LIT = "Light shows what its laser has met"
 
 # Time for which it is said that the film leaps [s of the film].
 _LEAPS = 1.1
