@@ -40,7 +40,7 @@ def take_turns(
     bursts = {}
     for name, call in methods.items():
         call(0)
-        bursts[name] = int(np.clip(BURST_SECONDS / timed(call, 0), 1, BURST))
+        bursts[name] = int(np.clip(BURST_SECONDS / max(timed(call, 0), 1e-9), 1, BURST))
     share, collecting = seconds / max(1, len(methods)), gc.isenabled()
     gc.disable()
     try:

@@ -1,8 +1,11 @@
-"""Loading SciPy and matplotlib without what no program here needs of them."""
+"""Faster loading of SciPy and matplotlib: parts that lrf3d does not need are left out."""
 
 import inspect
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+# What `inspect.getdoc` is outside of the blocks, also if two threads are in one.
+_DOCUMENTATION = inspect.getdoc
 
 
 @contextmanager
@@ -14,12 +17,13 @@ def lean_loading() -> Iterator[None]:
     import numpy as np
 
     left_out = {"f2py", "testing"} - vars(np).keys()
-    documentation = inspect.getdoc
     vars(np).update(dict.fromkeys(left_out))
     inspect.getdoc = lambda object: None
     try:
         yield
     finally:
-        inspect.getdoc = documentation
+        inspect.getdoc = _DOCUMENTATION
+        # What was loaded after all stays.
         for name in left_out:
-            del vars(np)[name]
+            if vars(np).get(name) is None:
+                vars(np).pop(name, None)

@@ -104,11 +104,12 @@ class PlanarCaster:
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
         pose = as_pose(pose)
+        expect(lrf, LaserRangeFinder, "range finder")
         if self.lighting is not None:
             (lit,) = self._lit(lrf, np.array([pose])).scans()
             return LaserScan.unchecked(lrf, pose, *lit.arrays(lrf.echoes))
         ranges = np.empty(lrf.beams)
-        walls = np.empty(lrf.beams, np.int64)
+        walls = np.empty(len(ranges), np.int64)
         self._once(lrf, pose, ranges, walls)
         return LaserScan.unchecked(lrf, pose, ranges, walls)
 
@@ -122,6 +123,7 @@ class PlanarCaster:
             [inf, 2.0, inf]
         """
         pose = as_pose(pose)
+        expect(lrf, LaserRangeFinder, "range finder")
         if self.lighting is not None:
             return np.asarray(self._lit(lrf, np.array([pose])).ranges[0])
         ranges = np.empty(lrf.beams)
@@ -130,11 +132,9 @@ class PlanarCaster:
 
     def _once(self, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> None:
         """Fill ranges (beams,) from a pose, and walls unless empty, as `_fill` does."""
-        # A call less for what nearly all are: of a scan of some beams half is Python.
-        laser = lrf.plain if isinstance(lrf, LaserRangeFinder) else laser_of(lrf)
         place = np.empty((1, 3))
         place[0, 0], place[0, 1], place[0, 2] = pose
-        self._fill(lrf.height, laser, place, ranges, walls)
+        self._fill(lrf.height, lrf.plain, place, ranges, walls)
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""

@@ -359,9 +359,10 @@ class Stream:
         scans = robot.scans()
         robot.touched(robot.pose, REST, 0.0)
         mapper = line_mapper(self.scenario.noise, **self.scenario.mapper)
+        tracker = ObjectTracker()
         for _ in range(REHEARSED_SCANS * self.settings.lines):
             mapper.update(scans)
-            ObjectTracker().follow(mapper.map)
+            tracker.follow(mapper.map)
 
     @property
     def stamp(self) -> Stamp:

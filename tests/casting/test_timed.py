@@ -163,10 +163,13 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
     assert body.until(2.0).poses.times[-1] >= 2.0
 
 
+# The second fan goes round many times.
+@pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dWarning")
+@pytest.mark.parametrize("fan", [(-0.7, 1.1, 61), (-60.0, 60.0, 181)])
 @pytest.mark.parametrize("seed", range(3))
-def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
+def test_no_obstacle_that_a_beam_meets_is_passed_over(seed, fan):
     rng = np.random.default_rng(seed)
-    lrf, world = LaserRangeFinder(-0.7, 1.1, 61, range_max=12.0), World([[90.0, 90, 91, 90]])
+    lrf, world = LaserRangeFinder(*fan, range_max=12.0), World([[90.0, 90, 91, 90]])
     alone = PlanarCaster(world)
     seen = 0
     for _ in range(150):
@@ -179,7 +182,7 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
         scan = among(alone, lrf, obstacle)(pose, 0.0)
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
-    assert 10 < seen < 140
+    assert seen > 10
 
 
 @pytest.mark.parametrize("seed", range(4))

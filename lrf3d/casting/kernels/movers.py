@@ -1,7 +1,7 @@
 """Beams among dynamic obstacles, compiled: where these are at a time, and which beams they stop.
 
-Obstacles are outlines on paths. A scan of one moment meets them by the bearings of circles around
-them; beams that are sent one by one meet them where they are at the time of the beam.
+Obstacles are outlines on paths. A scan of one moment finds them in a grid, for some neighbouring
+beams at a time; beams that are sent one by one meet them where they are at the time of the beam.
 """
 
 import math
@@ -61,8 +61,11 @@ PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 # column, and the largest reach of an obstacle [m].
 LATTICE = record(x=float, y=float, wide=float, deep=float, cells=int, reach=float)
 
-# [beams] Beams of a scan are stopped in so many parts, each by the obstacles in a box around it.
+# Parts of a scan; the obstacles near each part are looked up once.
 PARTS = 16
+
+# [rad] Largest angle between the first beam of a part and the last.
+MOST_SPAN = 3.0
 
 # [m] Largest length of a beam, so that its end has a place.
 LONGEST = 1e9
@@ -245,7 +248,7 @@ def fill(grid: MoverGrid, placed: Records) -> None:
         total += firsts[cell]
         firsts[cell] = total
     # Each cell is filled from its end on, until its first is where it begins.
-    for j in range(len(placed)):
+    for j in range(len(placed) - 1, -1, -1):
         column, row = cell_at(frame, placed[j].x, placed[j].y)
         firsts[row * frame.cells + column] -= 1
         grid.order[firsts[row * frame.cells + column]] = j
@@ -342,7 +345,9 @@ def cast_among(
     low = np.empty(beams)
     high = np.empty(beams)
     near = np.empty(len(among.movers) + 1, np.int64)
-    part = (beams + PARTS - 1) // PARTS
+    # The first beam of a part and the last bound it up to half a turn.
+    most = 1 + int(MOST_SPAN * (beams - 1) / (2.0 * max(laser.half, 1.0)))
+    part = min((beams + PARTS - 1) // PARTS, most)
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
         for i in range(beams):
@@ -387,7 +392,7 @@ def _stop_beams(
     low_y = high_y = fan.y
     farthest = 0.0
     for i in range(part[0], part[1]):
-        length = min(high[i], LONGEST)
+        length = min(max(high[i], 0.0), LONGEST)
         farthest = max(farthest, high[i])
         low_x = min(low_x, fan.x + length * fan.dx[i])
         high_x = max(high_x, fan.x + length * fan.dx[i])

@@ -152,7 +152,7 @@ def touched_among(
 
 @borrower
 def _ascending(rows: Int, count: int) -> int:
-    """Sort the first rows, of which there are few; returns their count."""
+    """Sort the first rows, which are sorted within each cell; returns their count."""
     for k in range(1, count):
         row = rows[k]
         place = k
