@@ -44,7 +44,8 @@ INDOOR_SPEED = 1.0
 class PlannedRoute:
     """Way-points (m, 2) [m], the side of the walls, and the robot's radius, speed and look-ahead.
 
-    The notes report which rooms the route does not reach, and why; some are on what no way reaches.
+    The notes report which rooms the route does not reach, and why; ``missed`` holds those on rooms
+    and goals that are out of reach.
     """
 
     waypoints: Float

@@ -184,9 +184,11 @@ class Canvas:
 
     def _add(self, shape: Any, mark: Mark, clip: Any) -> None:
         inside = clip is None or clip.covers(shape)
-        shape = shape if inside else shape.intersection(clip)
-        if not shape.is_empty:
-            self.marks.append(mark._replace(shape=shape, items=self._items))
+        cut = shape if inside else shape.intersection(clip)
+        # An area that only touches the clip leaves a sliver.
+        sliver = not inside and is_area(shape) and 2.0 * cut.area < SLIVER * cut.length
+        if not (cut.is_empty or sliver):
+            self.marks.append(mark._replace(shape=cut, items=self._items))
 
     def seen(self) -> list[Mark]:
         """The marks without the paper and what later areas hide."""
@@ -281,6 +283,10 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
                 parts = shapely.get_parts(left[number])
                 left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
     return left
+
+
+# Twice the area of a sliver, by its length [m].
+SLIVER = 1e-5
 
 
 def is_area(shape: Any) -> bool:

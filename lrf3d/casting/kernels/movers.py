@@ -57,8 +57,7 @@ HELD = -1.0
 # The origin of an obstacle at a moment [m], and its reach.
 PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 
-# A grid over obstacles: its corner [m], the size of its cells [m], how many are in a row and in a
-# column, and the largest reach of an obstacle [m].
+# A grid over obstacles: its corner, cells' size and number a side, an obstacle's largest reach [m].
 LATTICE = record(x=float, y=float, wide=float, deep=float, cells=int, reach=float)
 
 # Parts of a scan; the obstacles near each part are looked up once.

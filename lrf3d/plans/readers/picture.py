@@ -358,8 +358,10 @@ def _building(solid: Bool, pixels: float) -> Bool:
 
 def _is_bar(hull: Any, others: Any) -> bool:
     """Whether a hull is long and narrow, and outside of what others (n,) surround."""
-    outside = shapely.disjoint(hull, shapely.convex_hull(shapely.union_all(others)))
-    return bool(outside and 8.0 * hull.area < hull.length**2 / 4.0)
+    if 8.0 * hull.area >= hull.length**2 / 4.0:
+        return False
+    around = shapely.convex_hull(shapely.geometrycollections(others))
+    return bool(shapely.disjoint(hull, around))
 
 
 def _is_aside(solid: Bool, bars: Bool, pixels: float) -> bool:

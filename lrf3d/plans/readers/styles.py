@@ -33,8 +33,11 @@ def style_sheet(root: Element) -> dict[Element, dict[str, str]]:
 
 def declarations(text: str) -> dict[str, str]:
     """The properties that the declarations of a style set."""
-    parts = (part.partition(":") for part in re.sub(r"/\*.*?\*/", "", text).split(";"))
-    return {key.strip().lower(): value.strip() for key, _, value in parts}
+    found = dict[str, str]()
+    for part in re.sub(r"/\*.*?\*/", "", text).split(";"):
+        key, _, value = part.partition(":")
+        found = overruled(found, {key.strip().lower(): value.strip()})
+    return found
 
 
 def overruled(one: dict[str, str], other: dict[str, str]) -> dict[str, str]:

@@ -110,6 +110,8 @@ class FilmOptions:
     goal: Goal | None = None
     # What the picture is called.
     title: str = ""
+    # Whether times follow that a story leaps over.
+    leaps: bool = True
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -196,6 +198,8 @@ class Film:
 
             self.renderer = PlainRenderer(self.scene.stage, chosen.size)
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
+        if isinstance(self.camera, Story):
+            self.camera.leaps = chosen.leaps
         self._size = chosen.size
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
@@ -258,7 +262,7 @@ class Film:
 
 def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    chosen = FilmOptions(**options).of(run)
+    chosen = FilmOptions(**options, leaps=False).of(run)
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)

@@ -143,7 +143,7 @@ class GlassCounts(NamedTuple):
     through: int = 0
     # How many came back from it.
     back: int = 0
-    # The scan after the first ones of which the most did.
+    # The scan from which most beams came back; the first scans do not count.
     scan: int = 0
     # Where those ended (n, 2) [m].
     ends: Float = np.zeros((0, 2))
@@ -172,7 +172,7 @@ def _counts(run: Shown) -> GlassCounts:
     # A film opens with the first scan, and ends on the whole.
     times = run.trajectory.times - run.trajectory.times.min()
     late = back & (times[owner] > FIRST * run.playback) & (times[owner] < _EARLY * times.max())
-    most = int(np.argmax(np.bincount(owner[late], minlength=1)))
+    most = int(np.argmax(np.bincount(owner[late if late.any() else back], minlength=1)))
     step = numbers.step
     return GlassCounts(
         step * int(through.sum()),

@@ -64,6 +64,8 @@ def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     if shot in _NEAR:
         news = news or _reflected(run, moment) or _entered(run, moment)
     mapped = f"{counted(len(run.map_after(moment.mapped)), 'segment')} in the map"
+    if not run.maps:
+        mapped = counted(run.ranges.shape[1], "laser beam")
     return news or (mapped if shot in _SHOTS else shot)
 
 
@@ -120,7 +122,8 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
         return _CARDS.of(run, partial(_card, run, playback))
     head, *said = view.said or [_caption(run, moment, view.shot, playback)]
     if full:
-        said = [*_numbers(run, moment, playback), run.map_after(moment.mapped).counts]
+        said = _numbers(run, moment, playback)
+        said += [run.map_after(moment.mapped).counts] * bool(run.maps)
     said = said or [_passed(run, moment, playback, head, view.shot)]
     others = [*((words, _PALE) for words in said), *_trails(run, moment, playback)]
     return _label([(head, _INK), *others], _FULL_SIZE if full else _SIZE)
@@ -134,7 +137,7 @@ def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> 
     if playback > 1.0 and shot != "rise":
         words += f" at {playback:.2g} × speed"
     mapped = counted(len(run.map_after(moment.mapped)), "segment")
-    return words if mapped in head else f"{words}  ·  {mapped}"
+    return words if mapped in head or not run.maps else f"{words}  ·  {mapped}"
 
 
 def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:

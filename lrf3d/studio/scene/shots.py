@@ -48,6 +48,9 @@ PROOF = "proof"
 # Share of that shot which comes before its moment.
 _BEFORE = 0.6
 
+# Rounding of its moment [s].
+_ROUNDING = 1e-6
+
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
 
@@ -95,10 +98,12 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     opening = scale * OPENING
     closing = scale * CLOSING
     opened = timeline.start + playback * first
+    # Rounding neither loses the moment nor shows it twice.
+    proven = np.inf if moment is None else moment - _ROUNDING
     return (
         Shot("opening", opening + first, timeline.start - playback * opening, opened),
         *(
-            Shot(PROOF if moment is not None and low <= moment <= high else name, each, low, high)
+            Shot(PROOF if low < proven <= high else name, each, low, high)
             for name, low, high in zip(cycle(SHOTS), starts.tolist(), ends.tolist(), strict=False)
         ),
         Shot("rise", each if whole else lapse, float(ends[-1]), timeline.end),
@@ -124,7 +129,9 @@ def _starts(
         off = moments - np.clip(wished, first, lasts - each)
         happens[np.abs(off) < each] = 0.0
         inside = (moments >= first) & (moments <= lasts - each)
-        happens[np.argmin(np.where(inside, np.abs(off), np.inf))] = np.inf
+        nearest = int(np.argmin(np.where(inside, np.abs(off), np.inf)))
+        moments[nearest] -= off[nearest]
+        happens[nearest] = np.inf
     # Each shot has its own part of the run, and some of the run remains after the last one.
     bounds = np.linspace(first, lasts - each, count + 1)
     starts = np.zeros(count)

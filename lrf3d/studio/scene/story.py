@@ -14,7 +14,7 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, OPENING, plan_shots
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
@@ -32,8 +32,8 @@ _RISES = 0.3
 # When that camera has risen, as a share of the time for which the first scan is shown.
 _RISEN = 0.6
 
-# Additional downward tilts half-way on the camera's path to the overview [rad], of which that is
-# taken with which houses hide the robot least.
+# Additional downward tilts half-way on the camera's path to the overview [rad]; the one is chosen
+# at which houses hide the robot least.
 _INTO_STREETS = (0.0, 0.2, 0.4, 0.6)
 
 # Largest distance of the camera of a shot, as a share of the overview's.
@@ -79,8 +79,7 @@ _FAVOURED = 0.25
 # How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
 _DUSK = 0.5
 
-
-# What is said then.
+# What is said after the title.
 _LIT = "Light shows what its laser has met"
 
 # Time for which it is said that the film leaps [s of the film].
@@ -137,6 +136,8 @@ class Story:
         length: float = LENGTH,
     ) -> None:
         self.shots = plan_shots(timeline, length)
+        # Whether times follow that the shots leap over, as in a whole film.
+        self.leaps = True
         self._subject = subject_of(timeline.run, timeline.playback)
         self._timeline = timeline
         self._structures = structures
@@ -186,18 +187,19 @@ class Story:
         subject = self._subject
         passed = (time - shot.start) / self._timeline.playback
         if shot.name == "opening":
-            return (subject.title if passed < TITLE_TIME - OPENING else _LIT,)
-        leaps = shot.start - self.shots[number - 1].end
-        told = (
-            (f"{lasting(leaps)} later",)
-            if leaps > self._timeline.playback and passed < _LEAPS
-            else ()
-        )
+            return (subject.title if passed < TITLE_TIME else _LIT,)
+        told = self._leap(number) if passed < _LEAPS else ()
         if shot.name == "proof":
             return (subject.proof, *told) if time < subject.until else ()
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
-        return ("Fast forward",) if shot.name == "rise" and rushes else told
+        return ("Fast forward",) if self.leaps and shot.name == "rise" and rushes else told
+
+    def _leap(self, number: int) -> tuple[str, ...]:
+        """How much of the run is left out before a shot by its number, if that is noticed."""
+        leap = self.shots[number].start - self.shots[number - 1].end
+        noticed = self.leaps and leap > max(self._timeline.playback, 0.5)
+        return (f"{lasting(leap)} later",) * noticed
 
     def _made(self, number: int, aspect: float) -> CameraPath:
         """The camera path of a shot by its number."""
@@ -298,7 +300,7 @@ class Story:
     def _hides(self, moments: Float, eyes: Float, wide: float = 1.0) -> Float:
         """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average.
 
-        What is so many times as wide as the robot is looked at.
+        ``wide`` is the width of what is checked, in widths of the robot.
         """
         robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
         around = wide * self._timeline.run.radius * _AROUND

@@ -26,7 +26,7 @@ _COMPARED = 120
 # Distance from all walls from which on a piece of a map is of a false room [m].
 _FALSE = 0.5
 
-# Share of what is false, or at glass, that is to be in the picture: the nearest.
+# Share of the false pieces, or of the hits at glass, that the picture shows: the nearest.
 _NEAR = 0.6
 
 
@@ -45,8 +45,8 @@ class Subject(NamedTuple):
     until: float = np.inf
 
 
-# The subject of the run that was asked for last.
-_FOUND = Latest()
+# The subjects of the runs that were asked for last: up to eight may be side by side.
+_FOUND = Latest(8)
 
 
 def subject_of(run: Shown, playback: float) -> Subject:
@@ -58,7 +58,7 @@ def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
     found = _loop(run, playback) or _false_room(run, since) or _glass(run) or _fleet(run, since)
-    usual = "A robot maps what it has never seen"
+    usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
     return found or Subject(usual if run.knows_truth else "A recorded drive, mapped by its laser")
 
 
@@ -76,13 +76,14 @@ def _loop(run: Shown, playback: float) -> Subject | None:
 
 def _false_room(run: Shown, since: float) -> Subject | None:
     """The last map that holds half of what a mirror has added to it since a time [s]."""
-    mirrors = any(one is not None and one.mirrors for one in run.world.materials)
+    mirrors = any(one and one.mirrors and not one.passes for one in run.world.materials)
     if not (mirrors and run.knows_truth and len(run.maps)):
         return None
     structures = Structures.from_run(run)
     times = run.trajectory.times
     first = run.snapshot_after(int(np.searchsorted(times, since)))
-    numbers = np.linspace(max(first, 0), len(run.maps) - 1, _COMPARED).astype(int).tolist()
+    compared = np.linspace(max(first, 0), len(run.maps) - 1, _COMPARED).astype(int)
+    numbers = np.unique(compared).tolist()
     false = [
         DrawnMap.from_snapshot(run, number, structures).ghosts(structures, _FALSE).corners
         for number in numbers
@@ -108,7 +109,7 @@ def _nearest(run: Shown, scan: int, places: Float) -> Float:
 def _glass(run: Shown) -> Subject | None:
     """The scan of which the most beams come back from glass."""
     counts = counts_at_glass(run)
-    if not counts.back:
+    if not 0 < counts.back < counts.through:
         return None
     return Subject(
         "Glass lets most of a laser's beams through",
