@@ -201,7 +201,7 @@ def solve_log(
     # Pairs of scans are counted along the whole drive.
     if close or apart or not solved.lifted:
         return solved
-    return _in_parts(solved, known, new_slam, progress)
+    return _in_parts(solved, recording, known, new_slam, progress)
 
 
 def _solution(
@@ -222,7 +222,11 @@ def _solution(
 
 
 def _in_parts(
-    whole: SolvedLog, known: Run | None, new_slam: Callable[..., Slam], progress: Progress
+    whole: SolvedLog,
+    recording: Recording,
+    known: Run | None,
+    new_slam: Callable[..., Slam],
+    progress: Progress,
 ) -> SolvedLog:
     """Solve each part of a drive whose robot was lifted, and place it on the map of the others.
 
@@ -232,10 +236,15 @@ def _in_parts(
     enough = 0.5 * max(end - first for first, end in bounds)
     bounds.sort(key=lambda each: each[1] - each[0] < enough)
     words = list(map(nothing_in_common, whole.lifted))
-    solved = _solution(whole.recording.part(range(*bounds[0])), known, new_slam, progress)
+    try:
+        solved = _solution(recording.part(range(*bounds[0])), known, new_slam, progress)
+    except InputError:
+        # The whole drive is on the earlier map, or can be solved, but not its first part.
+        return whole
+    slams = [solved.slam]
     chosen = [*range(*bounds[0])]
     for first, end in bounds[1:]:
-        part = whole.recording.part(range(first, end))
+        part = recording.part(range(first, end))
         scans = f"scans {first} to {end - 1}"
         try:
             solved = _solution(part, solved.run, new_slam, progress)
@@ -245,12 +254,16 @@ def _in_parts(
         assert solved.joined is not None
         odds = f"probability {solved.joined.probability:.4f}"
         words.append(f"{scans} were placed on the map of the others, {odds}")
+        slams.append(solved.slam)
         chosen += range(first, end)
     poses = solved.run.trajectory.poses[-len(chosen) :]
     robots = compose(poses, between(np.array(solved.mount), np.zeros(3)))
     rows = np.argsort(chosen)
+    # An odometry line belongs to the scan that follows it.
+    scans_after = np.searchsorted(recording.poses_before, recording.rows)
+    placed = np.isin(np.minimum(scans_after, len(whole.scans) - 1), chosen)
     recording = whole.recording.part(sorted(chosen))
-    return replace(solved, parts=LiftedParts(recording, robots[rows], words))
+    return replace(solved, parts=LiftedParts(recording, robots[rows], words, placed, slams))
 
 
 def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str]) -> LaserLog:

@@ -15,7 +15,7 @@ import numpy as np
 from lrf3d.base.errors import InputError
 from lrf3d.base.interrupts import Progress, check, silent
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, lengths, usual_step
+from lrf3d.geometry.lines import Bool, Float, lengths, usual_step
 from lrf3d.geometry.pose import Pose, compose
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
@@ -58,11 +58,16 @@ PAUSE = 1.0
 
 
 class LiftedParts(NamedTuple):
-    """The parts of a drive whose robot was lifted: scans that were placed, their poses (k, 3)."""
+    """The parts of a drive whose robot was lifted: scans that were placed, their poses (k, 3).
+
+    ``placed`` (n,) says which odometry lines belong to them, and each has one of the ``slams``.
+    """
 
     recording: Recording
     poses: Float
     words: list[str]
+    placed: Bool
+    slams: list[Slam]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,7 +104,7 @@ class SolvedLog:
     @cached_property
     def line_poses(self) -> Float:
         """Poses (n, 3) of the robot at the odometry lines, as logged."""
-        recording, poses, _ = self.parts or (self.recording, self.poses, [])
+        recording, poses, *_ = self.parts or (self.recording, self.poses)
         return recording.line_poses(poses)
 
     @cached_property
@@ -235,12 +240,23 @@ class SolvedLog:
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.moments, poses, maps, estimate)
 
+    @property
+    def placed_lines(self) -> tuple[Float, Float]:
+        """Times (n,) [s] of the odometry lines whose scans were placed, and poses (n, 3)."""
+        lines = slice(None) if self.parts is None else self.parts.placed
+        return self.log.odometry.times[lines], self.line_poses[lines]
+
+    @property
+    def _slams(self) -> list[Slam]:
+        return [self.slam] if self.parts is None else self.parts.slams
+
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         log = self.log
         slam = self.slam
         line_map = self.run.map
-        tracked = slam.tracked[1:]
+        slams = self._slams
+        tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
         return {
@@ -259,9 +275,9 @@ class SolvedLog:
             },
             "slam": {
                 "length_m": self.run.trajectory.length,
-                "key_scans": len(slam.key_scans),
-                "loop_closures": len(slam.closures),
-                "loop_closures_dropped": len(slam.closer.unconfirmed),
+                "key_scans": sum(len(each.key_scans) for each in slams),
+                "loop_closures": sum(len(each.closures) for each in slams),
+                "loop_closures_dropped": sum(len(each.closer.unconfirmed) for each in slams),
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
@@ -270,7 +286,8 @@ class SolvedLog:
                 {"scans": [keys[each.old].scan, keys[each.new].scan], "why": each.why}
                 for each in self.refused * bool(self.tried)
             ],
-            "joined": None if self.joined is None else self.joined.summary(),
+            # Of a drive in parts, warnings say where each was found.
+            "joined": self.joined.summary() if self.joined and not self.parts else None,
         }
 
 

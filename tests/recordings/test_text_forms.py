@@ -47,6 +47,8 @@ FORMS = {
     "empty cells": joined(
         [NAMES, *([*row[:90], "", "null", "N/A", "-", *row[94:]] for row in ROWS)]),
     "an empty first cell": joined([NAMES, ["50.0", "", *ROWS[0][2:]], *ROWS]),
+    "a last column that is mostly blank, and a blank line of cells": joined(
+        [[*NAMES, "note"], [*ROWS[0], "start"], [" "] * 5, *([*row, ""] for row in ROWS[1:])]),
     "comments before and between": "# made by, a, logger\n" + joined(
         [NAMES, *ROWS[:5], ["// a note, here"], *ROWS[5:]]),
     "quoted decimal commas": joined(PLAIN, cell=lambda word: f'"{word.replace(".", ",")}"'),
@@ -148,6 +150,17 @@ def test_readings_of_a_fan_through_0_degrees_are_gathered_scan_by_scan(tmp_path)
     log = load_log(path)
     assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
     assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
+
+
+def test_lines_longer_than_the_first_ones_are_not_cut(tmp_path):
+    path = tmp_path / "drive.csv"
+    fans = [np.linspace(0.0, 300.0, count) for count in [40] * 70 + [52] * 30]
+    pairs = ([(f"{bearing:.1f}", f"{2.0 + 0.01 * bearing:.2f}") for bearing in fan] for fan in fans)
+    path.write_text(joined(np.ravel(each) for each in pairs))
+    assert all(np.isfinite(scan.ranges[-1]) for scan in load_log(path).scans)
+    path.write_text("1.0 2.0\n")
+    with pytest.raises(InputError, match="2 columns"):
+        load_log(path)
 
 
 def test_a_column_that_counts_scans_holds_no_ranges(tmp_path):

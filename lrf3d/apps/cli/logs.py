@@ -114,7 +114,7 @@ def slam(log: LaserLog, args: Namespace, console: Console) -> None:
     keys = np.array([key.scan for key in solved.key_scans[0]])
     kept, drawings = _mapped(output, run, run.part(keys))
     save_run(run, output.path / "run.npz")
-    save_tum(solved.log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
+    save_tum(*solved.placed_lines, output.path / "trajectory.tum")
     if args.video:
         drawings["video"] = "run.mp4", lambda path: write_film(run, path, args, console)
     if solved.tried:

@@ -220,10 +220,12 @@ class Table:
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         cells = np.rint((angles - low) / (step or 1.0)).astype(int) % beams
         ranges = np.full((len(kept), beams), -np.inf)
-        for row, number in zip(ranges, kept.tolist(), strict=True):
-            own = slice(begins[number], begins[number + 1])
-            row[cells[own]] = readings[own]
-        lost = int(sizes[kept].sum() - (~np.isneginf(ranges)).sum())
+        rows = np.full(len(sizes), -1)
+        rows[kept] = np.arange(len(kept))
+        row = np.repeat(rows, sizes)
+        own = row >= 0
+        ranges[row[own], cells[own]] = readings[own]
+        dropped = int(own.sum()) - len(np.unique(row[own] * beams + cells[own]))
         for role, values in self.values.items():
             if len(values) == len(angles):
                 self.values[role] = values[begins[kept]]
@@ -234,7 +236,7 @@ class Table:
         self.values["angles"] = np.asarray(low + step * np.arange(beams))
         self.units["angles"] = "rad"
         way = "clockwise, as RPLIDARs with qualities" if self.clockwise else "counter-clockwise"
-        beside = f", and {lost:,} readings next to others" * (lost > 0)
+        beside = f", and {dropped:,} readings dropped that share a beam" * (dropped > 0)
         self.intake.notes.append(
             f"bearings in {unit}, {way}: gathered to {len(kept)} scans of {beams} beams;"
             f" {len(sizes) - len(kept)} partial scans left out{beside}"

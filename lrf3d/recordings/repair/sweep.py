@@ -79,7 +79,7 @@ def find(recording: Recording) -> Sweep | None:
 def _shown(recording: Recording, interval: float, declared: float) -> float:
     """The duration [s] that scans at an interval [s] show, or else the declared one."""
     log = recording.log
-    if not log.placed or log.parts or not 0.0 < (abs(declared) or interval) <= LONGEST:
+    if not (log.placed and interval) or log.parts or (abs(declared) or interval) > LONGEST:
         return declared
     wide = float(np.ptp(log.scans[0].angles))
     poses = recording.path.at(recording.taken_at)
@@ -166,13 +166,12 @@ def _closing_pairs(poses: Float) -> Int:
 def sentence(sweep: Sweep) -> str:
     """How long scans take, or what of a log is contradicted."""
     order = ", last beams first" * (sweep.duration < 0.0)
-    taken = (
-        f"a scan takes {abs(sweep.duration):.3f} s{order}"
-        if sweep.duration
-        else "all beams are of one moment"
-    )
+    taken = f"a scan takes {abs(sweep.duration):.3f} s{order}"
     if not sweep.declared:
         return f"walls bend in turns, as {taken}: unrolled"
+    if not sweep.duration:
+        contradicted = f"turns or stamps contradict the declared {sweep.declared:.3f} s of a scan"
+        return f"{contradicted}: beams are taken to be of one moment"
     return f"by turns and stamps, {taken}, unlike the declared {sweep.declared:.3f} s: corrected"
 
 

@@ -76,7 +76,8 @@ def _loop(run: Shown, playback: float) -> Subject | None:
 
 def _false_room(run: Shown, since: float) -> Subject | None:
     """The last map that holds half of what a mirror has added to it since a time [s]."""
-    mirrors = any(one and one.mirrors and not one.passes for one in run.world.materials)
+    materials = filter(None, run.world.materials)
+    mirrors = any(one.mirrors and not one.passes for one in materials)
     if not (mirrors and run.knows_truth and len(run.maps)):
         return None
     structures = Structures.from_run(run)

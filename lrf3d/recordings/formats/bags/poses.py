@@ -188,13 +188,8 @@ class _Robot:
         frames = self._frames
         source = self.source
         base = frames.base(frame)
-        path = self._contents.intake.path
-        moved = source in self._tracks or (self._edges and not source)
-        if moved and frame not in frames and re.search(r"_[1-9]\d*\.(db3|mcap)$", path.name):
-            raise InputError(
-                f"{path}: a later part of a recording, without its /tf_static, which says where"
-                f" {frame} is mounted; read the folder of all parts, or the first one"
-            )
+        if frame not in frames:
+            self._refuse_later_part()
         if source not in self._tracks:
             return base, f"/tf, {frame} in {source}"
         child = self._children[source] or base
@@ -202,6 +197,20 @@ class _Robot:
             return child, source
         middle = f"the laser in the middle of {child} for want of a transform"
         return base, f"{source}, with {middle if base == frame else f'{base} taken for {child}'}"
+
+    def _refuse_later_part(self) -> None:
+        """Refuse a later part of a recording that lacks the transform of the laser."""
+        path = self._contents.intake.path
+        frame = self._stream.frame
+        driven = self.source in self._tracks and self._children[self.source] != frame
+        edges = edges_of(self._contents, self._stream.topic)
+        above = {basename(parent) for parent, _ in edges.values()}
+        moved = driven or (not self.source and above & {DRIFTING, "map"})
+        if moved and re.search(r"_[1-9]\d*\.(db3|mcap)$", path.name):
+            raise InputError(
+                f"{path}: a later part of a recording, without its /tf_static, which says where"
+                f" {frame} is mounted; read the folder of all parts, or the first one"
+            )
 
     @property
     def lacks(self) -> str:
@@ -266,6 +275,10 @@ class _Robot:
             bool(self.source) and self._frames.carries(mine, stream.frame)
         )
 
+    def _has_others(self, stream: ScanStream) -> bool:
+        """Whether the robot has another laser than that of a stream."""
+        return any(self.has(each) for each in self._contents.streams if each is not stream)
+
     def placed(self, stream: ScanStream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
         intake = self._contents.intake
@@ -289,7 +302,7 @@ class _Robot:
         if len(askew):
             tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
             tilted = f"the laser {stream.frame} is tilted by {tilt:.0f}°"
-            if len(self._contents.streams) == 1:
+            if not self._has_others(stream):
                 raise InputError(f"{intake.path}: {tilted}, expected one that scans in the plane")
             intake.notes.append(f"{tilted}: left out")
             return []

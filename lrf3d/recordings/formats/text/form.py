@@ -79,7 +79,7 @@ def form_of(path: Path) -> Form:
     texts = _first_texts(path)
     body = [text for text in texts if not text.startswith("#")]
     dialect = dialect_of(body)
-    rows = [trimmed(words) for text in texts for words in dialect.rows(text)]
+    rows = _rows_of(dialect, texts)
     numeric = [words for words in rows if mostly_numbers(words)]
     if not numeric:
         raise InputError(f"{path}: no lines of numbers; expected a scan a line")
@@ -90,6 +90,15 @@ def form_of(path: Path) -> Form:
     form = Form(dialect, header, word, least, [])
     form.sample.extend(filter(form.has, numeric))
     return form
+
+
+def _rows_of(dialect: Dialect, texts: Sequence[str]) -> list[Words]:
+    """The words of lines, without blank ones at the end of all of them."""
+    cells = [row for text in texts for row in dialect.rows(text)]
+    # Blank cells at the end are columns if any line has a word there; a last mark is none.
+    width = max((len(trimmed(row)) for row in cells), default=0)
+    rows = (row[:width] if len(row) >= width else trimmed(row) for row in cells)
+    return [row for row in rows if any(map(str.strip, row))]
 
 
 def _first_texts(path: Path) -> list[str]:

@@ -311,7 +311,7 @@ def _swept(bearings: Float) -> float:
     """
     wide = np.ptp(bearings)
     turn = next((turn for turn in TURNS if wide <= LARGEST_SWEEP * turn), None)
-    if turn is None:
+    if turn is None or len(bearings) < 2:
         return 0.0
     steps = (np.diff(bearings) + 0.5 * turn) % turn - 0.5 * turn
     swept = float(np.abs(steps).sum())

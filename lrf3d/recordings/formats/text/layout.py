@@ -153,9 +153,10 @@ def _rows(form: Form, intake: Intake) -> Iterator[tuple[int, Words]]:
             continue
         for cells in form.dialect.rows(text):
             words = trimmed(cells)
-            if form.has(words) and named(words) != form.header:
+            if words and form.has(words) and named(words) != form.header:
                 # Blank cells at the end are missing readings, a last mark is none.
-                yield number, words if len(cells) < form.width else cells[: form.width]
+                width = max(len(words), form.width)
+                yield number, words if len(cells) < form.width else cells[:width]
 
 
 def described(spec: str, header: Words) -> Layout:
