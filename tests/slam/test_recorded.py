@@ -46,8 +46,8 @@ def flaser(path, scans):
 def test_beams_without_a_declared_fan_are_spread_as_scans_turn(wide, beams, drive_with, tmp_path):
     log = load_log(flaser(tmp_path / "a.log", drive_with(wide, beams).scans))
     assert np.ptp(log.scans[0].angles) == pytest.approx(np.pi)
-    for found in (repaired_log(log), solve_log(log).log):
-        assert ("as the scans turn" in str(found.notes)) == (wide != 180)
+    for said in (repaired_log(log).notes, solve_log(log).recording.sentences):
+        assert ("as the scans turn" in str(said)) == (wide != 180)
     assert np.ptp(repaired_log(log).scans[0].angles) == pytest.approx(np.radians(wide))
 
 
