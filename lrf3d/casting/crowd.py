@@ -8,10 +8,10 @@ import numpy as np
 
 from lrf3d.base.cores import share
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.casting.kernels.grid import LATTICE
 from lrf3d.casting.kernels.movers import (
     CORNER,
     HELD,
-    LATTICE,
     LEG,
     MOVER,
     PLACED,

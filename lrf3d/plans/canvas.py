@@ -39,6 +39,9 @@ PALEST = 0.08
 # An area hides lines from this distance [m] inside its edge: a line on the edge is half seen.
 HIDDEN = 0.002
 
+# An area of which a clip leaves a strip narrower than this [m] only touches it, but for rounding.
+TOUCHING = 1e-5
+
 
 class Mark(NamedTuple):
     """A line or an area that is painted, with what the file says about it."""
@@ -185,9 +188,8 @@ class Canvas:
     def _add(self, shape: Any, mark: Mark, clip: Any) -> None:
         inside = clip is None or clip.covers(shape)
         cut = shape if inside else shape.intersection(clip)
-        # An area that only touches the clip leaves a sliver.
-        sliver = not inside and is_area(shape) and 2.0 * cut.area < SLIVER * cut.length
-        if not (cut.is_empty or sliver):
+        touches = not inside and is_area(shape) and 2.0 * cut.area < TOUCHING * cut.length
+        if not (cut.is_empty or touches):
             self.marks.append(mark._replace(shape=cut, items=self._items))
 
     def seen(self) -> list[Mark]:
@@ -283,10 +285,6 @@ def _uncovered(shapes: Any, hiding: Int) -> Any:
                 parts = shapely.get_parts(left[number])
                 left[number] = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
     return left
-
-
-# Twice the area of a sliver, by its length [m].
-SLIVER = 1e-5
 
 
 def is_area(shape: Any) -> bool:

@@ -45,7 +45,7 @@ from lrf3d.geometry.lines import Float, Int, Records
 # A beam with its own origin [m], direction, and time [s].
 RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
 
-# Share of its terms from which on the float64 value of an area or a slope is good to 6e-13.
+# Least size of an area or a slope, as a share of its terms, at which float64 is good to 6e-13.
 CLEAR = 2.0**-10
 
 # Room for the rounding error of a length of such an area and slope: less than 1.2e-12 of it.

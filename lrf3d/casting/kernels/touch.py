@@ -12,17 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lrf3d.casting.kernels.grid import MoverGrid, fill, rows_in
 from lrf3d.casting.kernels.movers import (
     PLACED,
     SIDE,
-    MoverGrid,
     Movers,
     anywhere,
-    fill,
     locate,
     moved,
     mover_at,
-    rows_in,
     side_at,
     turn_sides,
 )
