@@ -126,8 +126,11 @@ def _described(path: Path) -> dict[str, Any]:
 
 
 def _picture_of(path: Path, image: str) -> Path:
-    """The picture of a description at a path, next to which it is."""
-    name = re.split(r"[/\\]", image)[-1]
+    """The picture of a description at a path: next to it, or in a folder there."""
+    *folders, name = re.split(r"[/\\]", image)
+    below = path.parent.joinpath(*folders, name)
+    if folders and ".." not in folders and folders[0] and below.is_file():
+        return below
     if name != image.removeprefix("./") or not name.strip("."):
         elsewhere = f"image is {shown(image)}"
         if not (path.parent / name).is_file():
