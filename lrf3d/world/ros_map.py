@@ -251,18 +251,23 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     """Write a map again with changed walls: (n, 4) before, and (m, 4) after the change.
 
-    The cells of removed walls become free, those of added walls occupied; other cells, the origin
-    and the other keys stay the same.
+    The cells of removed walls become what is nearest to them, free or unknown, those of added walls
+    occupied; other cells, the origin and the other keys stay the same.
     """
     import shapely
+    from scipy.ndimage import distance_transform_edt
 
     data = _described(path)
     values = _values(data)
     source = _picture_of(path, values["image"])
     frame = Pose(*values["origin"].tolist()).inverse()
 
+    # Most walls are as they were.
+    kept = set(map(tuple, before.tolist())) & set(map(tuple, after.tolist()))
+
     def lines_in_cells(segments: Float) -> Any:
-        ends = frame.apply(segments.reshape(-1, 2)).reshape(-1, 2, 2) / values["resolution"]
+        changed = np.array([row for row in segments.tolist() if tuple(row) not in kept])
+        ends = frame.apply(changed.reshape(-1, 2)).reshape(-1, 2, 2) / values["resolution"]
         return shapely.union_all(shapely.linestrings(ends))
 
     old = lines_in_cells(before)
@@ -281,7 +286,13 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     erased = shapely.contains_xy(area, columns + 0.5, rows + 0.5)
     grey = pixels_of(source)[::-1, :, 0].copy()
     free, full = (255 - FREE, 255 - OCCUPIED) if values["negate"] else (FREE, OCCUPIED)
-    grey[rows[erased], columns[erased]] = free
+    # A border of free cells, for a map without others.
+    known = np.pad(grey, 1, constant_values=free)
+    place = distance_transform_edt(
+        np.pad(occupied, 1), return_distances=False, return_indices=True
+    )
+    places = place[:, rows[erased] + 1, columns[erased] + 1]
+    grey[rows[erased], columns[erased]] = known[tuple(places)]
     points, line = shapely.get_coordinates(shapely.get_parts(came), return_index=True)
     joined = line[1:] == line[:-1]
     drawn = np.hstack([points[:-1][joined], points[1:][joined]])
