@@ -121,6 +121,8 @@ class Plan(NamedTuple):
     balance: Balance = Balance("item")
     # Unit of the drawing [m].
     unit: float = 1.0
+    # Thickness [m] of the lines that outline walls; 0 where walls are solid, or lines themselves.
+    pen: float = 0.0
     # The tables of the robot and the dynamic obstacles from decisions.
     tables: Mapping[str, Any] = {}
     obstacles: tuple[Mapping[str, Any], ...] = ()
@@ -144,7 +146,7 @@ class Plan(NamedTuple):
         """The openings (k, 2, 2) [m] of its doors; in a picture they are gaps in walls."""
         if self.doors:
             return np.array([door.opening for door in self.doors])
-        return gaps_in(self.segments)
+        return gaps_in(self.segments, self.pen)
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
@@ -153,6 +155,7 @@ class Plan(NamedTuple):
             removed={name: strokes * factor for name, strokes in self.removed.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,
+            pen=self.pen * factor,
             unit=self.unit * factor,
         )
 

@@ -288,9 +288,7 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     free, full = (255 - FREE, 255 - OCCUPIED) if values["negate"] else (FREE, OCCUPIED)
     # A border of free cells, for a map without others.
     known = np.pad(grey, 1, constant_values=free)
-    place = distance_transform_edt(
-        np.pad(occupied, 1), return_distances=False, return_indices=True
-    )
+    place = distance_transform_edt(np.pad(occupied, 1), return_distances=False, return_indices=True)
     places = place[:, rows[erased] + 1, columns[erased] + 1]
     grey[rows[erased], columns[erased]] = known[tuple(places)]
     points, line = shapely.get_coordinates(shapely.get_parts(came), return_index=True)

@@ -155,6 +155,14 @@ class _EntityFilter(Frontend):
         if self.in_parts:
             super().draw_entity(entity, properties)
             return
+        if kind in ("TEXT", "MTEXT"):
+            place = np.array(tuple(entity.dxf.get("align_point") or entity.dxf.insert)[:2])
+            canvas.texts.append((entity.plain_text(), self.painter.scale * place))
+        elif kind == "DIMENSION":
+            block = entity.get_geometry_block()
+            shown = [] if block is None else block.query("TEXT MTEXT")
+            long = self.painter.scale * entity.get_measurement()
+            canvas.texts += [(each.plain_text(), long) for each in shown]
         if kind in LEFT_OUT or (kind in PATTERNED and not entity.has_solid_fill):
             canvas.leave(_kind(entity), _source(entity))
             return

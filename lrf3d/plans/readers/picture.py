@@ -69,6 +69,9 @@ PALE_PIXEL = 0.2
 # Share of dark pixels in its box from which a part is solid.
 SOLID = 0.7
 
+# Share of the pixels of walls that are dark below which walls are drawn as outlines.
+HOLLOW = 0.7
+
 # Length [pixels] below which a piece of a wall is short. In photographs, lettering and patterns
 # most of the length is in short pieces; in plans at most half is.
 SHORT = 12
@@ -163,9 +166,19 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         doubts=notes(*doubts),
         grey=threshold,
         gap=0.5 * side,
+        pen=_pen(walls, dark) * side,
         balance=balance,
         unit=resolution,
     )
+
+
+def _pen(walls: Bool, dark: Bool) -> float:
+    """The thickness [pixels] of the lines that outline walls; 0 where most of a wall is dark."""
+    ink = walls & dark
+    if not 0 < ink.sum() < HOLLOW * walls.sum():
+        return 0.0
+    edges = sum(int(np.diff(ink.astype(np.int8), axis=axis).astype(bool).sum()) for axis in (0, 1))
+    return 2.0 * float(ink.sum()) / edges
 
 
 def _pale(contrast: Any, dark: Bool, pixels: float) -> tuple[Bool, int]:
