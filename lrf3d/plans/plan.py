@@ -40,7 +40,7 @@ from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared, gaps_in
 from lrf3d.plans.rules.enclosure import THICKEST_SOLID
 from lrf3d.plans.rules.layers import role_of
-from lrf3d.plans.rules.sheet import THICKEST_WALL
+from lrf3d.plans.rules.sheet import THICKEST_WALL, box_area
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
 from lrf3d.plans.scale import size_doubt
 from lrf3d.world.model import World
@@ -233,7 +233,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     if not large:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
-        doubts.append(of_outside(_box_area(outside), _box_area(walls)))
+        doubts.append(of_outside(box_area(outside), box_area(walls)))
     return Plan(
         parts,
         strokes.doors,
@@ -246,11 +246,6 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         scales=scales,
         unit=canvas.unit,
     )
-
-
-def _box_area(segments: Float) -> float:
-    """The area [m²] of the box around segments (n, 4)."""
-    return float(shapely.multipoints(segments.reshape(-1, 2)).envelope.area)
 
 
 def _balance(

@@ -128,24 +128,16 @@ def printed_scale(texts: list[tuple[str, Any]], segments: Float) -> tuple[float,
     long = lengths(segments)
     votes = list[tuple[float, str]]()
     for text, place in texts:
-        found = PRINTED.fullmatch(text.strip())
-        if not found or not float(found[1].replace(",", ".")):
-            continue
-        # A length without a unit is in metres if it has decimals.
-        units = ["m"] if re.search("[.,]", found[1]) else [*METRES]
-        units = [found[2]] if found[2] else units
         drawn = np.atleast_1d(place)
-        if len(drawn) == 2:
+        shown = _lengths_of(text.strip())
+        if shown and len(drawn) == 2:
             drawn = long[np.hypot(*(middles - drawn).T) < BESIDE * long]
-        shown = float(found[1].replace(",", "."))
-        votes += [(shown * METRES[unit] / each, text) for unit in units for each in drawn if each]
-    if not votes:
-        return 0.0, 0
+        votes += [(each / line, text) for each in shown for line in drawn if line > 0.0]
     votes.sort()
     factors = np.array([factor for factor, _ in votes])
     ends = np.searchsorted(factors, factors * (1.0 + AGREE), "right")
     agreed = [len({text for _, text in votes[n:end]}) for n, end in enumerate(ends)]
-    most = max(agreed)
+    most = max(agreed, default=0)
     if most < max(2.0, 0.5 * len({text for _, text in votes})):
         return 0.0, 0
     # Of several units, the one that makes it as large as a building, by the least change.
@@ -155,6 +147,16 @@ def printed_scale(texts: list[tuple[str, Any]], segments: Float) -> tuple[float,
     ]
     fits = [each for each in chosen if EXTENT[0] <= each * size <= EXTENT[1]] or chosen
     return min(fits, key=lambda factor: abs(np.log(factor))), most
+
+
+def _lengths_of(text: str) -> list[float]:
+    """The lengths [m] that a text may mean; without a unit, one with decimals is in metres."""
+    found = PRINTED.fullmatch(text)
+    if not found:
+        return []
+    value = float(found[1].replace(",", "."))
+    units = [found[2]] if found[2] else ["m"] if re.search("[.,]", text) else METRES
+    return [value * METRES[unit] for unit in units if value]
 
 
 def metres(length: float) -> str:

@@ -85,14 +85,20 @@ def draw(
     canvas = Canvas.of_sheet(float(size.max()), scale)
     canvas.unit = unit
     objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
-    painter = _PagePainter(canvas, _hidden(file), handle.get_textpage())
+    painter = _PagePainter(canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size))
     rename(canvas, "latin-1")
     lines = sum(mark.contrast >= PALEST for mark in canvas.marks)
     canvas.pictured = share = painter.pictured / float(size.prod())
     few = lines <= MOST_ON_SCAN
     canvas.scale = scale
-    canvas.scales = sheet_scales(painter.texts.get_text_bounded(), scale)
+    texts = handle.get_textpage()
+    canvas.scales = sheet_scales(texts.get_text_bounded(), scale)
+    boxes = [texts.get_rect(number) for number in range(texts.count_rects())]
+    middles = np.reshape(boxes, (-1, 2, 2)).mean(axis=1) @ matrix[:2, :2].T + matrix[:2, 2]
+    canvas.texts = [
+        (texts.get_text_bounded(*box), place) for box, place in zip(boxes, middles, strict=True)
+    ]
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
         which = f"page {page} of {len(document)}"
         plan = _scanned(handle, which, unit, size, threshold)
@@ -184,10 +190,8 @@ def _decoded(name: bytes) -> str:
 class _PagePainter:
     """Paints the objects of a page on a canvas, without those on hidden layers."""
 
-    def __init__(self, canvas: Canvas, hidden: set[str], texts: Any) -> None:
+    def __init__(self, canvas: Canvas, hidden: set[str]) -> None:
         self.canvas = canvas
-        # The texts of the page.
-        self.texts = texts
         self.hidden = hidden
         self._clips = dict[bytes, Any]()
         # Area [m²] of the pictures.
@@ -217,18 +221,6 @@ class _PagePainter:
                 pictured = kind == raw.FPDF_PAGEOBJ_IMAGE
                 self.pictured += abs(float(np.linalg.det(inner[:2, :2]))) * pictured
                 self.canvas.leave(COUNTED.get(kind, "unknown object"))
-                if kind == raw.FPDF_PAGEOBJ_TEXT:
-                    self.canvas.texts.append(self._text(each, matrix))
-
-    def _text(self, each: Any, matrix: Float) -> tuple[str, Float]:
-        """What a text says, and its middle (2,) [m]."""
-        sides = [ctypes.c_float() for _ in range(4)]
-        raw.FPDFPageObj_GetBounds(each, *sides)
-        left, bottom, right, top = (side.value for side in sides)
-        buffer = (ctypes.c_ushort * 40)()
-        raw.FPDFTextObj_GetText(each, self.texts, buffer, 2 * len(buffer))
-        place = matrix @ [(left + right) / 2.0, (bottom + top) / 2.0, 1.0]
-        return bytes(buffer).decode("utf-16-le", "replace").partition("\0")[0], place[:2]
 
     def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
         width = ctypes.c_float()

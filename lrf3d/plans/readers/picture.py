@@ -24,7 +24,7 @@ from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.rules.enclosure import THICKEST_SOLID, closed_share, reduced
 from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
-from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
+from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, pen_of, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
 from lrf3d.world.grid_walls import (
     box_of,
@@ -68,9 +68,6 @@ PALE_PIXEL = 0.2
 
 # Share of dark pixels in its box from which a part is solid.
 SOLID = 0.7
-
-# Share of the pixels of walls that are dark below which walls are drawn as outlines.
-HOLLOW = 0.7
 
 # Length [pixels] below which a piece of a wall is short. In photographs, lettering and patterns
 # most of the length is in short pieces; in plans at most half is.
@@ -166,19 +163,10 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         doubts=notes(*doubts),
         grey=threshold,
         gap=0.5 * side,
-        pen=_pen(walls, dark) * side,
+        pen=pen_of(walls, dark) * side,
         balance=balance,
         unit=resolution,
     )
-
-
-def _pen(walls: Bool, dark: Bool) -> float:
-    """The thickness [pixels] of the lines that outline walls; 0 where most of a wall is dark."""
-    ink = walls & dark
-    if not 0 < ink.sum() < HOLLOW * walls.sum():
-        return 0.0
-    edges = sum(int(np.diff(ink.astype(np.int8), axis=axis).astype(bool).sum()) for axis in (0, 1))
-    return 2.0 * float(ink.sum()) / edges
 
 
 def _pale(contrast: Any, dark: Bool, pixels: float) -> tuple[Bool, int]:
