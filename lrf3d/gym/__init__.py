@@ -300,8 +300,7 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
             robots, np.concatenate([starts[:, None], others], 1), strict=True
         ):
             # The first with room; nearly always one of the first.
-            free = (choice for choice in choices if away(choice) >= room * room)
-            best = next(free, None)
+            best = next((each for each in choices if away(each) >= room * room), None)
             x[robot], y[robot] = max(choices, key=away) if best is None else best
         return np.column_stack([x, y])[robots]
 

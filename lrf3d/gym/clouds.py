@@ -37,8 +37,7 @@ class CloudObserver:
         self._sensors: dict[str, Lidar | DepthCamera] = {}
         for kind, sensors in (("lidar", scenario.lidars), ("depth", scenario.depth_cameras)):
             for each in sensors:
-                name = kind if len(sensors) == 1 else f"{kind}_{each.name}"
-                self._sensors[name] = each
+                self._sensors[kind if len(sensors) == 1 else f"{kind}_{each.name}"] = each
 
     @property
     def spaces(self) -> dict[str, spaces.Box]:

@@ -346,8 +346,7 @@ class LidarScan(Value):
         In the world, all beams are taken to start at the scan's pose, that of the first column.
         """
         if local:
-            upright = replace(self.lidar, mount=RAISED)
-            beams = upright.directions((0.0, 0.0, 0.0))[self.hits]
+            beams = replace(self.lidar, mount=RAISED).directions((0.0, 0.0, 0.0))[self.hits]
             return self.ranges[self.hits][:, None] * beams
         place = np.array([self.pose[0], self.pose[1], self.lidar.mount[2]])
         return place + self.ranges[self.hits][:, None] * self.lidar.directions(self.pose)[self.hits]

@@ -239,11 +239,9 @@ class FreeSpace:
 
         A robot that is sent into a corner drives as far as it can.
         """
-        near = place - self.ground.world.origin
-        away = np.hypot(*(self.places - near).T)
+        away = np.hypot(*(self.places - (place - self.ground.world.origin)).T)
         found = int(np.argmin(away))
-        reach = self.radius + MARGIN + self.ground.size
-        return found if away[found] <= reach else None
+        return found if away[found] <= self.radius + MARGIN + self.ground.size else None
 
     @property
     def side(self) -> Side:

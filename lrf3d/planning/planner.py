@@ -261,9 +261,8 @@ def _closed_in(world: World, start: Float) -> list[Note]:
     import shapely
 
     walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))
-    place = shapely.Point(start)
     shapes = shapely.get_parts(shapely.polygonize([shapely.union_all(walls)]))
-    for shape in shapes[shapely.contains(shapes, place)]:
+    for shape in shapes[shapely.contains(shapes, shapely.Point(start))]:
         others = int(np.count_nonzero(~shapely.intersects(walls, shape)))
         if not len(shape.interiors) and others:
             x1, y1, x2, y2 = shape.bounds
@@ -312,9 +311,9 @@ def _straightened(space: FreeSpace, legs: list[Int], start: Float | None) -> Flo
                 if _is_better(space, places[[here, there]], cost, least):
                     there += 1
                     continue
-            waypoints.append(places[there - 1])
             here = there - 1
-            there = there + 1
+            there += 1
+            waypoints.append(places[here])
     route: Float = np.array(waypoints) + space.ground.world.origin
     return route if start is None or (route[0] == start).all() else np.vstack([start, route])
 

@@ -161,14 +161,14 @@ class Collection(Snapshots):
     def run(self) -> Run:
         """The run of the simulation, which has ended."""
         simulation = self._simulation
-        imu = self.end()
         return self._rows.run(
             self.maps,
             obstacles=simulation.obstacles,
             film=simulation.film,
             radius=simulation.radius,
             estimate=simulation.estimate,
-            imu=imu,
+            # It also keeps the last map.
+            imu=self.end(),
             cloud_sensors=simulation.cloud_sensors,
         )
 
@@ -190,14 +190,15 @@ def row_type(
     """
     beams = (sum(each.beams for each in lasers),)
     echoes = lasers[0].echoes
-    fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
-    fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
-    fields.append(("walls", np.int64, beams))
+    fields: list[Any] = [
+        ("times", np.float64), ("poses", np.float64, 3), ("ranges", np.float64, beams),
+        ("truth", np.float64, beams), ("walls", np.int64, beams),
+    ]  # fmt: skip
     if world.materials:
         fields.append(("intensities", np.float64, beams))
         if echoes > 1:
-            each_echo = (*beams, echoes)
-            fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
+            names = ("echoes", "echo_intensities")
+            fields += [(name, np.float64, (*beams, echoes)) for name in names]
     if any(each.scan_duration for each in lasers):
         fields.append(("motions", np.float64, (len(lasers), 3)))
     fields += [(name, np.float64, shape) for name, shape in motion.items()]

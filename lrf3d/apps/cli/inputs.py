@@ -292,7 +292,7 @@ def start(args: Namespace) -> int | None:
     # Commands that need the kernels of casting, mapping or SLAM.
     compiled = ("run", "map", "slam", "sweep", "localise")
     with ExitStack() as stack:
-        console = Console(args.command, args.json, args.quiet, args.verbose, stack)
+        console = Console(args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
         planar = args.command == "sweep" or getattr(args, "caster", None) == "planar"
         parts = ["slam"] * bool(slam) + ["planar"] * planar

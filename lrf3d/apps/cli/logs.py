@@ -191,8 +191,7 @@ def _localise_recorded(
              f" probability of {found.probability:.2g}")  # fmt: skip
     world = known.world if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
-    poses = found.poses[chosen]
-    save_tum(found.log.times[chosen], poses, output.path / "trajectory.tum")
+    save_tum(found.log.times[chosen], found.poses[chosen], output.path / "trajectory.tum")
     rows = [*log_rows(log), *(("", note) for note in found.log.notes if note not in log.notes)]
     rows.append(("map", f"{args.world}, {counted(len(world.segments), 'wall')}"))
     for each in found.stretches:
@@ -200,8 +199,10 @@ def _localise_recorded(
         rows.append(("carried" if each.carried else "found", (
             f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
             f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
-    rows.append(("scans", f"{len(chosen):,} of {len(found.poses):,} placed on the map"))
-    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    rows += [
+        ("scans", f"{len(chosen):,} of {len(found.poses):,} placed on the map"),
+        ("time", f"{milliseconds():.2f} ms a scan"),
+    ]
     output.finish(
         {**found.summary(), "milliseconds_a_scan": milliseconds()},
         {"trajectory": "trajectory.tum"},
