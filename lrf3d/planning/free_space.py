@@ -20,9 +20,8 @@ from scipy.spatial import cKDTree
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.planning import Side
-from lrf3d.world import World
 from lrf3d.world.grid_walls import grown, on_border, parts_of
-from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import groups
 
 # Width of an opening [m] above which the space behind it is outside, like the land around.

@@ -24,8 +24,7 @@ from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
 from lrf3d.planning.tour import find_tour, paths_from
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
 from lrf3d.robot.kinematics import MOST_POSES, RADIUS
-from lrf3d.world import World
-from lrf3d.world.model import check_size
+from lrf3d.world.model import World, check_size
 
 # Largest range [m] of a laser for which none is given.
 RANGE_MAX = LaserRangeFinder().range_max

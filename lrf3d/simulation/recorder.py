@@ -20,9 +20,8 @@ from lrf3d.base.interrupts import Progress, check, silent, stoppable
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.geometry.lines import LARGEST_TIME, Float, number, sealed, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import lasers_of
-from lrf3d.laser.scan import LIGHT
+from lrf3d.laser.range_finder import LaserRangeFinder, lasers_of
+from lrf3d.laser.scan import LIGHT, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL

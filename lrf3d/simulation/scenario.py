@@ -38,10 +38,9 @@ from lrf3d.simulation.tables import (
     read_file,
     read_settings,
 )
-from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
 from lrf3d.world.files import find_world, load_world_file
-from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:

@@ -25,10 +25,9 @@ from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run, load_log, odometry_of
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario, read_scenario_file, scenario_of
-from lrf3d.world import World
 from lrf3d.world.cameras import check_view
 from lrf3d.world.files import find_world, is_plan
-from lrf3d.world.model import size_problem
+from lrf3d.world.model import World, size_problem
 from lrf3d.world.toml_file import WorldFile
 
 # A map, and the log of a drive on it.
