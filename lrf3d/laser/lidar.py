@@ -181,7 +181,6 @@ class Lidar(Mounted):
         """
         check_names("lidar", [name], PRESETS)
         lowest, highest, layers, columns, nearest, farthest = PRESETS[name]
-        elevations = np.radians(np.linspace(lowest, highest, layers))
         settings = {
             "range_min": float(nearest),
             "range_max": float(farthest),
@@ -190,7 +189,7 @@ class Lidar(Mounted):
             "columns": columns,
             "prisms": PRISMS.get(name, ()),
         }
-        return cls(elevations, **(settings | changes))
+        return cls(np.radians(np.linspace(lowest, highest, layers)), **(settings | changes))
 
     @classmethod
     def of(cls, lrf: LaserRangeFinder, attitude: tuple[float, float]) -> "Lidar":

@@ -153,8 +153,10 @@ def find_route(
     if goals is None:
         missed, long = missed_rooms(space, legs)
         notes += long
-    said = tuple(notes + missed)
-    return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, said, tuple(missed))
+    drive = pace, lookahead
+    return PlannedRoute(
+        waypoints, space.side, fitting, *drive, tuple(notes + missed), tuple(missed)
+    )
 
 
 def _legs(space: FreeSpace, goals: Float, missed: list[Note]) -> list[Int]:

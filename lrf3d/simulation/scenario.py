@@ -153,9 +153,9 @@ class Scenario(Value):
         obstacles = tuple(each_of(self.obstacles, DynamicObstacle, "scenario: obstacle"))
         levels = np.ravel(numbers(self.compared, "scenario: compared")).tolist()
         compared = tuple(number(each, "scenario: compared") for each in levels)
-        object.__setattr__(self, "compared", compared)
-        object.__setattr__(self, "noise", as_noise(self.noise))
-        object.__setattr__(self, "obstacles", obstacles)
+        given = {"compared": compared, "noise": as_noise(self.noise), "obstacles": obstacles}
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         drive = "a route to plan"

@@ -248,8 +248,7 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     """
     import shapely
 
-    data = _described(path)
-    values = _values(data)
+    values = _values(_described(path))
     source = _picture_of(path, values["image"])
     frame = Pose(*values["origin"].tolist()).inverse()
 

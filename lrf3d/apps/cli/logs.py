@@ -246,11 +246,11 @@ def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     with new_file(args, out, [args.log]) as place:
         write_log(worse, place)
     there, left = (sum(int(scan.hits.sum()) for scan in each.scans) for each in (kept, worse))
-    lost = there - left
     thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
     done = (
         f"{len(worse):,} of {counted(len(log), 'scan')} kept{thinned};"
-        f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
+        f" {there - left:,} of {there:,} returns lost, noise of {args.noise:g} m added to the"
+        " others"
     )
     timed = sum(scan.time_increment != 0.0 for scan in log.scans)
     rows = [
@@ -262,7 +262,7 @@ def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     figures = {
         "file": str(out), "log": log.counts, "poses": log.source, **changes, "seed": args.seed,
         "scans": len(worse), "returns": there,
-        "returns_lost": lost,
+        "returns_lost": there - left,
     }  # fmt: skip
     console.print(figures, [*log_rows(worse), *_filled(rows)])
 
