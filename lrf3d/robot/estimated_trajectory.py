@@ -114,11 +114,13 @@ class EstimatedTrajectory(Value):
         new_index = np.full(len(self), -1)
         new_index[scans] = np.arange(len(scans))
         known = new_index[self.known_scans] >= 0
-        pairs = [new_index[each] for each in (self.closures, self.dropped_closures)]
+        closures = new_index[self.closures]
+        dropped = new_index[self.dropped_closures]
         return EstimatedTrajectory(
             self.poses[scans],
             new_index[self.known_scans[known]],
             self.covariances[known],
-            *(each[(each >= 0).all(axis=1)] for each in pairs),
+            closures[(closures >= 0).all(axis=1)],
+            dropped[(dropped >= 0).all(axis=1)],
             self.odometry[scans] if len(self.odometry) else self.odometry,
         )
