@@ -227,10 +227,12 @@ def test_dynamic_obstacles_are_seen_and_run_into():
     assert info["collided"] and info["pose"][0] == pytest.approx(5.7 - scenario.radius)
 
 
+SQUARE = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
+
+
 def test_robots_that_are_together_see_and_touch_each_other():
-    world = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
     lasers = {"lrf": lrf3d.LaserRangeFinder(-np.pi, np.pi, 73, range_max=20.0)}
-    scenario = Scenario(world, **lasers, noise=lrf3d.ProportionalNoise(0.0), radius=0.5, speed=1.0)
+    scenario = Scenario(SQUARE, **lasers, noise=lrf3d.ProportionalNoise(0.0), radius=0.5, speed=1.0)
     both = DriveVectorEnv(2, scenario, together=True)
     both.reset(seed=0)
     assert np.hypot(*(both.poses[0] - both.poses[1])[:2]) > 1.0
@@ -251,14 +253,13 @@ def test_robots_that_are_together_see_and_touch_each_other():
 
 
 def test_several_lasers_are_one_observation_and_moving_obstacles_are_touched_on_the_way():
-    world = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
     front = lrf3d.LaserRangeFinder(0.0, 0.0, 1, range_max=20.0, mount=(0.5, 0, 0), name="front")
     rear = lrf3d.LaserRangeFinder(0.0, 0.0, 1, range_max=8.0, mount=(-0.5, 0, np.pi), name="rear")
     silent = lrf3d.ProportionalNoise(0.0)
     # The ball is past the robot at both ends of the step, and goes through it in between.
     ball = lrf3d.Trajectory([0.0, 0.25], [(0.0, -2.0, 0), (0.0, 2.0, 0)])
     thrown = lrf3d.DynamicObstacle([[-0.1, -0.1], [0.1, -0.1], [0.0, 0.1]], ball)
-    scenario = Scenario(world, front, silent, further=((rear, silent),), obstacles=(thrown,))
+    scenario = Scenario(SQUARE, front, silent, further=((rear, silent),), obstacles=(thrown,))
     env = DriveVectorEnv(1, scenario)
     observation, _ = env.reset(seed=1, options={"pose": (0.0, 0.0, 0.0), "goal": (8.0, 8.0)})
     assert observation["ranges"].tolist() == [[8.5, 8.0]]

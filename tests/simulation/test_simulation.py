@@ -77,22 +77,18 @@ def run():
 
 
 @pytest.mark.parametrize(
-    "scans", [(), (0, 1), (0, 1, 1), (2, 1, 0), (0, 1, 3), (-1, 0, 1), (0, 1, 1.5)]
-)
-def test_map_snapshots_belong_to_scans_in_order(run, scans):
-    with pytest.raises(InputError, match="snapshot_scans"):
-        replace(run, snapshot_scans=scans)
-
-
-@pytest.mark.parametrize(
     ("name", "value", "said"),
     [
+        *(
+            ("snapshot_scans", scans, "snapshot_scans")
+            for scans in ((), (0, 1), (0, 1, 1), (2, 1, 0), (0, 1, 3), (-1, 0, 1), (0, 1, 1.5))
+        ),
         ("intensities", np.ones((2, 181)), "intensities"),
         ("echoes", np.ones((3, 180, 2)), "echoes"),
         ("estimate", lrf3d.EstimatedTrajectory(np.zeros((2, 3))), "of 2 scans; expected 3"),
     ],
 )
-def test_light_and_estimate_are_of_as_many_scans(run, name, value, said):
+def test_snapshots_light_and_estimate_belong_to_the_scans_in_order(run, name, value, said):
     with pytest.raises(InputError, match=said):
         replace(run, **{name: value})
 
