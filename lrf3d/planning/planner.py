@@ -153,10 +153,8 @@ def find_route(
     if goals is None:
         missed, long = missed_rooms(space, legs)
         notes += long
-    drive = pace, lookahead
-    return PlannedRoute(
-        waypoints, space.side, fitting, *drive, tuple(notes + missed), tuple(missed)
-    )
+    said = tuple(notes + missed)
+    return PlannedRoute(waypoints, space.side, fitting, pace, lookahead, said, tuple(missed))
 
 
 def _legs(space: FreeSpace, goals: Float, missed: list[Note]) -> list[Int]:

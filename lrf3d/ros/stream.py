@@ -170,8 +170,8 @@ class DrivenRobot:
         self._joints = Topic(f"{prefix}joint_states", "sensor_msgs/msg/JointState")
         self.topics = [
             *self._scans, self._odom, self._truth, MOVING, self._model, self._begins, self._joints,
-            *[self._imu] * (scenario.imu is not None), *[self._lines] * settings.lines,
         ]  # fmt: skip
+        self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
         self.sensors = CloudSensors.of(scenario.lidars, scenario.depth_cameras, scenario.noise)
         self._clouds = {
             name: Topic(prefix + name, kind) for name, kind in cloud_topics(self.sensors).items()

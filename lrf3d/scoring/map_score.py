@@ -198,8 +198,10 @@ def score_map(
         raise InputError(
             f"visible objects of shape {visible_objects.shape}: expected one a segment"
         )
-    # Largest distance of a right sample from a wall [m], and angle of its segment with it [rad].
-    near = {"reach": 0.1, "angle": np.deg2rad(5)}
+    near = {
+        "reach": 0.1,  # Largest distance of a right sample from a wall [m].
+        "angle": np.deg2rad(5),  # Largest angle between its segment and the wall [rad].
+    }
     offsets = sample_offsets(found, walls, **near)
     right = np.isfinite(offsets)
     recalled = np.isfinite(sample_offsets(visible, found, **near))
