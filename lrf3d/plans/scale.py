@@ -124,16 +124,7 @@ def printed_scale(texts: list[tuple[str, Any]], segments: Float) -> tuple[float,
         texts: Each with its place (2,) [m], or with the length [m] of its dimension.
         segments: Lines (n, 4) [m]: one whose middle is near a text may be its dimension.
     """
-    middles = segments.reshape(-1, 2, 2).mean(axis=1)
-    long = lengths(segments)
-    votes = list[tuple[float, str]]()
-    for text, place in texts:
-        drawn = np.atleast_1d(place)
-        shown = _lengths_of(text.strip())
-        if shown and len(drawn) == 2:
-            drawn = long[np.hypot(*(middles - drawn).T) < BESIDE * long]
-        votes += [(each / line, text) for each in shown for line in drawn if line > 0.0]
-    votes.sort()
+    votes = _votes(texts, segments)
     factors = np.array([factor for factor, _ in votes])
     ends = np.searchsorted(factors, factors * (1.0 + AGREE), "right")
     agreed = [len({text for _, text in votes[n:end]}) for n, end in enumerate(ends)]
@@ -147,6 +138,20 @@ def printed_scale(texts: list[tuple[str, Any]], segments: Float) -> tuple[float,
     ]
     fits = [each for each in chosen if EXTENT[0] <= each * size <= EXTENT[1]] or chosen
     return min(fits, key=lambda factor: abs(np.log(factor))), most
+
+
+def _votes(texts: list[tuple[str, Any]], segments: Float) -> list[tuple[float, str]]:
+    """The factors by which each text may correct its lines, in their order, each with its text."""
+    middles = segments.reshape(-1, 2, 2).mean(axis=1)
+    long = lengths(segments)
+    votes = list[tuple[float, str]]()
+    for text, place in texts:
+        drawn = np.atleast_1d(place)
+        shown = _lengths_of(text.strip())
+        if shown and len(drawn) == 2:
+            drawn = long[np.hypot(*(middles - drawn).T) < BESIDE * long]
+        votes += [(each / line, text) for each in shown for line in drawn if line > 0.0]
+    return sorted(votes)
 
 
 def _lengths_of(text: str) -> list[float]:
