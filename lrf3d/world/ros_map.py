@@ -280,11 +280,9 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     erased = shapely.contains_xy(area, columns + 0.5, rows + 0.5)
     grey = pixels_of(source)[::-1, :, 0].copy()
     free, full = (255 - FREE, 255 - OCCUPIED) if values["negate"] else (FREE, OCCUPIED)
-    # A border of free cells, for a map without others.
-    known = np.pad(grey, 1, constant_values=free)
-    place = distance_transform_edt(np.pad(occupied, 1), return_distances=False, return_indices=True)
-    places = place[:, rows[erased] + 1, columns[erased] + 1]
-    grey[rows[erased], columns[erased]] = known[tuple(places)]
+    known = np.where(occupied.all(), np.uint8(free), grey)
+    near = distance_transform_edt(occupied, return_distances=False, return_indices=True)
+    grey[rows[erased], columns[erased]] = known[tuple(near[:, rows[erased], columns[erased]])]
     points, line = shapely.get_coordinates(shapely.get_parts(came), return_index=True)
     joined = line[1:] == line[:-1]
     row, column = _walled_cells(np.hstack([points[:-1][joined], points[1:][joined]]))

@@ -309,7 +309,8 @@ def _too_narrow(space: FreeSpace, start: Float | None, bare: Ground, rooms: Int)
 
     def entered(ground: Ground, radius: float) -> list[int]:
         with suppress(InputError):
-            return entered_rooms(find_free_space(ground, radius, start=start), bare, rooms).tolist()
+            found = find_free_space(ground, radius, start=start)
+            return [*map(int, entered_rooms(found, bare, rooms))]
         return []
 
     cause = dict.fromkeys(entered(bare, space.radius), "furniture is in the way of")
