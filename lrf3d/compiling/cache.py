@@ -22,6 +22,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite.binding import parse_assembly
 from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 from numba.core.dispatcher import Dispatcher
@@ -158,6 +159,20 @@ class _CacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     """Numba's cache of compiled functions, which raises where no folder can be written."""
 
     _locator_classes = (*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator)
+
+    def reduce(self, result: Any) -> Any:
+        """What is saved of a kernel: its machine code, and the names by which Python finds it.
+
+        No kernel is linked with a saved one, so the code for linking, the text of the types and
+        the environments of what the kernel calls stay out: they are four fifths of the file, and
+        numba loads its compiler for NumPy's functions with them.
+        """
+        (name, kind, (machine_code, _)), *rest, _, reload, _ = super().reduce(result)
+        described = result.fndesc
+        found = described.llvm_cpython_wrapper_name, described.llvm_func_name
+        stubs = "".join(f'define void @"{each}"() {{ unreachable }}\n' for each in found)
+        names = parse_assembly(stubs).as_bitcode()
+        return (name, kind, (machine_code, names)), *rest, "", reload, ()
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
