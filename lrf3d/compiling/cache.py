@@ -22,20 +22,36 @@ from typing import Any
 
 import numba
 import numpy as np
-from llvmlite.binding import parse_assembly
+from llvmlite.binding import add_symbol, get_host_cpu_features, parse_assembly
 from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 from numba.core.dispatcher import Dispatcher
-from numba.core.runtime import rtsys
+from numba.core.runtime._nrt_python import c_helpers
 from numba.core.serialize import dumps
 
 from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.base.files import replacing
 
-VERSIONS = (numba.__version__, np.__version__)
+# Versions that decide on machine code: numba's, and NumPy's but for its last number.
+VERSIONS = (numba.__version__, np.__version__.rpartition(".")[0])
+
+# Kernels that a release brings. Where there are none for this version of numba, or the processor is
+# older than theirs, kernels are compiled.
+RELEASED = Path(__file__).with_name("released") / numba.__version__
+
+# Processor, by LLVM's name and without other features, that kernels are released for.
+PROCESSOR = ("x86-64-v3", "")
+
+# What its instructions need, by LLVM's names: processors have it since 2015.
+NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 
 # Size of the digest that begins a file [bytes].
 DIGEST_SIZE = 32
+
+# What counts references, which kernels call, by the names that they have in machine code. Numba's
+# own way, `rtsys.initialize`, compiles more than saved kernels need: 30 MB in each process.
+for _name, _address in c_helpers.items():
+    add_symbol(_name if _name.startswith("_") else f"NRT_{_name}", _address)
 
 # Kinds of functions and types that their names determine, at given versions of the packages.
 _NAMED = (type, BuiltinFunctionType, np.ufunc, type(np.where))
@@ -190,12 +206,17 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         self._compilers = compilers
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """The machine code for a signature; None if the kernel has to be compiled."""
+        """The machine code for a signature; None if the kernel has to be compiled.
+
+        What was compiled for this very processor comes before what a release brought.
+        """
         self._cache_file, self._stamp = self, stamp_of(self._py_func, *self._compilers)
-        # What counts references, which kernels call. Numba's own method loads all that compiling
-        # takes, too: half a second, and 40 MB.
-        rtsys.initialize(target_context)
+        self._processor: tuple[str, str] | None = None
         found = self._load_overload(signature, target_context)
+        if found is None and _has_released():
+            self._processor = PROCESSOR
+            found = self._load_overload(signature, target_context)
+            self._processor = None
         if found is None:
             _announce()
         return found
@@ -211,7 +232,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         """The data that numba saved under a key, or None."""
         # An installation that cannot be written may have come with its kernels.
         beside = Path(self._py_func.__code__.co_filename).parent / "__pycache__"
-        for folder in (Path(self._cache_path), beside):
+        own = Path(self._cache_path), beside
+        for folder in (RELEASED,) if self._processor else own:
             path = folder / self._file_name(key)
             with suppress(OSError):
                 kept = path.read_bytes()
@@ -239,7 +261,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
         kinds = [kind_of(kind) for kind in signature]
-        rows = codegen.magic_tuple(), kinds, numba.config.BOUNDSCHECK
+        system, *own = codegen.magic_tuple()
+        rows = (system, *(self._processor or own)), kinds, numba.config.BOUNDSCHECK
         return sha256(repr(rows).encode()).hexdigest()
 
     def _name_of_kernel(self) -> str:
@@ -249,6 +272,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _file_name(self, key: str) -> str:
         return f"{self._name_of_kernel()}-{self._stamp}-{key[:16]}.nbc"
+
+
+@cache
+def _has_released() -> bool:
+    """Whether there are released kernels that this processor runs."""
+    return RELEASED.is_dir() and all(map(get_host_cpu_features().get, NEEDED))
 
 
 @cache

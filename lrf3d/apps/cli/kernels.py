@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
@@ -33,7 +34,8 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     if given := os.environ.get("NUMBA_CACHE_DIR"):
         writable = [Path(given).parent]
         cache = Path(given)
-    caches = package / "mapping/robust/__pycache__", cache
+    released = package / "compiling/released" / version("numba")
+    caches = package / "mapping/robust/__pycache__", cache, released
     reasons_against = (
         "NUMBA_DISABLE_JIT" in os.environ,
         core_count() < 2,
