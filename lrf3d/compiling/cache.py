@@ -184,11 +184,9 @@ class _CacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
         numba loads its compiler for NumPy's functions with them.
         """
         (name, kind, (machine_code, _)), *rest, _, reload, _ = super().reduce(result)
-        described = result.fndesc
-        found = described.llvm_cpython_wrapper_name, described.llvm_func_name
-        stubs = "".join(f'define void @"{each}"() {{ unreachable }}\n' for each in found)
-        names = parse_assembly(stubs).as_bitcode()
-        return (name, kind, (machine_code, names)), *rest, "", reload, ()
+        found = result.fndesc.llvm_cpython_wrapper_name, result.fndesc.llvm_func_name
+        stubs = parse_assembly("".join(f'define void @"{n}"() {{ unreachable }}\n' for n in found))
+        return (name, kind, (machine_code, stubs.as_bitcode())), *rest, "", reload, ()
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
@@ -200,6 +198,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     _impl_class = _CacheImpl
     _cache_file: Any
+    _key_of_release: str
 
     def __init__(self, function: Callable[..., Any], *compilers: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -211,12 +210,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         What was compiled for this very processor comes before what a release brought.
         """
         self._cache_file, self._stamp = self, stamp_of(self._py_func, *self._compilers)
-        self._processor: tuple[str, str] | None = None
         found = self._load_overload(signature, target_context)
-        if found is None and _has_released():
-            self._processor = PROCESSOR
-            found = self._load_overload(signature, target_context)
-            self._processor = None
         if found is None:
             _announce()
         return found
@@ -232,9 +226,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         """The data that numba saved under a key, or None."""
         # An installation that cannot be written may have come with its kernels.
         beside = Path(self._py_func.__code__.co_filename).parent / "__pycache__"
-        own = Path(self._cache_path), beside
-        for folder in (RELEASED,) if self._processor else own:
-            path = folder / self._file_name(key)
+        places = [(Path(self._cache_path), key), (beside, key)]
+        if _has_released():
+            places.append((RELEASED, self._key_of_release))
+        for folder, name in places:
+            path = folder / self._file_name(name)
             with suppress(OSError):
                 kept = path.read_bytes()
                 # A flipped bit of machine code would run: what is not whole is compiled again.
@@ -261,9 +257,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
         kinds = [kind_of(kind) for kind in signature]
-        system, *own = codegen.magic_tuple()
-        rows = (system, *(self._processor or own)), kinds, numba.config.BOUNDSCHECK
-        return sha256(repr(rows).encode()).hexdigest()
+        own = codegen.magic_tuple()
+        key, self._key_of_release = (
+            sha256(repr((processor, kinds, numba.config.BOUNDSCHECK)).encode()).hexdigest()
+            for processor in (own, (own[0], *PROCESSOR))
+        )
+        return key
 
     def _name_of_kernel(self) -> str:
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"

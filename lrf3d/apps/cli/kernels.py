@@ -29,12 +29,10 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     """
     package = Path(__file__).parents[2]
     home = Path(os.path.expanduser("~"))
-    writable = [package, home]
-    cache = home / ".cache/numba"
-    if given := os.environ.get("NUMBA_CACHE_DIR"):
-        writable = [Path(given).parent]
-        cache = Path(given)
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    writable = [Path(given).parent] if given else [package, home]
     released = package / "compiling/released" / version("numba")
+    cache = Path(given or home / ".cache/numba")
     caches = package / "mapping/robust/__pycache__", cache, released
     reasons_against = (
         "NUMBA_DISABLE_JIT" in os.environ,
@@ -61,16 +59,13 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
 
     assert process.stdout is not None
     number = process.stdout.fileno()
-    rest = b""
     while True:
         check()
         if wait([number], 0.1):
             if not (printed := os.read(number, 4096)):
                 return
-            *lines, rest = (rest + printed).split(b"\n")
-            for line in lines:
-                done, total = map(int, line.split())
-                progress(done, total)
+            # Each line was written in one piece.
+            progress(*map(int, printed.splitlines()[-1].split()))
 
 
 def main(*parts: str) -> None:
