@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Callable, Set
 from contextlib import suppress
-from enum import EnumMeta
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -129,9 +128,8 @@ def _value(value: Any, names: Set[str], functions: list[Any], within: tuple[Any,
         if value.__module__.split(".")[0] in ("numpy", "numba"):
             return value.__module__, value.__qualname__
         return "function", _place(value, functions)
-    if isinstance(value, tuple | frozenset):
+    if isinstance(value, tuple):
         parts = [_value(part, names, functions, within) for part in value]
-        parts = sorted(parts, key=repr) if isinstance(value, frozenset) else parts
         return _value(type(value), names, functions), parts
     if isinstance(value, ModuleType) and (value is np or not hasattr(value, "__getattr__")):
         inside = () if value in within else sorted(names & vars(value).keys())
@@ -147,9 +145,6 @@ def _constant(value: Any) -> Any:
         return type(value).__name__, repr(value)
     if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
         return repr(value.dtype), value.shape, value.strides, sha256(value.tobytes()).hexdigest()
-    if isinstance(value, EnumMeta):
-        members: dict[str, Any] = dict(value.__members__)
-        return value.__qualname__, [(name, repr(one.value)) for name, one in members.items()]
     if type(value) in _NAMED:
         fields = getattr(value, "_fields", ()), repr(getattr(value, "_field_defaults", ()))
         return getattr(value, "__module__", ""), value.__name__, fields
@@ -224,12 +219,13 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load(self, key: str) -> Any:
         """The data that numba saved under a key, or None."""
-        # An installation that cannot be written may have come with its kernels.
-        beside = Path(self._py_func.__code__.co_filename).parent / "__pycache__"
-        places = [(Path(self._cache_path), key), (beside, key)]
-        if _has_released():
-            places.append((RELEASED, self._key_of_release))
-        for folder, name in places:
+        places = [
+            (Path(self._cache_path), key),
+            # An installation that cannot be written may have come with its kernels.
+            (Path(self._py_func.__code__.co_filename).parent / "__pycache__", key),
+            (RELEASED, self._key_of_release),
+        ]
+        for folder, name in places[: 2 + _has_released()]:
             path = folder / self._file_name(name)
             with suppress(OSError):
                 kept = path.read_bytes()

@@ -30,23 +30,28 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     package = Path(__file__).parents[2]
     home = Path(os.path.expanduser("~"))
     given = os.environ.get("NUMBA_CACHE_DIR")
-    writable = [Path(given).parent] if given else [package, home]
-    released = package / "compiling/released" / version("numba")
-    cache = Path(given or home / ".cache/numba")
-    caches = package / "mapping/robust/__pycache__", cache, released
+    homes = [Path(given).parent] if given else [package, home]
+    caches = (
+        package / "mapping/robust/__pycache__",
+        Path(given or home / ".cache/numba"),
+        package / "compiling/released" / version("numba"),
+    )
     reasons_against = (
         "NUMBA_DISABLE_JIT" in os.environ,
         core_count() < 2,
         os.name != "posix",
         any(next(cache.rglob(FILES), None) for cache in caches),
-        not any(os.access(folder, os.W_OK) for folder in writable),
+        not any(os.access(folder, os.W_OK) for folder in homes),
     )
     if any(reasons_against):
         return None
-    # Numba colours the messages of its trials of types, which takes longer than the trials.
-    settings = {"NUMBA_DISABLE_JIT": "1", "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}
-    environment = {**os.environ, **settings}
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+    environment = {
+        **os.environ,
+        "NUMBA_DISABLE_JIT": "1",
+        # Numba colours the messages of its trials of types, which takes longer than the trials.
+        "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1",
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+    }
     return Popen(
         [sys.executable, "-m", "lrf3d.apps.cli.kernels", *parts], env=environment,
         stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True,
@@ -58,11 +63,10 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
     from multiprocessing.connection import wait
 
     assert process.stdout is not None
-    number = process.stdout.fileno()
     while True:
         check()
-        if wait([number], 0.1):
-            if not (printed := os.read(number, 4096)):
+        if wait([process.stdout.fileno()], 0.1):
+            if not (printed := os.read(process.stdout.fileno(), 4096)):
                 return
             # Each line was written in one piece.
             progress(*map(int, printed.splitlines()[-1].split()))
@@ -102,7 +106,7 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
 
     def recorded(kernel: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any) -> Any:
-            types = tuple(numba.typeof(each) for each in args)
+            types = tuple(map(numba.typeof, args))
             known = {**calls, (kernel.__module__, kernel.__qualname__, types): None}
             found = kernel(*args)
             # What a kernel calls becomes part of it.
@@ -118,22 +122,18 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
     world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
     lrf = lrf3d.LaserRangeFinder(beams=31)
     drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
-    drives: list[dict[str, Any]] = [{"caster": "embree"}]
+    lrf3d.simulate(world, drive, lrf, caster="embree", rng=0)
     if "slam" in parts:
-        from lrf3d.slam import SlamMapper
-
-        drives.append({"caster": "embree", "mapper": SlamMapper()})
+        mapper = import_module("lrf3d.slam").SlamMapper()
+        lrf3d.simulate(world, drive, lrf, caster="embree", mapper=mapper, rng=0)
     if "planar" in parts:
-        drives.append({"caster": "planar"})
-    for settings in drives:
-        lrf3d.simulate(world, drive, lrf, **settings, rng=0)
+        lrf3d.simulate(world, drive, lrf, caster="planar", rng=0)
     return list(calls)
 
 
 def _compile(module: str, name: str, types: Any) -> None:
     gc.disable()  # What compiling leaves behind ends with the process.
-    kernel = getattr(import_module(module), name)
-    kernel.compile(types)
+    getattr(import_module(module), name).compile(types)
 
 
 if __name__ == "__main__":
