@@ -30,7 +30,6 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     package = Path(__file__).parents[2]
     home = Path(os.path.expanduser("~"))
     given = os.environ.get("NUMBA_CACHE_DIR")
-    homes = [Path(given).parent] if given else [package, home]
     caches = (
         package / "mapping/robust/__pycache__",
         Path(given or home / ".cache/numba"),
@@ -41,7 +40,10 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
         core_count() < 2,
         os.name != "posix",
         any(next(cache.rglob(FILES), None) for cache in caches),
-        not any(os.access(folder, os.W_OK) for folder in homes),
+        not any(
+            os.access(folder, os.W_OK)
+            for folder in ([Path(given).parent] if given else [package, home])
+        ),
     )
     if any(reasons_against):
         return None
@@ -124,8 +126,8 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
     drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
     lrf3d.simulate(world, drive, lrf, caster="embree", rng=0)
     if "slam" in parts:
-        mapper = import_module("lrf3d.slam").SlamMapper()
-        lrf3d.simulate(world, drive, lrf, caster="embree", mapper=mapper, rng=0)
+        slam = import_module("lrf3d.slam")
+        lrf3d.simulate(world, drive, lrf, caster="embree", mapper=slam.SlamMapper(), rng=0)
     if "planar" in parts:
         lrf3d.simulate(world, drive, lrf, caster="planar", rng=0)
     return list(calls)
