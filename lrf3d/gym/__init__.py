@@ -251,8 +251,12 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
             self._place(np.flatnonzero(again))
         # Gymnasium's vector infos mark by a second array which environments have a value.
         valid = np.ones(self.num_envs, np.bool_)
-        infos: dict[str, Any]
-        infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
+        infos: dict[str, Any] = {
+            "reached": reached,
+            "_reached": valid,
+            "collided": collided,
+            "_collided": valid,
+        }
         if self.autoreset is AutoresetMode.SAME_STEP and self._ended.any():
             infos = {**infos, "final_info": infos, "_final_info": self._ended}
             infos |= {"final_obs": self._observe(), "_final_obs": self._ended}

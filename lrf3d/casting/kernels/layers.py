@@ -137,8 +137,7 @@ def _first_lengths(rays: Records, skies: Skylines) -> Float:
     vectorised.
     """
     entries = skies.entries
-    counts = skies.counts
-    columns = len(counts)
+    columns = len(rays)
     dx = np.empty(columns + PADDING)
     dy = np.empty(columns + PADDING)
     found = np.empty(columns + PADDING)
@@ -149,14 +148,16 @@ def _first_lengths(rays: Records, skies: Skylines) -> Float:
     while stop < columns:
         start = stop
         stop += 1
-        if counts[start] == 0:
-            continue
         x = rays[start].x
         y = rays[start].y
+        # Azimuths without entries have any t, which nobody reads.
         wall = wall_of(entries[start])
-        while stop < columns and counts[stop] > 0 and wall_of(entries[stop]) == wall:
-            if rays[stop].x != x or rays[stop].y != y:
-                break
+        while (
+            stop < columns
+            and wall_of(entries[stop]) == wall
+            and rays[stop].x == x
+            and rays[stop].y == y
+        ):
             stop += 1
         lengths((x, y), dx, dy, wall, (start, stop), found)
     return found
