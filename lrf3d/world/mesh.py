@@ -279,9 +279,8 @@ def tops_of(triangles: Float, segments: Float, faces: Int, cut: float) -> Float:
     """
     tops: Float = triangles[faces, :, 2].max(axis=1)
     middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
-    high = float(triangles[..., 2].max())
     rising = np.arange(len(tops))
-    for level in np.linspace(cut, high, STEPS, endpoint=False) + UPRIGHT_WITHIN:
+    for level in np.linspace(cut, triangles[..., 2].max(), STEPS, endpoint=False) + UPRIGHT_WITHIN:
         lower = rising[tops[rising] < level]
         standing, own = level_cut(triangles, level)
         tree = shapely.STRtree(shapely.linestrings(standing.reshape(-1, 2, 2)))
