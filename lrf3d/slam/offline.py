@@ -194,14 +194,21 @@ def solve_log(
     for name, pairs in (("close", close), ("apart", apart)):
         _check_pairs(name, pairs, recording)
     start = recording.path.at(recording.poses_before[:1])[0]
-    new_slam = partial(
-        Slam, start=start, laser_offset=offset, key_distance=key_distance, close=close, apart=apart
-    )
-    solved = _solution(recording, known, new_slam, progress)
-    # Pairs of scans are counted along the whole drive.
-    if close or apart or not solved.lifted:
+
+    def slam_of(first: int, end: int, **options: Any) -> Slam:
+        near, far = ([(a - first, b - first) for a, b in pairs if first <= a and b < end]
+                     for pairs in (close, apart))  # fmt: skip
+        return Slam(
+            start=start, laser_offset=offset, key_distance=key_distance, close=near, apart=far,
+            **options,
+        )  # fmt: skip
+
+    solved = _solution(recording, known, partial(slam_of, 0, len(recording.scans)), progress)
+    # A pair of scans before and after a lift ties its parts together.
+    tied = any(a < lift <= b for lift in solved.lifted for a, b in (*close, *apart))
+    if tied or not solved.lifted:
         return solved
-    return _in_parts(solved, recording, known, new_slam, progress)
+    return _in_parts(solved, recording, known, slam_of, progress)
 
 
 def _solution(
@@ -213,7 +220,8 @@ def _solution(
     poses = slam.refined(recording.scans)
     # The lag is fitted again: now the turns between all scans are known, not just between some.
     recording = fitted_again(recording, np.diff(poses[:, 2]))
-    recording = with_more_jumps(recording, sum(scan.jumped for scan in slam.tracked))
+    jumped = np.array([scan.jumped for scan in slam.tracked])
+    recording = with_more_jumps(recording, poses, jumped)
     both = None
     if known is not None:
         surfaces = map(slam.converter.surface, recording.scans)
@@ -225,7 +233,7 @@ def _in_parts(
     whole: SolvedLog,
     recording: Recording,
     known: Run | None,
-    new_slam: Callable[..., Slam],
+    slam_of: Callable[..., Slam],
     progress: Progress,
 ) -> SolvedLog:
     """Solve each part of a drive whose robot was lifted, and place it on the map of the others.
@@ -237,7 +245,8 @@ def _in_parts(
     bounds.sort(key=lambda each: each[1] - each[0] < enough)
     words = list(map(nothing_in_common, whole.lifted))
     try:
-        solved = _solution(recording.part(range(*bounds[0])), known, new_slam, progress)
+        part = recording.part(range(*bounds[0]))
+        solved = _solution(part, known, partial(slam_of, *bounds[0]), progress)
     except InputError:
         # The whole drive is on the earlier map, or can be solved, but not its first part.
         return whole
@@ -247,7 +256,7 @@ def _in_parts(
         part = recording.part(range(first, end))
         scans = f"scans {first} to {end - 1}"
         try:
-            solved = _solution(part, solved.run, new_slam, progress)
+            solved = _solution(part, solved.run, partial(slam_of, first, end), progress)
         except InputError:
             words.append(f"{scans} are left out: they are nowhere on the map of the others")
             continue

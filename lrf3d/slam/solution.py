@@ -250,6 +250,14 @@ class SolvedLog:
     def _slams(self) -> list[Slam]:
         return [self.slam] if self.parts is None else self.parts.slams
 
+    @property
+    def _length(self) -> float:
+        """Length [m] of the drive, without the leaps from each part, or drive, to the next."""
+        steps = np.hypot(*np.diff(self.run.trajectory.poses[:, :2], axis=0).T)
+        from_end = np.cumsum([len(each.tracked) for each in self._slams[::-1]])
+        steps[-from_end[from_end <= len(steps)]] = 0.0
+        return float(steps.sum())
+
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         log = self.log
@@ -274,7 +282,7 @@ class SolvedLog:
                 "solved_times": self.passes,
             },
             "slam": {
-                "length_m": self.run.trajectory.length,
+                "length_m": self._length,
                 "key_scans": sum(len(each.key_scans) for each in slams),
                 "loop_closures": sum(len(each.closures) for each in slams),
                 "loop_closures_dropped": sum(len(each.closer.unconfirmed) for each in slams),

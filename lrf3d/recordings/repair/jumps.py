@@ -108,8 +108,18 @@ JUMPS = Repair(
 )
 
 
-def with_more_jumps(recording: Recording, number: int) -> Recording:
-    """The recording with a number of jumps that SLAM found, added to those found here."""
+def with_more_jumps(recording: Recording, poses: Float, doubted: Bool) -> Recording:
+    """The recording with the jumps of doubted steps (k,), by scans at poses (k, 3), added to its own.
+
+    Such a step is a jump if it differs from that of the scans by as much as a corrupted line does.
+    """
+    steps = between(poses[:-1], poses[1:])
+    slips = [
+        between(odometry, step)
+        for odometry, step, doubt in zip(recording.increments[1:], steps, doubted[1:], strict=True)
+        if doubt and odometry is not None
+    ]
+    number = sum(max(np.hypot(x, y), abs(turn)) > OUT for x, y, turn in slips)
     found = recording.found.get(JUMPS.name)
     number += found.finding.number if found else 0
     jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number))}
