@@ -195,18 +195,17 @@ def solve_log(
         _check_pairs(name, pairs, recording)
     start = recording.path.at(recording.poses_before[:1])[0]
 
-    def slam_of(first: int, end: int, **options: Any) -> Slam:
-        near, far = ([(a - first, b - first) for a, b in pairs if first <= a and b < end]
-                     for pairs in (close, apart))  # fmt: skip
-        return Slam(
-            start=start, laser_offset=offset, key_distance=key_distance, close=near, apart=far,
-            **options,
-        )  # fmt: skip
+    new_slam = partial(Slam, start=start, laser_offset=offset, key_distance=key_distance)
 
-    solved = _solution(recording, known, partial(slam_of, 0, len(recording.scans)), progress)
+    def slam_of(first: int, end: int) -> Callable[..., Slam]:
+        near, far = (_within(pairs, first, end) for pairs in (close, apart))
+        return partial(new_slam, close=near, apart=far)
+
+    solved = _solution(recording, known, slam_of(0, len(recording.scans)), progress)
+    parts = pairwise([0, *solved.lifted, len(recording.scans)])
+    own = [pair for part in parts for pair in _within([*close, *apart], *part)]
     # A pair of scans before and after a lift ties its parts together.
-    tied = any(a < lift <= b for lift in solved.lifted for a, b in (*close, *apart))
-    if tied or not solved.lifted:
+    if not solved.lifted or len(own) < len(close) + len(apart):
         return solved
     return _in_parts(solved, recording, known, slam_of, progress)
 
@@ -220,8 +219,8 @@ def _solution(
     poses = slam.refined(recording.scans)
     # The lag is fitted again: now the turns between all scans are known, not just between some.
     recording = fitted_again(recording, np.diff(poses[:, 2]))
-    jumped = np.array([scan.jumped for scan in slam.tracked])
-    recording = with_more_jumps(recording, poses, jumped)
+    doubted = [number for number, scan in enumerate(slam.tracked) if scan.jumped]
+    recording = with_more_jumps(recording, poses, doubted)
     both = None
     if known is not None:
         surfaces = map(slam.converter.surface, recording.scans)
@@ -233,7 +232,7 @@ def _in_parts(
     whole: SolvedLog,
     recording: Recording,
     known: Run | None,
-    slam_of: Callable[..., Slam],
+    slam_of: Callable[[int, int], Callable[..., Slam]],
     progress: Progress,
 ) -> SolvedLog:
     """Solve each part of a drive whose robot was lifted, and place it on the map of the others.
@@ -246,7 +245,7 @@ def _in_parts(
     words = list(map(nothing_in_common, whole.lifted))
     try:
         part = recording.part(range(*bounds[0]))
-        solved = _solution(part, known, partial(slam_of, *bounds[0]), progress)
+        solved = _solution(part, known, slam_of(*bounds[0]), progress)
     except InputError:
         # The whole drive is on the earlier map, or can be solved, but not its first part.
         return whole
@@ -256,7 +255,7 @@ def _in_parts(
         part = recording.part(range(first, end))
         scans = f"scans {first} to {end - 1}"
         try:
-            solved = _solution(part, solved.run, partial(slam_of, first, end), progress)
+            solved = _solution(part, solved.run, slam_of(first, end), progress)
         except InputError:
             words.append(f"{scans} are left out: they are nowhere on the map of the others")
             continue
@@ -281,6 +280,11 @@ def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str])
         return log
     source = odometry_of(log) if poses == "odometry" else poses
     return load_log(log, poses=source, without_repairs=without_repairs)
+
+
+def _within(pairs: Sequence[tuple[int, int]], first: int, end: int) -> list[tuple[int, int]]:
+    """The pairs of scans within a part of a drive, counted from its first scan."""
+    return [(a - first, b - first) for a, b in pairs if first <= a and b < end]
 
 
 def _check_pairs(name: str, pairs: Any, recording: Recording) -> None:

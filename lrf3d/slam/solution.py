@@ -302,8 +302,8 @@ class SolvedLog:
 def nothing_in_common(number: int) -> str:
     """What happened before a scan at which a robot had been put down, in words."""
     return (
-        f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
-        " down, or the log was cut"
+        f"scans {number - 1} and {number} show nothing in common: the robot was lifted or pushed"
+        " elsewhere, or the log was cut"
     )
 
 
