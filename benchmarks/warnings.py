@@ -36,7 +36,7 @@ KINDS = {
     "stamps that are late or early": ("are stamped",),
     "jumps of the odometry": ("jump",),
     "the robot itself in view": ("robot itself",),
-    "walls that bend in turns": ("bend in turns", "unlike the declared"),
+    "walls that bend in turns": ("bend in turns", "unlike the declared", "contradict the declared"),
     "another fan of beams": ("as the scans turn",),
     "another unit": ("metres", "degrees", "expected ranges"),
     "a robot that was lifted": ("lifted",),
@@ -233,10 +233,13 @@ def said(log: LaserLog, how: str = "slam") -> str:
                 lrf3d.map_log(log)
             elif how == "repair":
                 [recording] = repair(log, SOLVING)
-                notes += [*recording.sentences, doubtful_mount(recording.log.scans) or ""]
+                notes.append(doubtful_mount(recording.log.scans) or "")
             else:
                 solved = solve_log(log)
-                notes += [*solved.warnings, *solved.recording.sentences]
+                recording = solved.recording
+                notes += solved.warnings
+            if how != "map":
+                notes += [*recording.log.notes, *recording.sentences]
         except InputError as error:
             notes.append(str(error))
     return " ".join([*(str(each.message) for each in caught), *notes])

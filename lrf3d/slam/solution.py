@@ -250,14 +250,6 @@ class SolvedLog:
     def _slams(self) -> list[Slam]:
         return [self.slam] if self.parts is None else self.parts.slams
 
-    @property
-    def _length(self) -> float:
-        """Length [m] of the drive, without the leaps from each part, or drive, to the next."""
-        steps = np.hypot(*np.diff(self.run.trajectory.poses[:, :2], axis=0).T)
-        from_end = np.cumsum([len(each.tracked) for each in self._slams[::-1]])
-        steps[-from_end[from_end <= len(steps)]] = 0.0
-        return float(steps.sum())
-
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         log = self.log
@@ -267,6 +259,10 @@ class SolvedLog:
         tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
+        steps = np.hypot(*np.diff(self.run.trajectory.poses[:, :2], axis=0).T)
+        # The leap to each part, or from one drive to the next, is no part of the path.
+        from_end = np.cumsum([len(each.tracked) for each in slams[::-1]])
+        steps[-from_end[from_end <= len(steps)]] = 0.0
         return {
             "name": log.name,
             "log": {
@@ -282,7 +278,7 @@ class SolvedLog:
                 "solved_times": self.passes,
             },
             "slam": {
-                "length_m": self._length,
+                "length_m": float(steps.sum()),
                 "key_scans": sum(len(each.key_scans) for each in slams),
                 "loop_closures": sum(len(each.closures) for each in slams),
                 "loop_closures_dropped": sum(len(each.closer.unconfirmed) for each in slams),

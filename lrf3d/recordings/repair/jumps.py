@@ -114,7 +114,7 @@ def with_more_jumps(recording: Recording, poses: Float, doubted: Sequence[int]) 
 
     Such a step is a jump if it differs from that of the scans by as much as a corrupted line does.
     """
-    increments = recording.increments
+    increments = recording.path.increments(recording.taken_at)
     slips = [between(increments[k], between(poses[k - 1], poses[k])) for k in doubted]
     number = sum(max(np.hypot(x, y), abs(turn)) > OUT for x, y, turn in slips)
     number += recording.found[JUMPS.name].finding.number if JUMPS.name in recording.found else 0
