@@ -43,6 +43,12 @@ class Subject(NamedTuple):
     proof: str = ""
     # When that is over [s of the run].
     until: float = np.inf
+    # Where a mirror makes a laser see a wall (2,), in the world [m].
+    aim: Float | None = None
+
+    def aim_at(self, time: float) -> Float | None:
+        """That place, as long as the map holds the wall."""
+        return self.aim if time < self.until else None
 
 
 # The subjects of the runs that were asked for last: up to eight may be side by side.
@@ -98,7 +104,8 @@ def _false_room(run: Shown, since: float) -> Subject | None:
     title = "In a mirror, a laser sees a false room"
     places = false[last].reshape(-1, 3)[:, :2] + structures.origin
     near = _nearest(run, held - 1, places)
-    return Subject(title, known, near, "The red room is only a reflection", known)
+    aim = near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))]
+    return Subject(title, known, near, "The red room is only a reflection", known, aim)
 
 
 def _nearest(run: Shown, scan: int, places: Float) -> Float:
