@@ -1,4 +1,4 @@
-"""Glass: panes as they are seen from an eye, and what beams do at them.
+"""Glass: panes as they are seen from an eye, and what beams do at them and at mirrors.
 
 Walls of glass, an eye and scans enter; translucent faces, lines and counts leave.
 """
@@ -11,12 +11,13 @@ import shapely
 
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import LEFT, Bool, Float, directions, lengths
+from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
-from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.stage.structures import Structures, folded
 from lrf3d.studio.scene.timeline import FIRST
 from lrf3d.world import World
 
@@ -25,6 +26,9 @@ THROUGH_COLOUR = look.rgb("#7fe3ff")
 
 # Colour of a beam that comes back from it.
 BACK_COLOUR = look.rgb("#ff8a7a")
+
+# Colour of a beam that a mirror turns.
+TURNED_COLOUR = look.rgb("#fff2cc")
 
 # Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
 _AT_PANE = 0.1
@@ -139,34 +143,50 @@ def _panes(world: World) -> shapely.Geometry:
     return panes
 
 
-class GlassBeams(NamedTuple):
-    """Some beams of a scan that met glass."""
+def met_glass(run: Shown, number: int) -> tuple[Float, Bool]:
+    """Where beams of a scan that met glass ended (n, 2) [m], and which came back (n,).
 
-    # Where they ended (n, 2), in the world [m].
-    ends: Float
-    # Which came back from the glass (n,); the others went through it.
-    back: Bool
+    Of many, some are chosen evenly; the others than those that came back went through.
+    """
+    return _SHOWN.of((run, number), partial(_met, run, number))
 
-    @classmethod
-    def of(cls, run: Shown, number: int) -> "GlassBeams":
-        """Those of a scan by its number, evenly chosen where there are many."""
-        return _SHOWN.of((run, number), partial(cls._chosen, run, number))
 
-    @classmethod
-    def _chosen(cls, run: Shown, number: int) -> "GlassBeams":
-        scan = unrolled(run.scans_at(number)[0])
-        ends = scan.points()
-        through, back = at_glass(run.world, np.broadcast_to(scan.pose[:2], ends.shape), ends)
-        met = np.flatnonzero(through | back)
-        met = met[:: 1 + len(met) // _DRAWN]
-        return cls(ends[met], back[met])
+def _met(run: Shown, number: int) -> tuple[Float, Bool]:
+    scan = unrolled(run.scans_at(number)[0])
+    ends = scan.points()
+    through, back = at_glass(run.world, np.broadcast_to(scan.pose[:2], ends.shape), ends)
+    met = np.flatnonzero(through | back)
+    met = met[:: 1 + len(met) // _DRAWN]
+    return ends[met], back[met]
 
-    def lines(self, apex: Float, origin: Float, height: float) -> Lines:
-        """The beams from an apex (2,) in the film's frame, which has an origin (2,)."""
-        colours = np.where(self.back[:, None], BACK_COLOUR, THROUGH_COLOUR)
-        begins = np.broadcast_to(apex, self.ends.shape)
-        opacities = np.full(self.ends.shape, _BEAM)
-        return level_lines(height, begins, self.ends - origin, colours, opacities, _WIDE)
+
+def glass_beams(apex: Float, ends: Float, back: Bool, height: float) -> Lines:
+    """Beams from an apex (2,) to ends (n, 2) in the film's frame, some of which came back."""
+    colours = np.where(back[:, None], BACK_COLOUR, THROUGH_COLOUR)
+    begins = np.broadcast_to(apex, ends.shape)
+    return level_lines(height, begins, ends, colours, np.full(ends.shape, _BEAM), _WIDE)
+
+
+def bounced(
+    scan: LaserScan, mirrors: Float, apex: Float, aim: Float, height: float
+) -> Lines | None:
+    """The beam of which the laser takes the end to be nearest to an aim (2,) behind a mirror.
+
+    The pose of the scan, the mirrors (m, 4) and the apex (2,), where the beam begins, are in the
+    film's frame. None where no beam is turned.
+    """
+    ends = scan.points()
+    legs, beams, _ = folded(np.array(scan.pose[:2]), ends, mirrors)
+    turned = np.flatnonzero(np.bincount(beams) > 1)
+    if not len(turned):
+        return None
+    best = turned[np.argmin(np.hypot(*(ends[turned] - aim).T))]
+    legs = legs[beams == best]
+    legs[0, :2] = apex
+    way = np.vstack([legs, [*legs[0, 2:], *ends[best]]])
+    colours = np.array([*[TURNED_COLOUR] * len(legs), look.FALSE_COLOUR])
+    starts, stops = np.hsplit(way, 2)
+    return level_lines(height, starts, stops, colours, np.ones((len(way), 2)), look.BOLD)
 
 
 class GlassCounts(NamedTuple):

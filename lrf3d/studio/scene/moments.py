@@ -15,11 +15,10 @@ from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
-from lrf3d.studio.scene.bounce import bounced
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
-from lrf3d.studio.scene.glass import GlassBeams, Panes
+from lrf3d.studio.scene.glass import Panes, bounced, glass_beams, met_glass
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -322,8 +321,8 @@ class Scene:
             return
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
         if self.structures.glass.any():
-            met = GlassBeams.of(self.run, moment.scan)
-            yield "beams", "glass beams", met.lines(apex, self.origin, self._height)
+            ends, back = met_glass(self.run, moment.scan)
+            yield "beams", "glass beams", glass_beams(apex, ends - self.origin, back, self._height)
         aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)
         if aim is not None:
             scan = unrolled(self.run.scans_at(moment.scan)[0])

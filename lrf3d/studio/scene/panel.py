@@ -10,7 +10,7 @@ import numpy as np
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float
-from lrf3d.mapping.line_map import GLASS
+from lrf3d.mapping.line_map import GLASS, LineMap
 from lrf3d.scoring.map_score import (
     found_walls,
     found_words,
@@ -21,10 +21,15 @@ from lrf3d.scoring.map_score import (
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
-from lrf3d.studio.scene.bounce import TURNED_COLOUR
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.glass import BACK_COLOUR, THROUGH_COLOUR, GlassBeams, counts_at_glass
+from lrf3d.studio.scene.glass import (
+    BACK_COLOUR,
+    THROUGH_COLOUR,
+    TURNED_COLOUR,
+    counts_at_glass,
+    met_glass,
+)
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
@@ -45,17 +50,8 @@ _INK = (236, 240, 247)
 # Colour of the other lines, 0…255.
 _PALE = (184, 196, 216)
 
-# Least number of dropped walls that it mentions.
-_DROPPED = 3
-
-# Shots whose caption says what has entered the map or left it.
-_NEAR = ("chase", "close", "proof")
-
-# Time over which that is counted [s of the film].
-_NEWS_TIME = 3.0
-
 # All shots of the film's own cameras.
-_SHOTS = ("wave", "rise", "whole", *_NEAR)
+_SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
 
 # Number of maps of a run of which the walls found are counted, at most.
 _SCORED = 24
@@ -77,31 +73,24 @@ def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     if shot == "whole" and moment.time - run.trajectory.times.min() < TITLE_TIME * playback:
         return subject_of(run, playback).title
-    news = _closing(run, moment, playback)
-    if shot in _NEAR:
-        news = news or _reflected(run, moment) or _entered(run, moment)
-    return news or (_mapped(run, moment.mapped) if shot in _SHOTS else shot)
+    mapped = _mapped(run, moment.mapped) if shot in _SHOTS else shot
+    return _closing(run, moment, playback) or mapped
 
 
 def _mapped(run: Run, scan: int) -> str:
     """What the map holds after a scan: walls found, if they are known, or else its segments."""
     if not run.maps:
         return counted(run.ranges.shape[1], "laser beam")
-    found, among, noun = _held(run, scan)
-    return f"{found} of {counted(among, noun)} found" if among else f"{counted(found, noun)} mapped"
-
-
-def _held(run: Run, scan: int) -> tuple[int, int, str]:
-    """How many things a map holds after a scan, of how many if that is known, and their noun."""
-    number = run.snapshot_after(scan)
     visible = _WALLS.of(run, partial(_visible, run))
-    if number < 0 or not len(visible):
-        return len(run.map_after(scan)), len(visible), "wall" if len(visible) else "segment"
+    if not len(visible):
+        return f"{counted(len(run.map_after(scan)), 'segment')} mapped"
+    number = run.snapshot_after(scan)
     # Not each map is scored, but the last one is.
     if number < len(run.maps) - 1:
         number -= number % (1 + len(run.maps) // _SCORED)
-    found = _FOUND.of((run, number), partial(found_walls, run.maps[number], visible))
-    return int(found.sum()), len(visible), "wall"
+    line_map = run.maps[number] if number >= 0 else LineMap.empty()
+    found = _FOUND.of((run, number), partial(found_walls, line_map, visible))
+    return f"{found.sum()} of {counted(len(visible), 'wall')} found"
 
 
 def _visible(run: Run) -> Float:
@@ -127,33 +116,6 @@ def _drift_of(run: Run, playback: float) -> Drift | None:
 def _metres(length: float) -> str:
     """A length in words, in centimetres below a metre."""
     return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
-
-
-def _reflected(run: Run, moment: Moment) -> str:
-    """Words on the walls that the map has dropped in the last seconds since it knows a mirror."""
-    line_map = run.map_after(moment.mapped)
-    if "mirror" not in line_map.kinds:
-        return ""
-    earlier = _scan_before(run, moment)
-    most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
-    dropped = most - len(line_map)
-    said = f"The laser knows the mirror: {dropped} false walls leave"
-    return said if dropped >= _DROPPED else ""
-
-
-def _entered(run: Run, moment: Moment) -> str:
-    """Words on what has entered the map in the last seconds, if anything."""
-    earlier = _scan_before(run, moment)
-    now, _, noun = _held(run, moment.mapped)
-    new = now - _held(run, earlier)[0]
-    seconds = moment.time - run.trajectory.times[earlier]
-    return f"{counted(new, f'new {noun}')} in {seconds:.0f} s" if new > 0 and seconds >= 1.0 else ""
-
-
-def _scan_before(run: Run, moment: Moment) -> int:
-    """The last scan before the time over which news is counted."""
-    then = moment.time - _NEWS_TIME * run.playback
-    return max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
 
 
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
@@ -242,7 +204,7 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
     if moment.mapped >= 0 and moment.scanning and counts_at_glass(run).back:
-        back = GlassBeams.of(run, moment.scan).back
+        _, back = met_glass(run, moment.scan)
         found.append((f"━ {counted(int((~back).sum()), 'beam')} through glass", THROUGH_COLOUR))
         found.append((f"━ {back.sum()} back from it", BACK_COLOUR))
     if moment.mapped >= 0 and subject_of(run, playback).aim_at(moment.time) is not None:

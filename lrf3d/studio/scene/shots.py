@@ -103,6 +103,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     count = max(1, round(free / _SHOT - longer))
     each = free / (count + longer)
     rise = scale * RISE
+    closing = scale * (CLOSING - FILLING) + filling
     shown = count * each + rise + filling
     if lasts <= first + shown:
         # The whole run is shown, at its playback speed.
@@ -124,7 +125,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     opening = scale * OPENING
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
-    turned = scale * (CLOSING - FILLING)
+    turned = closing - filling
     return (
         Shot("opening", opening + first, timeline.start - playback * opening, opened),
         *map(Shot, names, takes.tolist(), starts.tolist(), ends.tolist()),

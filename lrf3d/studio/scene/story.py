@@ -206,7 +206,8 @@ class Story:
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
         if shot.name == "proof":
-            return (subject.proof, *told) if time < subject.until else ()
+            proof = subject.proof if time < subject.until else subject.after
+            return (proof, *told) if proof else ()
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         return ("Fast forward",) if self.leaps and shot.name == "rise" and rushes else told
