@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float, Int, cross, directions
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
@@ -32,9 +32,9 @@ _RISES = 0.3
 # When that camera has risen, as a share of the time for which the first scan is shown.
 _RISEN = 0.6
 
-# Additional downward tilts half-way on the camera's path to the overview [rad]; the one is chosen
-# at which houses hide the robot least.
-_INTO_STREETS = (0.0, 0.2, 0.4, 0.6)
+# Additional downward tilt half-way on the camera's path to the overview of a town [rad]: houses
+# hide less of the robot.
+_INTO_STREETS = 0.5
 
 # Largest distance of the camera of a shot, as a share of the overview's.
 _SHARE = 0.75
@@ -111,7 +111,7 @@ class _Rigs(NamedTuple):
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
-    "opening": _Rigs((22.0, 31.0, 44.0), (62.0,)),
+    "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
     "chase": _Rigs((5.0, 9.0), (20.0, 30.0)),
     "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
 }
@@ -158,7 +158,6 @@ class Story:
         # By how much walls are higher than where those of rooms are cut [m].
         self._above = max(float(structures.heights.max(initial=0.0)) - SECTION, 0.0)
         self._exposure = exposure
-        self._into_streets = _INTO_STREETS[: 1 if structures.indoor else None]
         self._path = SmoothPath.of(timeline)
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
@@ -185,14 +184,15 @@ class Story:
             )
             dusk = _DUSK * float(_eased(share))
             return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
-        # The rise shows the whole world, and the map next to it leaves; then the dark leaves.
-        share = float(_eased((time - shot.start) / max(shot.end - shot.start, TINY)))
+        # The rise shows the whole world: the map next to it leaves, and the dark with it.
+        passed = (time - shot.start) / max(shot.end - shot.start, TINY)
+        share = float(_eased({"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)))
         return track.look(
             time,
             cuts=True,
-            above=above * max(1.0 - share / _SINKS, 0.0) if shot.name == "rise" else above,
-            dusk={"end": 1.0, "whole": _DUSK + (1.0 - _DUSK) * share}.get(shot.name, _DUSK),
-            inset={"end": 0.0, "whole": 0.0, "rise": 1.0 - share}.get(shot.name, 1.0),
+            above=above * max(1.0 - share / _SINKS, 0.0),
+            dusk=_DUSK + (1.0 - _DUSK) * share,
+            inset=1.0 - share,
             shot=shot.name,
             said=said,
         )
@@ -235,12 +235,9 @@ class Story:
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
             held = self._held(before.track, times)
-            rises = [self._between(held, whole, share, steep) for steep in self._into_streets]
-            eyes = np.array([track.eyes() for track in rises])
-            tops = self._structures.tops
-            best = rises[int(np.argmin(self._hides(times, eyes, tops, _NEAR_ROBOT)))]
+            streets = 0.0 if self._structures.indoor else _INTO_STREETS
             # Walls that were not cut before sink.
-            return _Take(best, above=before.above)
+            return _Take(self._between(held, whole, share, streets), above=before.above)
         places = interpolated(times, self._path.times, self._path.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
         if shot.name == "proof":
@@ -304,6 +301,10 @@ class Story:
                 )
                 for turn, away, steep in product(sides, rigs.aways, rigs.steeps)
             ]
+            if not indoor and shot != "opening":
+                # In narrow streets the only one that sees the robot.
+                behind = self._chase.track(aspect).at(path.times)
+                tracks.append(behind._replace(shifts=tracks[0].shifts))
             return self._seen(tracks, moments, aspect, **how)
 
         best = seen((_ROOMS if indoor else _TOWN)[shot], far=shot == "opening")
@@ -345,18 +346,17 @@ class Story:
         around = wide * self._timeline.run.radius * _AROUND
         feet = np.insert(robots[:, None] + around, 2, 0.0, axis=2)
         ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
-        number, _ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends, tops)
+        number, *_ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends, tops)
         return np.bincount(number // (len(ends) // len(eyes)), minlength=len(eyes)) / len(ends)
 
-    def _blocked(self, eyes: Float, ends: Float, tops: Float) -> tuple[Int, Float]:
-        """Which lines of sight from eyes to ends (n, 3) walls block, and at which share of each."""
+    def _blocked(self, eyes: Float, ends: Float, tops: Float) -> tuple[Int, Int, Float]:
+        """Which lines of sight from eyes to ends (n, 3) which walls block, and at which shares."""
         number, wall, share = self._structures.crossed(eyes[:, :2], ends[:, :2])
         blocks = tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
-        number = number[blocks]
-        share = share[blocks]
+        number, wall, share = number[blocks], wall[blocks], share[blocks]
         nearest = np.lexsort([share, number])
         number, first = np.unique(number[nearest], return_index=True)
-        return number, share[nearest][first]
+        return number, wall[nearest][first], share[nearest][first]
 
     def _lit(self, track: CameraPath, moments: Float, aspect: float, tops: Float) -> float:
         """Mean share of the picture that is lit at moments (m,), with a bonus for mapped walls."""
@@ -368,16 +368,20 @@ class Story:
         down = ways[:, 2] < -TINY
         share = np.where(down, -eyes[:, 2] / np.where(down, ways[:, 2], -1.0), 0.0)
         ends = eyes + np.minimum(share, _FARTHEST)[:, None] * ways
-        number, part = self._blocked(eyes, ends, tops)
+        number, wall, part = self._blocked(eyes, ends, tops)
         places = ends.copy()
         # Sample in front of a wall, on its visible side, not inside the house.
         ahead = ends[number] - eyes[number]
         before = self._structures.setting.before * self._exposure.cell
         part -= before / np.maximum(np.linalg.norm(ahead, axis=1), TINY)
         places[number] = eyes[number] + part[:, None] * ahead
+        # What comes out of a house came in through its roof, which is dark in towns.
+        turned = cross(directions(self._structures.segments[wall]), ahead[:, :2]) < 0.0
+        roofs = number[turned & self._structures.closed[wall] & (not self._structures.indoor)]
         found = self._exposure.sampled(places[:, :2])
         now, _ = self._exposure.clock(moments, 1.0)
         seen = (found["sure"] > 0.5) & (found["seen"] <= np.repeat(now, count))
+        seen[roofs] = False
         mapped = np.zeros(len(seen), bool)
         mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
         return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())

@@ -107,7 +107,7 @@ def _false_room(run: Shown, since: float) -> Subject | None:
     near = _nearest(run, held - 1, places)
     aim = near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))]
     knows = "mirror" in run.maps[min(numbers[last] + 1, len(run.maps) - 1)].kinds
-    after = "The laser knows the mirror: the red room leaves" if knows else ""
+    after = "The laser knows the mirror: the red room leaves" * knows
     return Subject(title, known, near, "The red room is only a reflection", known, after, aim)
 
 
