@@ -54,7 +54,7 @@ _PALE = (184, 196, 216)
 _SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
 
 # Number of maps of a run of which the walls found are counted, at most.
-_SCORED = 24
+_SCORED = 16
 
 # The walls that the run asked for last could see.
 _WALLS = Latest()
