@@ -49,7 +49,7 @@ class MapBeside:
         run: Any = scene.run
         wide, high = room
         self._scene = scene
-        self._name = name
+        self.name = name
         self._colours = colours
         self._letter = letter
         self._rim = max(1, round(_FRAME * letter))
@@ -68,7 +68,7 @@ class MapBeside:
             edge[:] = _FRAME_COLOUR
         plan[:, -self._rim :] = _FRAME_COLOUR
         named = self._row(
-            (self._name or "The map so far", _ink(self._colours[0] if self._colours else look.CLAY))
+            (self.name or "The map so far", _ink(self._colours[0] if self._colours else look.CLAY))
         )
         if not len(self._walls):
             return [named, plan]

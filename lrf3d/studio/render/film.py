@@ -214,6 +214,9 @@ class Film:
         picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
             label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
+            if self._scenes and view.shot == "end":
+                head, *others = label.text
+                label = label._replace(text=(f"{self._maps[0].name}: {head}", *others))
             lay_label(picture, label)
         if columns == width and not self._below:
             return picture

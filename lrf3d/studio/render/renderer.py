@@ -145,7 +145,9 @@ class Renderer:
             smooth_edges(drawn, source, source.view(np.uint32)[..., 0], *bright)
         # Pillow leaves out the fourth byte of pixels in a sixth of NumPy's time.
         picture = Image.frombuffer("RGBX", size, drawn, "raw", "RGBX", 0, 1)
-        return np.array(picture.reduce(self._finer).convert("RGB"))
+        if self._finer > 1:
+            picture = picture.reduce(self._finer)
+        return np.array(picture.convert("RGB"))
 
     def _begin(self) -> None:
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)

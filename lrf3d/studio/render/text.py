@@ -6,10 +6,9 @@ from itertools import compress, groupby
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from lrf3d.studio.scene.look import PLAN_BACK, WHITE, scale
+from lrf3d.studio.scene.look import PLAN_BACK, TINY, WHITE, scale
 from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.timeline import smoothed
 
@@ -96,10 +95,10 @@ def _rows(label: Label) -> list[Words]:
 
 
 @lru_cache(maxsize=16)
-def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Image] | None:
     """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
 
-    What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
+    Its colours, and how much of the picture under it they cover; None if there is no room.
     """
     gap = gap_of(size)
     rows = _rows(label)
@@ -110,27 +109,32 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     heights = letters[legible].astype(int).tolist()
     high = sum(round(LINE * each) for each in heights)
     if not heights or high > _MOST_COVERED * size[1]:
-        return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
+        return None
     wide = float((letters * lengths)[legible].max())
     shape = round(_SHADED * wide), round(_SHADED * high) + gap
     x, y = (np.arange(side) / side for side in shape)
     shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
-    kept = 256.0 * (1.0 - shade[..., None])
     # The fourth channel is how much of a pixel the letters cover.
     picture = Image.new("RGBA", shape)
     top = shape[1] - gap - high
     for words, each in zip(compress(rows, legible), heights, strict=True):
         _draw(picture, words, gap, top, each, _APART)
         top += round(LINE * each)
-    drawn = np.asarray(picture)[-size[1] :, : size[0]]
-    covered = drawn[..., 3:] / WHITE
-    kept = kept[-size[1] :, : size[0]] * (1.0 - covered)
-    return kept.astype(np.uint16), (covered * drawn[..., :3]).astype(np.uint16)
+    *colours, letter = np.moveaxis(np.asarray(picture)[-size[1] :, : size[0]] / WHITE, 2, 0)
+    share = 1.0 - (1.0 - shade[-size[1] :, : size[0]]) * (1.0 - letter)
+    tints = np.dstack(colours) * (letter / np.maximum(share, TINY))[..., None]
+    tint, cover = (
+        Image.fromarray(np.rint(WHITE * each).astype(np.uint8)) for each in (tints, share)
+    )
+    return tint, cover
 
 
 def lay_label(picture: Pixels, label: Label) -> None:
     """Lay text over the lower left corner of a picture, on a soft gradient."""
-    kept, added = _label(label, picture.shape[1::-1])
-    if len(kept):
-        part = picture[-len(kept) :, : kept.shape[1]]
-        part[:] = ((part * kept) >> 8) + added
+    laid = _label(label, picture.shape[1::-1])
+    if laid is not None:
+        tint, cover = laid
+        part = picture[-tint.height :, : tint.width]
+        under = Image.fromarray(part)
+        under.paste(tint, mask=cover)
+        part[:] = np.asarray(under)

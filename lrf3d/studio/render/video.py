@@ -97,8 +97,8 @@ def render_video(
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
-    others = {name: (each, stage_of(each)) for name, each in (maps or {}).items()}
     stage = stage_of(run)
+    others = {name: (each, stage_of(each)) for name, each in (maps or {}).items()}
     # Robots that drive at the same time light one world.
     light = reduce(Exposure.joined, [one.exposure for _, one in others.values()], stage.exposure)
     drawn = [(run, chosen, stage._replace(exposure=light))]
