@@ -164,7 +164,6 @@ class Film:
         self.scene = Scene(self.timeline, chosen.goal, stage)
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
-        self._below = chosen.below
         width, height = chosen.size
         gap = self._gap = gap_of(chosen.size)
         letter = _NAMES * height if chosen.below else scale_of(chosen.size) * LETTER
@@ -173,7 +172,7 @@ class Film:
         # Each map has a name and a number; a legend and a scale stand under all.
         room = round(_WIDEST * width) - 2 * gap, (height - (count + 2) * (2 * line + gap)) // count
         if chosen.below:
-            room = width - 2 * gap, round(_HIGHEST * (height - 3 * line - 2 * gap))
+            room = width - 2 * gap, round(_HIGHEST * (height - 2 * line - 2 * gap))
         shown = "inset" in chosen.layers and min(room) >= _LEAST_SIDE
         self._scenes = [
             Scene(Timeline(each, playback=chosen.playback), None, painted)
@@ -187,11 +186,13 @@ class Film:
             MapBeside(scene, room, letter, name, pair if name else None)
             for name, scene, pair in names
         ] * shown
+        self._below = chosen.below and shown
         # Width of the strip with the map [pixels], in which nothing else is drawn.
         self._strip = shown * (not chosen.below) * (room[0] + 2 * gap)
         self._size = chosen.size
-        if chosen.below:
-            self._size = width, height - 3 * line - 2 * gap - self._maps[0].size[1]
+        self._head = line + gap
+        if self._below:
+            self._size = width, height - 2 * self._head - self._maps[0].size[1]
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
         self._drawers = [_renderer(each.stage, self._size, chosen) for each in self._scenes] or [
@@ -224,14 +225,12 @@ class Film:
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
         if self._below:
             name, *rows = rows
-            high = sum(map(len, rows)) + self._gap
-            return np.vstack(
-                [
-                    stacked([name], (width, len(name) + self._gap), self._gap),
-                    picture,
-                    stacked(rows, (width, high), self._gap),
-                ]
-            )
+            foot = width, self._maps[0].size[1] + self._head
+            return np.vstack([
+                stacked([name], (width, self._head), self._gap),
+                picture,
+                stacked(rows, foot, self._gap),
+            ])  # fmt: skip
         strip = stacked([*rows, *self._maps[0].legend()], (self._strip, height), self._gap)
         return np.hstack([picture, strip[:, : width - columns]])
 
