@@ -16,9 +16,9 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import LETTER, MapBeside, stacked
+from lrf3d.studio.render.beside import LETTER, MapBeside
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
-from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of
+from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
@@ -164,34 +164,26 @@ class Film:
         self.scene = Scene(self.timeline, chosen.goal, stage)
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
-        width, height = chosen.size
-        gap = self._gap = gap_of(chosen.size)
-        letter = _NAMES * height if chosen.below else scale_of(chosen.size) * LETTER
-        line = round(LINE * letter)
-        count = max(1, len(maps))
-        # Each map has a name and a number; a legend and a scale stand under all.
-        room = round(_WIDEST * width) - 2 * gap, (height - (count + 2) * (2 * line + gap)) // count
-        if chosen.below:
-            room = width - 2 * gap, round(_HIGHEST * (height - 2 * line - 2 * gap))
-        shown = "inset" in chosen.layers and min(room) >= _LEAST_SIDE
         self._scenes = [
             Scene(Timeline(each, playback=chosen.playback), None, painted)
             for each, painted in maps.values()
         ]
+        room = self._lay_out(chosen)
         # Each of several robots has the colour of its trail; found and lost walls are pale and red.
         colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(run.obstacles))]
-        pairs = [(colour, colour) for colour in colours] if maps else [(PALE_OBJECT, TRAIL_COLOUR)]
-        names = zip(maps or [chosen.title], self._scenes or [self.scene], pairs, strict=False)
+        walls = colours if maps else [PALE_OBJECT]
+        named = zip(maps or [chosen.title], self._scenes or [self.scene], strict=True)
+        shown = "inset" in chosen.layers and min(room) >= _LEAST_SIDE
         self._maps = [
-            MapBeside(scene, room, letter, name, pair if name else None)
-            for name, scene, pair in names
+            MapBeside(scene, room, self._letter, name, pair)
+            for (name, scene), *pair in zip(named, walls, colours, strict=False)
         ] * shown
-        self._below = chosen.below and shown
         # Width of the strip with the map [pixels], in which nothing else is drawn.
-        self._strip = shown * (not chosen.below) * (room[0] + 2 * gap)
+        self._strip = bool(self._maps) * (not chosen.below) * (room[0] + 2 * self._gap)
+        self._below = chosen.below and bool(self._maps)
         self._size = chosen.size
-        self._head = line + gap
         if self._below:
+            width, height = chosen.size
             self._size = width, height - 2 * self._head - self._maps[0].size[1]
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
@@ -202,13 +194,28 @@ class Film:
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
 
+    def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
+        """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
+        width, height = chosen.size
+        self._gap = gap_of(chosen.size)
+        self._letter = scale_of(chosen.size) * LETTER
+        if chosen.below:
+            self._letter = _NAMES * height
+        self._head = round(LINE * self._letter) + self._gap
+        if chosen.below:
+            return width - 2 * self._gap, round(_HIGHEST * (height - 2 * self._head))
+        # Each map has a name and a number; a legend and a scale stand under all.
+        count = max(1, len(self._scenes))
+        high = height // count - (count + 2) * (2 * self._head - self._gap) // count
+        return round(_WIDEST * width) - 2 * self._gap, high
+
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 3) uint8 at a time of the run [s]."""
         moment = self.timeline.moment(time)
         view = self._view(time)
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
-        width, height = self._size
+        width, _ = self._size
         columns = width - round(view.inset * self._strip)
         shine = [mark for each in self._scenes[1:] for mark in each.shine(time)]
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
@@ -219,20 +226,19 @@ class Film:
                 head, *others = label.text
                 label = label._replace(text=(f"{self._maps[0].name}: {head}", *others))
             lay_label(picture, label)
-        if columns == width and not self._below:
-            return picture
+        return picture if columns == width and not self._below else self._beside(picture, time)
+
+    def _beside(self, picture: Pixels, time: float) -> Pixels:
+        """A picture (h, w, 3) with the maps of a time [s] under it, or in the strip beside it."""
         maps = zip(self._maps, self._drawers, strict=True)
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
+        width, height = self._size
         if self._below:
-            name, *rows = rows
             foot = width, self._maps[0].size[1] + self._head
-            return np.vstack([
-                stacked([name], (width, self._head), self._gap),
-                picture,
-                stacked(rows, foot, self._gap),
-            ])  # fmt: skip
+            parts = stacked(rows[:1], (width, self._head), self._gap), picture
+            return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
         strip = stacked([*rows, *self._maps[0].legend()], (self._strip, height), self._gap)
-        return np.hstack([picture, strip[:, : width - columns]])
+        return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""

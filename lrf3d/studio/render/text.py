@@ -2,7 +2,7 @@
 
 from functools import cache, lru_cache
 from importlib.util import find_spec
-from itertools import compress, groupby
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -62,28 +62,28 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
 
 
-def _length(words: Words, apart: str) -> float:
-    """The length of a row of words, in its letters."""
-    return _font(100).getlength(apart.join(text for text, _ in words)) / 100
-
-
-def _draw(
-    picture: Image.Image, words: Words, place: float, top: int, letter: int, apart: str
-) -> None:
-    """Draw a row of words from a place on [pixels], with what stands between them."""
-    for text, colour in words:
-        colour = (*colour, 255)[: len(picture.getbands())]
-        ImageDraw.Draw(picture).text((place, top), text, font=_font(letter), fill=colour)
-        place += round(_font(letter).getlength(text + apart))
-
-
 @lru_cache(maxsize=64)
-def row_of(words: Words, letter: float, wide: int) -> Pixels:
-    """A row (h, w, 3) on the ground of maps, in letters that fit in; none if they are too small."""
-    fitting = min(letter, wide / max(_length(words, " "), 1.0))
-    shape = wide, round(LINE * letter) * (fitting >= _LEAST_LETTER)
-    picture = Image.new("RGB", shape, PLAN_BACK)
-    _draw(picture, words, 0.0, 0, int(fitting), " ")
+def row_of(words: Words, letter: float, wide: float, apart: str = " ") -> Image.Image:
+    """A row on a clear ground, in letters that fit in a width; empty where they are too small."""
+    length = max(_font(100).getlength(apart.join(text for text, _ in words)) / 100, 1.0)
+    fitting = min(letter, wide / length)
+    high = round(LINE * min(letter, int(fitting))) * (fitting >= _LEAST_LETTER)
+    picture = Image.new("RGBA", (round(length * fitting) + 1, high))
+    font = _font(int(fitting))
+    place = 0
+    for text, colour in words:
+        ImageDraw.Draw(picture).text((place, 0), text, font=font, fill=(*colour, 255))
+        place += round(font.getlength(text + apart))
+    return picture
+
+
+def stacked(rows: list[Image.Image], size: tuple[int, int], gap: int) -> Pixels:
+    """Rows one under the other on the ground of maps, of a size, with a gap [pixels]."""
+    picture = Image.new("RGB", size, PLAN_BACK)
+    top = gap // 2
+    for row in rows:
+        picture.paste(row, (gap, top), row if row.mode == "RGBA" else None)
+        top += row.height
     return np.asarray(picture)
 
 
@@ -103,23 +103,23 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Imag
     gap = gap_of(size)
     rows = _rows(label)
     letters = scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
-    lengths = np.array([_length(words, _APART) for words in rows])
-    letters = np.minimum(letters, (size[0] - 2 * gap) / np.maximum(lengths, 1.0))
-    legible = letters >= _LEAST_LETTER
-    heights = letters[legible].astype(int).tolist()
-    high = sum(round(LINE * each) for each in heights)
-    if not heights or high > _MOST_COVERED * size[1]:
+    drawn = [
+        row_of(words, letter, size[0] - 2 * gap, _APART)
+        for words, letter in zip(rows, letters.tolist(), strict=True)
+    ]
+    high = sum(row.height for row in drawn)
+    if not 0 < high <= _MOST_COVERED * size[1]:
         return None
-    wide = float((letters * lengths)[legible].max())
+    wide = max(row.width for row in drawn)
     shape = round(_SHADED * wide), round(_SHADED * high) + gap
     x, y = (np.arange(side) / side for side in shape)
     shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     # The fourth channel is how much of a pixel the letters cover.
     picture = Image.new("RGBA", shape)
     top = shape[1] - gap - high
-    for words, each in zip(compress(rows, legible), heights, strict=True):
-        _draw(picture, words, gap, top, each, _APART)
-        top += round(LINE * each)
+    for row in drawn:
+        picture.paste(row, (gap, top))
+        top += row.height
     *colours, letter = np.moveaxis(np.asarray(picture)[-size[1] :, : size[0]] / WHITE, 2, 0)
     share = 1.0 - (1.0 - shade[-size[1] :, : size[0]]) * (1.0 - letter)
     tints = np.dstack(colours) * (letter / np.maximum(share, TINY))[..., None]

@@ -16,9 +16,9 @@ from lrf3d.base.files import as_path, replacing, unfinished_folder
 from lrf3d.base.interrupts import Progress, silent, stoppable
 from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import INK, stacked
+from lrf3d.studio.render.beside import INK
 from lrf3d.studio.render.film import SLACK, FilmOptions
-from lrf3d.studio.render.text import LINE, gap_of, row_of
+from lrf3d.studio.render.text import LINE, gap_of, row_of, stacked
 from lrf3d.studio.render.workers import Job, draw
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Pixels

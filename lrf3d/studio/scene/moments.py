@@ -4,7 +4,7 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -349,7 +349,7 @@ class Scene:
         self,
         moment: Moment,
         view: InsetView,
-        colours: tuple[look.Colour, look.Colour] | None = None,
+        colours: Sequence[look.Colour] = (),
         lost: Float = look.NOTHING,
     ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
@@ -362,7 +362,7 @@ class Scene:
         trails = {name: line for _, name, line in self._trails_at(moment.time)}
         others = self.obstacles.from_above(moment.time, dart)
         walls = self._snapshot(moment).inset
-        if colours is not None:
+        if colours:
             tint, own = colours
             now = moment.time - self.timeline.start
             trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
