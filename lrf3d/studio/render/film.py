@@ -169,15 +169,7 @@ class Film:
             for each, painted in maps.values()
         ]
         room = self._lay_out(chosen)
-        # Each of several robots has the colour of its trail; found and lost walls are pale and red.
-        colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(run.obstacles))]
-        walls = colours if maps else [PALE_OBJECT]
-        named = zip(maps or [chosen.title], self._scenes or [self.scene], strict=True)
-        shown = "inset" in chosen.layers and min(room) >= _LEAST_SIDE
-        self._maps = [
-            MapBeside(scene, room, self._letter, name, pair)
-            for (name, scene), *pair in zip(named, walls, colours, strict=False)
-        ] * shown
+        self._maps = self._maps_in(room, chosen, maps)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
         self._strip = bool(self._maps) * (not chosen.below) * (room[0] + 2 * self._gap)
         self._below = chosen.below and bool(self._maps)
@@ -208,6 +200,21 @@ class Film:
         count = max(1, len(self._scenes))
         high = height // count - (count + 2) * (2 * self._head - self._gap) // count
         return round(_WIDEST * width) - 2 * self._gap, high
+
+    def _maps_in(
+        self, room: tuple[int, int], chosen: FilmOptions, names: Collection[str]
+    ) -> list[MapBeside]:
+        """The maps beside the picture, in a room for each; none if it is too small."""
+        if "inset" not in chosen.layers or min(room) < _LEAST_SIDE:
+            return []
+        # Each of several robots has the colour of its trail; found and lost walls are pale and red.
+        colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(self.run.obstacles))]
+        walls = colours if names else [PALE_OBJECT]
+        named = zip(names or [chosen.title], self._scenes or [self.scene], strict=True)
+        return [
+            MapBeside(scene, room, self._letter, name, pair)
+            for (name, scene), *pair in zip(named, walls, colours, strict=False)
+        ]
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 3) uint8 at a time of the run [s]."""
