@@ -102,9 +102,6 @@ MAP_SHARE = 0.84
 # How bright the map's colour is on black, and how much brighter on white.
 MAP_LIGHT = (0.26, 1.10)
 
-# Share of the map's colour in the roof of a mapped house.
-ROOF_SHARE = 0.30
-
 # Speed at which the map's colour climbs a wall [m/s of the film].
 CLIMB = 14.0
 
@@ -229,7 +226,8 @@ class Setting(NamedTuple):
     land: int
     # How far the loss of light next to walls reaches [m].
     shade: float
-    # Share of light on roofs next to a wall that was seen; walls of rooms are cut instead.
+    # Share of light, and of the map's colour, on tops next to a wall that was seen: no beam meets a
+    # roof; walls of rooms are cut instead.
     top: float
     # The camera behind the robot.
     chase: Rig

@@ -18,7 +18,7 @@ from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
-from lrf3d.studio.scene.glass import Panes, glass_beams
+from lrf3d.studio.scene.glass import Panes, bounced, glass_beams, met_glass
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -39,6 +39,7 @@ from lrf3d.studio.scene.shapes import (
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
+from lrf3d.studio.scene.subject import subject_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys, obstacle_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
@@ -159,7 +160,7 @@ class Scene:
             tints=self._snapshot(moment).tints if "map" in layers else None,
             dusk=view.dusk,
         )
-        return seen._replace(cut=look.SECTION) if self._is_cut(view) else seen
+        return seen._replace(cut=self._cut(view)) if self._is_cut(view) else seen
 
     def _is_cut(self, view: Look) -> bool:
         return view.cuts and self.structures.indoor
@@ -200,7 +201,7 @@ class Scene:
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
-            ("beams", "glass beams", self._glass_beams(moment)),
+            *self._telling_beams(moment),
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
@@ -286,7 +287,7 @@ class Scene:
 
     def _cut(self, view: Look) -> float:
         """The height above which nothing is drawn [m]."""
-        return look.SECTION if self._is_cut(view) else np.inf
+        return look.SECTION + view.above if self._is_cut(view) else np.inf
 
     def _drawn_beams(self, number: int, robot: Float) -> tuple[Lines, Points, Soft]:
         """Beams, hits and lamps of all lasers at a scan, with the robot at a pose (3,)."""
@@ -324,14 +325,20 @@ class Scene:
             points = points._replace(places=places)
         return lines, points, light
 
-    def _glass_beams(self, moment: Moment) -> Lines | None:
-        """A beam through glass and one that came back; in a drive by hand, all beams are equal."""
-        if self.live or not (moment.scanning and self.structures.glass.any()):
-            return None
-        scan = unrolled(self.run.scans_at(moment.scan)[0])
-        scan = replace(scan, pose=np.array(scan.pose) - self._frame)
+    def _telling_beams(self, moment: Moment) -> Iterator[tuple[str, str, Lines | None]]:
+        """Beams at glass, and one that a mirror turns; in a drive by hand, all beams are equal."""
+        if self.live or not moment.scanning:
+            return
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
-        return glass_beams(self.structures, scan, apex, self._height)
+        if self.structures.glass.any():
+            ends, back = met_glass(self.run, moment.scan)
+            yield "beams", "glass beams", glass_beams(apex, ends - self.origin, back, self._height)
+        aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)
+        if aim is not None:
+            scan = unrolled(self.run.scans_at(moment.scan)[0])
+            scan = replace(scan, pose=np.array(scan.pose) - self._frame)
+            turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
+            yield "beams", "turned beam", turned
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""
