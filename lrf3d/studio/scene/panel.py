@@ -54,7 +54,7 @@ _PALE = (184, 196, 216)
 _SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
 
 # Number of maps of a run of which the walls found are counted, at most.
-_SCORED = 24
+_SCORED = 16
 
 # The walls that the run asked for last could see.
 _WALLS = Latest()
@@ -203,14 +203,21 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
-    if moment.mapped >= 0 and moment.scanning and counts_at_glass(run).back:
+    found += _beams(run, moment, playback) if moment.mapped >= 0 else []
+    return [(words.rstrip(), _whole(colour)) for words, colour in found]
+
+
+def _beams(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+    """The names of single beams, and their colours."""
+    found = list[tuple[str, look.Colour]]()
+    if moment.scanning and counts_at_glass(run).back:
         _, back = met_glass(run, moment.scan)
         found.append((f"━ {counted(int((~back).sum()), 'beam')} through glass", THROUGH_COLOUR))
         found.append((f"━ {back.sum()} back from it", BACK_COLOUR))
-    if moment.mapped >= 0 and subject_of(run, playback).aim_at(moment.time) is not None:
+    if subject_of(run, playback).aim_at(moment.time) is not None:
         found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
         found.append(("━ where the laser takes it to go", look.FALSE_COLOUR))
-    return [(words.rstrip(), _whole(colour)) for words, colour in found]
+    return found
 
 
 def _whole(colour: look.Colour) -> tuple[int, int, int]:
