@@ -249,8 +249,7 @@ def _recalled(visible: Float, found: Float) -> tuple[Bool, Bool]:
     # A wall counts as found if the map covers half of it.
     least_found = 0.5
     samples = sample_counts(visible)
-    wall_of = np.repeat(np.arange(len(visible)), samples)
-    along = np.bincount(wall_of, recalled, len(visible))
+    along = np.bincount(np.repeat(np.arange(len(visible)), samples), recalled, len(visible))
     return recalled, along >= least_found * samples
 
 

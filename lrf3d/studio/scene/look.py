@@ -185,6 +185,9 @@ INSET_FOLLOWED = 110.0
 # Colour of the robot: strong, and that of nothing else.
 ROBOT = rgb("#fa750f")
 
+# No segments (0, 4).
+NOTHING = np.zeros((0, 4))
+
 # Outline (4, 2) of the robot as seen from above, heading along x.
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 

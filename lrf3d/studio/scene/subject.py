@@ -142,7 +142,7 @@ def _fleet(run: Shown, since: float) -> Subject | None:
     count = "Two" if len(paths) == 1 else str(len(paths) + 1)
     near = times[when] + run.playback * np.array([-1.0, 0.0, 1.0])
     return Subject(
-        f"{count} robots drive, robot 1 maps",
+        f"{count} robots drive; each maps what it sees",
         float(times[when]),
         paths[which].at(near)[:, :2],
         f"Robot {which + 2} comes within {apart[which, when]:.0f} m",
