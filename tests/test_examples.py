@@ -13,7 +13,6 @@ import pytest
 from program import lrf3d as called
 
 import lrf3d
-from lrf3d.base.errors import MissingLibraryError
 from lrf3d.recordings.formats.trajectory import load_tum
 
 ROOT = Path(__file__).parents[1]
@@ -108,7 +107,7 @@ def test_an_example_of_a_name_inside_a_room_runs(name):
     module, _, path = name.partition(":")
     try:
         value = import_module(module)
-    except (ImportError, MissingLibraryError) as error:
+    except (ImportError, lrf3d.MissingLibraryError) as error:
         pytest.skip(str(error))
     # An example may use its own name without an import.
     first = path.split(".")[0]

@@ -9,9 +9,16 @@ import pytest
 from test_render import room_run
 
 import lrf3d
-from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World
+from lrf3d import (
+    InputError,
+    LaserRangeFinder,
+    LaserScan,
+    LineMapper,
+    PlanarCaster,
+    World,
+    WorldError,
+)
 from lrf3d.base import formats
-from lrf3d.base.errors import InputError, WorldError
 from lrf3d.base.formats import Format
 from lrf3d.laser import Chain, Limits
 from lrf3d.laser.imperfections import NOISES
@@ -86,8 +93,7 @@ def test_a_noise_that_is_entered_has_a_key_in_world_files(monkeypatch, tmp_path)
     monkeypatch.setitem(NOISES, ("bias",), lambda lrf, offset: Bias(offset))
     file = tmp_path / "w.toml"
     file.write_text("[[object]]\npoints = [[5, -9], [5, 9]]\n[noise]\nsigma = 0\nbias = 0.25\n")
-    scenario = lrf3d.load_scenario(file)
-    assert scenario.noise(WALL, 0).ranges[50] == WALL.ranges[50] + 0.25
+    assert lrf3d.load_scenario(file).noise(WALL, 0).ranges[50] == WALL.ranges[50] + 0.25
     assert lrf3d.load_scenario(file, ["noise.bias=0.5"]).noise(WALL, 0).ranges[50] == 4.5
     with pytest.raises(InputError, match="did you mean 'bias'"):
         lrf3d.load_scenario(file, ["noise.bais=0.5"])
@@ -178,8 +184,7 @@ def test_installed_packages_enter_readers_of_worlds_but_replace_none(monkeypatch
 def test_every_mode_of_the_mapper_shows_what_was_seen_and_nothing_else(mode):
     mapper = LineMapper(mode)
     assert len(mapper.map) == 0
-    nothing = replace(WALL, ranges=np.full(101, np.inf), walls=np.full(101, -1))
-    mapper.update(nothing)
+    mapper.update(replace(WALL, ranges=np.full(101, np.inf), walls=np.full(101, -1)))
     assert len(mapper.map) == 0
     mapper.update(WALL)
     before = mapper.map

@@ -106,8 +106,7 @@ def share(work: Callable[[int, int], None], count: int, least: int = 8) -> None:
     # An empty piece compiles or builds what all threads need.
     work(0, 0)
     starts = range(0, count, size)
-    stops = (min(start + size, count) for start in starts)
-    for _ in _pool(cores).map(work, starts, stops):
+    for _ in _pool(cores).map(work, starts, (min(start + size, count) for start in starts)):
         pass
 
 

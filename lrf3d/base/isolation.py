@@ -82,8 +82,7 @@ def read_file(
     """
     factor = _factor()
     # An error of the path itself needs no process.
-    apart = isolated and factor > 0.0 and path.exists()
-    if not (apart and isinstance(reader, str)):
+    if not (isolated and factor > 0.0 and path.exists() and isinstance(reader, str)):
         return read_directly(reader, path, options, error)
     limits = _limits(path, factor)
     try:

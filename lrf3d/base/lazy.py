@@ -41,5 +41,4 @@ class Pictured:
     __slots__ = ()
 
     def _repr_png_(self) -> bytes:
-        picture: bytes = ABOVE["figure"](self)
-        return picture
+        return bytes(ABOVE["figure"](self))

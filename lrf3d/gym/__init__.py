@@ -157,8 +157,8 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
         self._farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         low, high = np.array([[0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]], np.float32)
-        reach = [np.full(each.beams, each.range_max, np.float32) for each in self.lasers]
-        self._reach = np.concatenate(reach)
+        beams = [each.beams for each in self.lasers]
+        self._reach = np.repeat([np.float32(each.range_max) for each in self.lasers], beams)
         seen = spaces.Box(np.zeros_like(self._reach), self._reach)
         self._cloud_observer = CloudObserver(
             scenario, self._caster, _noises(scenario, sigma)[0], self._crowd
@@ -251,8 +251,9 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
             self._place(np.flatnonzero(again))
         # Gymnasium's vector infos mark by a second array which environments have a value.
         valid = np.ones(self.num_envs, np.bool_)
-        infos: dict[str, Any]
-        infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
+        infos: dict[str, Any] = {
+            "reached": reached, "_reached": valid, "collided": collided, "_collided": valid,
+        }  # fmt: skip
         if self.autoreset is AutoresetMode.SAME_STEP and self._ended.any():
             infos = {**infos, "final_info": infos, "_final_info": self._ended}
             infos |= {"final_obs": self._observe(), "_final_obs": self._ended}
@@ -300,8 +301,7 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
             robots, np.concatenate([starts[:, None], others], 1), strict=True
         ):
             # The first with room; nearly always one of the first.
-            free = (choice for choice in choices if away(choice) >= room * room)
-            best = next(free, None)
+            best = next((each for each in choices if away(each) >= room * room), None)
             x[robot], y[robot] = max(choices, key=away) if best is None else best
         return np.column_stack([x, y])[robots]
 
@@ -431,8 +431,7 @@ class DriveEnv(_Limited, gymnasium.Env[Observation, NDArray[np.float32]]):
         if given.shape != (2,):
             raise InputError(f"action of shape {given.shape}: expected (2,), speed and turn rate")
         observation, rewards, ended, cut, infos = self.robots.step(given[None])
-        ends = {name: bool(infos[name][0]) for name in ("reached", "collided")}
-        info = {**self._info(), **ends}
+        info = self._info() | {name: bool(infos[name][0]) for name in ("reached", "collided")}
         return self._shown(observation), float(rewards[0]), bool(ended[0]), bool(cut[0]), info
 
     def render(self) -> NDArray[np.uint8] | None:

@@ -37,8 +37,7 @@ class CloudObserver:
         self._sensors: dict[str, Lidar | DepthCamera] = {}
         for kind, sensors in (("lidar", scenario.lidars), ("depth", scenario.depth_cameras)):
             for each in sensors:
-                name = kind if len(sensors) == 1 else f"{kind}_{each.name}"
-                self._sensors[name] = each
+                self._sensors[kind if len(sensors) == 1 else f"{kind}_{each.name}"] = each
 
     @property
     def spaces(self) -> dict[str, spaces.Box]:
@@ -58,12 +57,11 @@ class CloudObserver:
         for name, sensor in self._sensors.items():
             seen = np.empty((len(poses), *_shape(sensor)), np.float32)
             key = np.uint64(own_rng.integers(1 << 63))
-            near = sensor.range_min
             far = sensor.range_max
             for numbers, ranges in self._cast(sensor, poses, times, own):
                 if self._spread is not None:
                     floor, growth = self._spread
-                    limits = near, far, floor, growth / far
+                    limits = sensor.range_min, far, floor, growth / far
                     scatter_ranges(ranges, numbers, limits, key, self._quantiles, seen)
                     continue
                 walls = np.zeros(ranges.shape, np.int32)

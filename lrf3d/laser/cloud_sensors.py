@@ -50,8 +50,11 @@ class CloudSensors(Value):
         """Sensors from arguments of users: one or several of each kind."""
         one = [lidars] if isinstance(lidars, Lidar) else lidars
         other = [depth_cameras] if isinstance(depth_cameras, DepthCamera) else depth_cameras
-        found = tuple(each_of(one, Lidar, "lidar"))
-        return cls(found, tuple(each_of(other, DepthCamera, "depth camera")), as_noise(noise))
+        return cls(
+            tuple(each_of(one, Lidar, "lidar")),
+            tuple(each_of(other, DepthCamera, "depth camera")),
+            as_noise(noise),
+        )
 
     @property
     def sweep(self) -> float:

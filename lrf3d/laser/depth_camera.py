@@ -85,9 +85,10 @@ class DepthCamera(Mounted):
         """A range finder of as many beams as a row has pixels, for noises."""
         x, y, _, yaw, *_ = self.mount
         half = 0.5 * self.fov
-        limits = self.range_min, self.range_max
-        mount = Pose(x, y, yaw)
-        return LaserRangeFinder(-half, half, self.width, *limits, mount=mount, name=self.name)
+        return LaserRangeFinder(
+            -half, half, self.width, self.range_min, self.range_max,
+            mount=Pose(x, y, yaw), name=self.name,
+        )  # fmt: skip
 
     @cached_property
     def lefts(self) -> Float:

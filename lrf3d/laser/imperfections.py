@@ -7,14 +7,13 @@ noise, whose keys in a world file stand in `NOISES`; `imperfect` chains those th
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from lrf3d.base.errors import check_names
 from lrf3d.geometry.lines import Bool, Float, generator, number
 from lrf3d.laser.noise import (
-    NO_SPREAD,
     Chain,
     ConstantNoise,
     Limits,
@@ -23,6 +22,7 @@ from lrf3d.laser.noise import (
     Quantised,
     Rng,
     Scan,
+    Unscattered,
     check_scan,
     known_range_max,
 )
@@ -34,7 +34,7 @@ Echo = tuple[float, float, int]
 
 
 @dataclass(frozen=True, slots=True)
-class AngleNoise:
+class AngleNoise(Unscattered):
     """Gaussian noise of each beam's angle: reports the range at θ + N(0, σ) as the range at θ.
 
     σ is in radians. It comes first in a chain, because it needs true ranges, at ascending angles.
@@ -42,8 +42,6 @@ class AngleNoise:
     """
 
     sigma: float
-    spread: ClassVar[tuple[float, float]] = NO_SPREAD
-    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.sigma, "sigma", "radians")
@@ -73,7 +71,7 @@ class AngleNoise:
 
 
 @dataclass(frozen=True, slots=True)
-class DropOuts:
+class DropOuts(Unscattered):
     """Beams that do not return: some anywhere, more at long range.
 
     A beam is lost for one of two reasons, independent of each other: anywhere with the probability
@@ -85,8 +83,6 @@ class DropOuts:
 
     share: float = 0.0
     far: float = 0.0
-    spread: ClassVar[tuple[float, float]] = NO_SPREAD
-    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.share, "drop-outs: share", most=1.0)
@@ -109,7 +105,7 @@ class DropOuts:
 
 
 @dataclass(frozen=True, slots=True)
-class MixedPixels:
+class MixedPixels(Unscattered):
     """Beams with a width of ``divergence`` [rad]: at an edge the light of two surfaces is mixed.
 
     If two neighbouring beams hit different walls, more than ``jump`` [m] apart in range, the edge
@@ -142,8 +138,6 @@ class MixedPixels:
     pulse: float = 0.75
     echo: str = "strongest"
     threshold: float = 0.0
-    spread: ClassVar[tuple[float, float]] = NO_SPREAD
-    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump", "pulse"):

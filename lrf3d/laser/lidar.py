@@ -181,7 +181,6 @@ class Lidar(Mounted):
         """
         check_names("lidar", [name], PRESETS)
         lowest, highest, layers, columns, nearest, farthest = PRESETS[name]
-        elevations = np.radians(np.linspace(lowest, highest, layers))
         settings = {
             "range_min": float(nearest),
             "range_max": float(farthest),
@@ -190,7 +189,7 @@ class Lidar(Mounted):
             "columns": columns,
             "prisms": PRISMS.get(name, ()),
         }
-        return cls(elevations, **(settings | changes))
+        return cls(np.radians(np.linspace(lowest, highest, layers)), **(settings | changes))
 
     @classmethod
     def of(cls, lrf: LaserRangeFinder, attitude: tuple[float, float]) -> "Lidar":
@@ -346,8 +345,7 @@ class LidarScan(Value):
         In the world, all beams are taken to start at the scan's pose, that of the first column.
         """
         if local:
-            upright = replace(self.lidar, mount=RAISED)
-            beams = upright.directions((0.0, 0.0, 0.0))[self.hits]
+            beams = replace(self.lidar, mount=RAISED).directions((0.0, 0.0, 0.0))[self.hits]
             return self.ranges[self.hits][:, None] * beams
         place = np.array([self.pose[0], self.pose[1], self.lidar.mount[2]])
         return place + self.ranges[self.hits][:, None] * self.lidar.directions(self.pose)[self.hits]

@@ -199,13 +199,19 @@ def _measured(scan: Scan, ranges: Float) -> Scan:
     return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
 
 
+class Unscattered:
+    """A noise that does not scatter ranges about the true ones, and takes many scans at once."""
+
+    __slots__ = ()
+    spread = NO_SPREAD
+    batched = True
+
+
 @dataclass(frozen=True, slots=True)
-class Quantised:
+class Quantised(Unscattered):
     """Rounds ranges to the nearest multiple of a resolution [m]."""
 
     step: float
-    spread: ClassVar[tuple[float, float]] = NO_SPREAD
-    batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number(self.step, "resolution", "metres", positive=True)
@@ -216,14 +222,11 @@ class Quantised:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(Unscattered):
     """Reports ranges after REP 117: +inf above range_max, −inf below range_min.
 
     Noise may move a range past the limits of the range finder, so this comes last in a chain.
     """
-
-    spread: ClassVar[tuple[float, float]] = NO_SPREAD
-    batched: ClassVar[bool] = True
 
     def __call__(self, scan: Scan, rng: Any) -> Scan:
         """Return the scan with +inf or −inf for the ranges beyond its limits."""

@@ -218,14 +218,8 @@ def layer_directions(
     ahead = np.cos(rise) * lrf.fan[0]
     left = np.cos(rise) * lrf.fan[1]
     up = np.broadcast_to(np.sin(rise), ahead.shape)
-    left, up = (
-        math.cos(roll) * left - math.sin(roll) * up,
-        math.sin(roll) * left + math.cos(roll) * up,
-    )
-    ahead, up = (
-        math.cos(pitch) * ahead + math.sin(pitch) * up,
-        math.cos(pitch) * up - math.sin(pitch) * ahead,
-    )
+    left, up = turn(left, up, math.cos(roll), math.sin(roll))
+    ahead, up = turn(ahead, up, math.cos(pitch), -math.sin(pitch))
     flat = turned(np.array([ahead.ravel(), left.ravel()]), theta)
     return np.column_stack([flat, up.ravel()]).reshape(*ahead.shape, 3)
 

@@ -169,14 +169,11 @@ class LaserScan(Value, Pictured):
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
         own = scan.__dict__
-        own.update(lrf.of_scans)
-        own["pose"] = pose
-        own["ranges"] = sealed(ranges)
-        own["walls"] = sealed(walls)
+        own.update(lrf.of_scans, pose=pose, ranges=sealed(ranges), walls=sealed(walls))
         if light:
             for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:
-                    scan.__dict__[name] = sealed(values)
+                    own[name] = sealed(values)
         return scan
 
     def at_time(self, time: float, motion: Float | None = None) -> LaserScan:

@@ -47,8 +47,7 @@ def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
     share = np.linspace(0.0, 1.0, len(scan.ranges))[:, None]
     # Each laser as seen from where it was at its first beam.
     mount = np.array(scan.mount)
-    places = between(mount, compose(share * motion, mount))
-    values = _seen(scan, places)
+    values = _seen(scan, between(mount, compose(share * motion, mount)))
     # A near edge and what is behind it may have changed their order.
     angles = values["angles"]
     order = np.argsort(angles if scan.angles[-1] >= scan.angles[0] else -angles, kind="stable")

@@ -96,8 +96,7 @@ class LineMap(Value, Pictured):
     @property
     def codes(self) -> Int:
         """What each segment (m,) is, as its place in KINDS."""
-        codes: Int = np.select([self.kinds == GLASS, self.kinds == MIRROR], [1, 2]).astype(np.int64)
-        return codes
+        return np.asarray((self.kinds == GLASS) + 2 * (self.kinds == MIRROR), dtype=np.int64)
 
     @classmethod
     def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> LineMap:
@@ -176,8 +175,7 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
     expect(line_map, LineMap, "map")
     expect(free, FreeCells | None, "free")
     # Endings of worlds that are written in other formats than a map.
-    other_formats = (".toml", ".yaml", ".yml", ".glb")
-    if as_path(path).suffix.lower() in other_formats:
+    if as_path(path).suffix.lower() in (".toml", ".yaml", ".yml", ".glb"):
         raise InputError(
             f"{path}: a map is written as .geojson; load_world reads that, and save_world writes"
             " other formats"

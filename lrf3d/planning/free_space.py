@@ -20,9 +20,8 @@ from scipy.spatial import cKDTree
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.planning import Side
-from lrf3d.world import World
 from lrf3d.world.grid_walls import grown, on_border, parts_of
-from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import groups
 
 # Width of an opening [m] above which the space behind it is outside, like the land around.
@@ -239,11 +238,9 @@ class FreeSpace:
 
         A robot that is sent into a corner drives as far as it can.
         """
-        near = place - self.ground.world.origin
-        away = np.hypot(*(self.places - near).T)
+        away = np.hypot(*(self.places - (place - self.ground.world.origin)).T)
         found = int(np.argmin(away))
-        reach = self.radius + MARGIN + self.ground.size
-        return found if away[found] <= reach else None
+        return found if away[found] <= self.radius + MARGIN + self.ground.size else None
 
     @property
     def side(self) -> Side:

@@ -24,8 +24,7 @@ from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
 from lrf3d.planning.tour import find_tour, paths_from
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
 from lrf3d.robot.kinematics import MOST_POSES, RADIUS
-from lrf3d.world import World
-from lrf3d.world.model import check_size
+from lrf3d.world.model import World, check_size
 
 # Largest range [m] of a laser for which none is given.
 RANGE_MAX = LaserRangeFinder().range_max
@@ -261,9 +260,8 @@ def _closed_in(world: World, start: Float) -> list[Note]:
     import shapely
 
     walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))
-    place = shapely.Point(start)
     shapes = shapely.get_parts(shapely.polygonize([shapely.union_all(walls)]))
-    for shape in shapes[shapely.contains(shapes, place)]:
+    for shape in shapes[shapely.contains(shapes, shapely.Point(start))]:
         others = int(np.count_nonzero(~shapely.intersects(walls, shape)))
         if not len(shape.interiors) and others:
             x1, y1, x2, y2 = shape.bounds
@@ -312,9 +310,9 @@ def _straightened(space: FreeSpace, legs: list[Int], start: Float | None) -> Flo
                 if _is_better(space, places[[here, there]], cost, least):
                     there += 1
                     continue
-            waypoints.append(places[there - 1])
             here = there - 1
-            there = there + 1
+            there += 1
+            waypoints.append(places[here])
     route: Float = np.array(waypoints) + space.ground.world.origin
     return route if start is None or (route[0] == start).all() else np.vstack([start, route])
 

@@ -159,8 +159,7 @@ def _notes(
         ]
         what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
         wide = f"too narrow for a robot of {2.0 * space.radius:.2f} m"
-        behind = _count(len(narrow), rooms)
-        found = f"{what} of {sizes} {verb} {wide}; {behind} not reached"
+        found = f"{what} of {sizes} {verb} {wide}; {_count(len(narrow), rooms)} not reached"
         notes.append(Note(found, "".join(fit[:1])))
     if shut:
         why = "no door leads there from inside, or it is drawn shut, or blocked"
@@ -185,10 +184,9 @@ POSTS = 1.5
 def _widest_ways(ground: Ground, rooms: Int, reached: Bool) -> Int:
     """The narrowest cell of the widest path from the reached cells to each of the rooms."""
     pairs, cell = ground.doorways
-    count = int(ground.rooms.max()) + 1
     order = np.argsort(ground.gaps, axis=None, kind="stable")
     # A room is reached where its widest place is; its nearest places may lie beyond its door.
-    widest = np.zeros(count, dtype=np.int64)
+    widest = np.zeros(int(ground.rooms.max()) + 1, dtype=np.int64)
     widest[rooms.ravel()[order]] = order
     known = reached.ravel()[widest]
     width = np.where(known, np.inf, 0.0)

@@ -88,8 +88,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
 def _lengthened(space: FreeSpace, legs: list[Int], end: int, appeal: Float) -> list[Int]:
     """Lengthen a short tour from its end to the ends of the free space, by their appeal (k,)."""
     while sum(_length(space, leg) for leg in legs) < SHORTEST:
-        apart = np.hypot(*(space.places - space.places[end]).T)
-        goal = int(np.argmax(apart * appeal))
+        goal = int(np.argmax(np.hypot(*(space.places - space.places[end]).T) * appeal))
         if goal == end:
             raise InputError("no room to drive between the walls; give a route or poses")
         legs += paths_from(space, end, np.array([goal]))
@@ -109,10 +108,9 @@ def _shown(space: FreeSpace, legs: list[Int], seen: Bool, patch_of: Int) -> Bool
     """Which pieces (pieces,) are seen ahead on a drive."""
     path = np.concatenate([np.zeros(0, dtype=np.int64), *legs])
     steps = np.diff(space.places[path], axis=0)
-    moved = steps.any(axis=1)
     turn = np.arctan2(steps[:, 1], steps[:, 0]) / (2.0 * np.pi) * HEADINGS
     heading = np.round(turn).astype(int) % HEADINGS
-    pairs = np.unique(np.stack([heading, patch_of[path[1:]]])[:, moved], axis=1)
+    pairs = np.unique(np.stack([heading, patch_of[path[1:]]])[:, steps.any(axis=1)], axis=1)
     return np.asarray(seen[tuple(pairs)].any(axis=0))
 
 

@@ -59,13 +59,12 @@ class EstimatedTrajectory(Value):
         self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
         count = len(as_poses(self.poses))
-        known = self.known_scans.size
         if len(as_poses(self.odometry)) not in (0, count):
             raise InputError(
                 f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"
                 " many or none"
             )
-        if self.known_scans.ndim != 1 or self.covariances.shape != (known, 3, 3):
+        if self.known_scans.ndim != 1 or self.covariances.shape != (self.known_scans.size, 3, 3):
             raise InputError(
                 f"estimate: covariances {self.covariances.shape} at scans"
                 f" {self.known_scans.shape}; expected (m, 3, 3) at (m,)"

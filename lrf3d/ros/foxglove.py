@@ -238,6 +238,7 @@ class Channels:
             subscription = int(each["id"])
             if number not in self._numbers.values() or number in client.subscriptions:
                 continue
+            # A number that does not fit is refused before anything changes.
             header = struct.pack("<BI", DATA, subscription)
             client.subscriptions[number] = subscription
             if number in self._latched:
@@ -246,8 +247,7 @@ class Channels:
 
     def _unsubscribe(self, client: Client, asked: Any) -> None:
         gone = {int(each) for each in asked["subscriptionIds"]}
-        kept = {k: n for k, n in client.subscriptions.items() if n not in gone}
-        client.subscriptions = kept
+        client.subscriptions = {k: n for k, n in client.subscriptions.items() if n not in gone}
 
     def _advertised(self, client: Client, asked: Any) -> None:
         """Remember the channel in which a client commands the robot."""

@@ -168,8 +168,9 @@ class DrivenRobot:
         self._model = Topic(f"{prefix}robot_description", "std_msgs/msg/String", 1, latched=True)
         self._begins = Topic(f"{prefix}start_pose", START, depth=1, latched=True)
         self._joints = Topic(f"{prefix}joint_states", "sensor_msgs/msg/JointState")
-        self.topics = [*self._scans, self._odom, self._truth, MOVING]
-        self.topics += [self._model, self._begins, self._joints]
+        self.topics = [
+            *self._scans, self._odom, self._truth, MOVING, self._model, self._begins, self._joints,
+        ]  # fmt: skip
         self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
         self.sensors = CloudSensors.of(scenario.lidars, scenario.depth_cameras, scenario.noise)
         self._clouds = {
@@ -190,8 +191,8 @@ class DrivenRobot:
     def first(self, stamp: Stamp) -> Messages:
         """Messages that are published once: the robot's model and its start."""
         yield self._model, {"data": self._urdf}
-        where = ros.pose_fields(self.robot.start)
-        yield self._begins, {"header": ros.header_fields(stamp, ros.MAP), "pose": where}
+        header = ros.header_fields(stamp, ros.MAP)
+        yield self._begins, {"header": header, "pose": ros.pose_fields(self.robot.start)}
 
     def show(self) -> None:
         """Show the other robots how this one drives from now on."""
@@ -212,8 +213,7 @@ class DrivenRobot:
         moved += self._wheel_frames(stamp)
         yield MOVING, {"transforms": moved}
         for at, *measured in robot.imu().tolist():
-            imu = ros.imu_fields(Stamp.of(at), measured, self._variances, prefix=prefix)
-            yield self._imu, imu
+            yield self._imu, ros.imu_fields(Stamp.of(at), measured, self._variances, prefix=prefix)
         speed = [robot.speed, robot.turning]
         belief = robot.belief
         sure: tuple[Float | None, Float | None] = (None, None)
@@ -224,8 +224,7 @@ class DrivenRobot:
             self._odom,
             ros.odometry(stamp, odometry, speed, frame=world, prefix=prefix, covariances=sure),
         )
-        truth = ros.odometry(stamp, robot.pose, speed, frame=ros.MAP, prefix=prefix)
-        yield self._truth, truth
+        yield self._truth, ros.odometry(stamp, robot.pose, speed, frame=ros.MAP, prefix=prefix)
         yield (
             self._joints,
             {

@@ -198,18 +198,17 @@ def score_map(
         raise InputError(
             f"visible objects of shape {visible_objects.shape}: expected one a segment"
         )
-    sample_tolerance = 0.1  # Largest distance of a right sample from a wall [m].
-    # Largest angle between a right sample's segment and the wall [rad].
-    sample_angle = np.deg2rad(5)
-    near = {"reach": sample_tolerance, "angle": sample_angle}
+    near = {
+        "reach": 0.1,  # Largest distance of a right sample from a wall [m].
+        "angle": np.deg2rad(5),  # Largest angle between its segment and the wall [rad].
+    }
     offsets = sample_offsets(found, walls, **near)
     right = np.isfinite(offsets)
     recalled = np.isfinite(sample_offsets(visible, found, **near))
     # A wall counts as found if the map covers half of it.
     least_found = 0.5
     samples = sample_counts(visible)
-    wall_of = np.repeat(np.arange(len(visible)), samples)
-    along = np.bincount(wall_of, recalled, len(visible))
+    along = np.bincount(np.repeat(np.arange(len(visible)), samples), recalled, len(visible))
     precision = _share(right.sum(), len(right))
     recall = _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)

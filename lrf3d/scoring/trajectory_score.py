@@ -77,9 +77,7 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
             f"relations: one is of pose {last}, the trajectory has {len(poses)}; they belong to"
             " another log"
         )
-    before = poses[relations.first]
-    after = poses[relations.second]
-    off = between(before, after) - relations.relative
+    off = between(poses[relations.first], poses[relations.second]) - relations.relative
     apart = np.hypot(off[:, 0], off[:, 1])
     turned = np.degrees(np.abs(wrap_angle(off[:, 2])))
     certain = relations.certain
@@ -166,10 +164,9 @@ def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
     if 900.0 * sizes[1] < sizes[0] < 1100.0 * sizes[1]:
         raise InputError("trajectory: 1000 times as large as the run's; expected metres")
     alignment = rigid_alignment(found[:, :2], true[:, :2])
-    aligned = compose(np.array(alignment), found)
     steps = between(between(true[:-1], true[1:]), between(found[:-1], found[1:]))
     return PoseErrors(
-        np.hypot(*(aligned - true)[:, :2].T),
+        np.hypot(*(compose(np.array(alignment), found) - true)[:, :2].T),
         np.hypot(*(found - true)[:, :2].T),
         np.hypot(steps[:, 0], steps[:, 1]),
         np.degrees(np.abs(wrap_angle(steps[:, 2]))),

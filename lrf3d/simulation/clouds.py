@@ -65,8 +65,8 @@ class Clouds:
         """Check that no sensor is in a wall with the robot at poses (n, 3) at times (n,) [s]."""
         for sensor in self.sensors:
             places = compose(poses, np.array(sensor.planar.mount))[:, :2]
-            found = in_walls(self._world, poses[:, :2], places, sensor.mount[2])
-            for k in np.flatnonzero(found)[:1]:
+            inside = in_walls(self._world, poses[:, :2], places, sensor.mount[2])
+            for k in np.flatnonzero(inside)[:1]:
                 x, y = places[k]
                 raise InputError(
                     f"{sensor.name}: at {times[k]:g} s it is in or behind a wall, at ({x:.2f},"

@@ -272,9 +272,8 @@ def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Traj
     for robot, drive in enumerate(drives):
         hit = find_collision(drive, nothing, body, robots[robot + 1 :])
         if hit is not None and hit.time < time:
-            other = robot + 1 + hit.obstacle
             time = hit.time
-            names = f"robot{robot + 1} and robot{other + 1}"
+            names = f"robot{robot + 1} and robot{robot + 2 + hit.obstacle}"
             text = f"{names} would touch after {time:.1f} s, at ({hit.x:.2f}, {hit.y:.2f})"
     most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
     return [Trajectory(d.times[:k], d.poses[:k]) for d, k in zip(drives, most, strict=True)], text

@@ -153,8 +153,7 @@ class LiveRobot(Driven):
         """Show the other robots of a fleet where this one is, and how it drives from now on."""
         if self._crowd.own >= 0:
             twist = able(self.moves, (speed, sideways, turning))
-            held = move_of(self.time, self.pose, twist)
-            self._crowd.hold(held, self._crowd.own)
+            self._crowd.hold(move_of(self.time, self.pose, twist), self._crowd.own)
 
     def imu(self) -> Float:
         """What the IMU measured since the last call: rows (m, 4), see `InertialUnit`."""

@@ -20,9 +20,8 @@ from lrf3d.base.interrupts import Progress, check, silent, stoppable
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.geometry.lines import LARGEST_TIME, Float, number, sealed, whole_number
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import lasers_of
-from lrf3d.laser.scan import LIGHT
+from lrf3d.laser.range_finder import LaserRangeFinder, lasers_of
+from lrf3d.laser.scan import LIGHT, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
@@ -161,14 +160,14 @@ class Collection(Snapshots):
     def run(self) -> Run:
         """The run of the simulation, which has ended."""
         simulation = self._simulation
-        imu = self.end()
         return self._rows.run(
             self.maps,
             obstacles=simulation.obstacles,
             film=simulation.film,
             radius=simulation.radius,
             estimate=simulation.estimate,
-            imu=imu,
+            # It also keeps the last map.
+            imu=self.end(),
             cloud_sensors=simulation.cloud_sensors,
         )
 
@@ -190,14 +189,15 @@ def row_type(
     """
     beams = (sum(each.beams for each in lasers),)
     echoes = lasers[0].echoes
-    fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
-    fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
-    fields.append(("walls", np.int64, beams))
+    fields: list[Any] = [
+        ("times", np.float64), ("poses", np.float64, 3), ("ranges", np.float64, beams),
+        ("truth", np.float64, beams), ("walls", np.int64, beams),
+    ]  # fmt: skip
     if world.materials:
         fields.append(("intensities", np.float64, beams))
         if echoes > 1:
-            each_echo = (*beams, echoes)
-            fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
+            names = ("echoes", "echo_intensities")
+            fields += [(name, np.float64, (*beams, echoes)) for name in names]
     if any(each.scan_duration for each in lasers):
         fields.append(("motions", np.float64, (len(lasers), 3)))
     fields += [(name, np.float64, shape) for name, shape in motion.items()]

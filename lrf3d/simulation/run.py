@@ -346,8 +346,7 @@ class Run(Value, Pictured):
             >>> run.frame(0.5, size=(64, 36), renderer="embree").shape
             (36, 64, 3)
         """
-        picture: NDArray[np.uint8] = ABOVE["frame"](self, time, **options)
-        return picture
+        return np.asarray(ABOVE["frame"](self, time, **options))
 
     def video(self, *, size: tuple[int, int] = (640, 360), **options: Any) -> Any:
         """The run's film as an ``IPython.display.Video``, which a notebook plays in its page.

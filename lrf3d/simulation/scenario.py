@@ -38,10 +38,9 @@ from lrf3d.simulation.tables import (
     read_file,
     read_settings,
 )
-from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
 from lrf3d.world.files import find_world, load_world_file
-from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:
@@ -154,9 +153,9 @@ class Scenario(Value):
         obstacles = tuple(each_of(self.obstacles, DynamicObstacle, "scenario: obstacle"))
         levels = np.ravel(numbers(self.compared, "scenario: compared")).tolist()
         compared = tuple(number(each, "scenario: compared") for each in levels)
-        object.__setattr__(self, "compared", compared)
-        object.__setattr__(self, "noise", as_noise(self.noise))
-        object.__setattr__(self, "obstacles", obstacles)
+        given = {"compared": compared, "noise": as_noise(self.noise), "obstacles": obstacles}
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         drive = "a route to plan"

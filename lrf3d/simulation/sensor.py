@@ -124,11 +124,10 @@ class Sensor:
         the scan of the caster, bit for bit. Obstacles have the index −1; in a world with materials
         they are of dark cloth.
         """
-        lrf = self.lrf
         if any(attitude):
             return self._tilted(pose, time, attitude)
         if self._path is None and not self._lit:
-            return self._among(lrf.placed(pose), time)
+            return self._among(self.lrf.placed(pose), time)
         return self._beam_by_beam(pose, time)
 
     def _beam_by_beam(self, pose: Float, time: float) -> LaserScan:

@@ -57,8 +57,9 @@ class FreeCells:
     def scaled(self, factor: float) -> "FreeCells":
         """The grid scaled about (0, 0)."""
         x, y, yaw = self.origin
-        origin = (factor * x, factor * y, yaw)
-        return replace(self, resolution=factor * self.resolution, origin=origin)
+        return replace(
+            self, resolution=factor * self.resolution, origin=(factor * x, factor * y, yaw)
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """The grid in JSON's types: each row as run lengths, alternating, occupied first."""

@@ -59,8 +59,7 @@ class FloorPlan:
         posts = [post for door in sorted(doors) for post in (door - gap, door + gap)]
         for start, end in np.reshape([0.0, *posts, length], (-1, 2)):
             if end > start:
-                ends = begin + np.outer([start, end], span / length)
-                self.lines.append(ends.ravel())
+                self.lines.append((begin + np.outer([start, end], span / length)).ravel())
 
     def outer_walls(self, wide: float, high: float) -> None:
         """Add the outer walls of a plan, without doors, so that a drive stays inside."""

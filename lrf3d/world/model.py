@@ -144,8 +144,7 @@ class World(Value, Pictured):
         [called] = _items([name], str, "name")
         [cells] = _items([free], FreeCells | None, "free")
         looks = (called, names, shades, filmed, _place(place), cells, checked(made_of, count))
-        values = (rows, owned, tops, *looks)
-        for each, value in zip(fields(self), values, strict=True):
+        for each, value in zip(fields(self), (rows, owned, tops, *looks), strict=True):
             object.__setattr__(self, each.name, value)
 
     def __repr__(self) -> str:

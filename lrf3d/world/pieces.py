@@ -107,13 +107,9 @@ def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]
         if end > first:
             number = int(world.objects[first])
             heights = world.heights[first:end].tolist()
+            height = heights[0] if len(set(heights)) == 1 else heights
             lines = [line.tolist() for line in lines_of(world.segments[first:end])]
-            yield (
-                number,
-                _looks(world, number),
-                lines,
-                heights[0] if len(set(heights)) == 1 else heights,
-            )
+            yield number, _looks(world, number), lines, height
 
 
 def _looks(world: World, number: int) -> dict[str, Any]:

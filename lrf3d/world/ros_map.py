@@ -79,12 +79,29 @@ def read_ros_map(path: Path) -> World:
     picture = _picture_of(path, values["image"])
     if values["free_thresh"] > values["occupied_thresh"]:
         raise WorldError("free_thresh is above occupied_thresh")
-    return _world(path, picture, values)
+    occupied, free = _cells(picture, values)
+    resolution = values["resolution"]
+    origin = Pose(*values["origin"].tolist())
+    local = walls_of_grid(occupied).reshape(-1, 2) * resolution
+    if not len(local):
+        raise WorldError(f"no wall: {_darkest(picture, values)}")
+    balance = cells_of_map(picture, values, occupied, free)
+    # Most of a map is free or unknown, which needs no note.
+    for reason in ("free cell", "unknown cell"):
+        balance.all -= balance.left_out.pop(reason, 0)
+    if balance.words() and sum(balance.left_out.values()) < NOTED * balance.used:
+        balance = Balance("cell")
+    coarse = f"cells of {resolution:g} m? write resolution: {resolution / 1000:g} if it is in mm"
+    balance.note(path, coarse if resolution > COARSE else "")
+    segments = origin.apply(local).reshape(-1, 4)
+    # Ends meet up to rounding; half a cell is the resolution of the map.
+    objects = connected(segments, 0.5 * resolution)
+    cells = FreeCells(free, resolution, origin, occupied)
+    return World(segments, objects, name=own_name(path), free=cells)
 
 
 def _values(data: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a map's description by their keys, with default values."""
-    texts = ("image", "mode")
     values: dict[str, Any] = {
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,
@@ -92,7 +109,8 @@ def _values(data: Mapping[str, Any]) -> dict[str, Any]:
         "mode": "trinary",
     }
     for key in filter(KEYS.__contains__, data):
-        values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
+        is_text = key in ("image", "mode")
+        values[key] = KEYS[key](data[key] if is_text else _plain(data[key]), key)
     return values
 
 
@@ -147,29 +165,6 @@ def _plain(value: Any) -> Any:
         truth = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}
         return truth.get(value.lower(), value)
     return int(value) if value.isdigit() and len(value) < 16 else float(value)
-
-
-def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
-    """The world of a picture and of the description at another path."""
-    occupied, free = _cells(picture, values)
-    resolution = values["resolution"]
-    origin = Pose(*values["origin"].tolist())
-    local = walls_of_grid(occupied).reshape(-1, 2) * resolution
-    if not len(local):
-        raise WorldError(f"no wall: {_darkest(picture, values)}")
-    balance = cells_of_map(picture, values, occupied, free)
-    # Most of a map is free or unknown, which needs no note.
-    for reason in ("free cell", "unknown cell"):
-        balance.all -= balance.left_out.pop(reason, 0)
-    if balance.words() and sum(balance.left_out.values()) < NOTED * balance.used:
-        balance = Balance("cell")
-    coarse = f"cells of {resolution:g} m? write resolution: {resolution / 1000:g} if it is in mm"
-    balance.note(path, coarse if resolution > COARSE else "")
-    segments = origin.apply(local).reshape(-1, 4)
-    # Ends meet up to rounding; half a cell is the resolution of the map.
-    objects = connected(segments, 0.5 * resolution)
-    cells = FreeCells(free, resolution, origin, occupied)
-    return World(segments, objects, name=own_name(path), free=cells)
 
 
 def cells_of_map(picture: Path, values: Mapping[str, Any], occupied: Bool, free: Bool) -> Balance:
@@ -253,8 +248,7 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     """
     import shapely
 
-    data = _described(path)
-    values = _values(data)
+    values = _values(_described(path))
     source = _picture_of(path, values["image"])
     frame = Pose(*values["origin"].tolist()).inverse()
 
@@ -281,8 +275,7 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     grey[rows[erased], columns[erased]] = free
     points, line = shapely.get_coordinates(shapely.get_parts(came), return_index=True)
     joined = line[1:] == line[:-1]
-    drawn = np.hstack([points[:-1][joined], points[1:][joined]])
-    row, column = _walled_cells(drawn)
+    row, column = _walled_cells(np.hstack([points[:-1][joined], points[1:][joined]]))
     inside = (row >= 0) & (row < len(grey)) & (column >= 0) & (column < grey.shape[1])
     grey[row[inside], column[inside]] = full
     picture = to.with_suffix(".pgm")

@@ -147,8 +147,7 @@ class _SdfWalls:
         self.add_models(model, pose, file, depth + 1)
 
     def _add_shape(self, shape: Element, pose: Float, name: str, file: Path) -> None:
-        geometry = shape.find("geometry")
-        kind = next(iter(geometry), None) if geometry is not None else None
+        kind = shape.find("geometry/*")
         reason = "shape of no kind"
         mesh = None
         if kind is not None:
@@ -250,10 +249,9 @@ def _file_of_model(place: Path) -> Path | None:
     """The SDF of a model's folder, which its model.config names, or of a file."""
     if place.is_file():
         return place
-    config = place / "model.config"
     named = ""
     with suppress(OSError, ElementTree.ParseError):
-        named = _element(config).findtext("sdf", "").strip()
+        named = _element(place / "model.config").findtext("sdf", "").strip()
     found = (place / each for each in (named, "model.sdf") if each)
     return next((each for each in found if each.is_file()), None)
 

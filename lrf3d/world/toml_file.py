@@ -101,9 +101,7 @@ def toml_values(path: Path) -> dict[str, Any]:
     small = 1 << 14
     check_ordinary(path)
     apart = path.stat().st_size > small and path.parent != data_folder("worlds")
-    text = read_file("lrf3d.base.files:toml_as_json", path, {}, isolated=apart)
-    values: dict[str, Any] = json.loads(text)
-    return values
+    return dict(json.loads(read_file("lrf3d.base.files:toml_as_json", path, {}, isolated=apart)))
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:

@@ -6,7 +6,6 @@ import pytest
 
 import lrf3d
 from lrf3d.apps import export
-from lrf3d.base.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -27,5 +26,5 @@ def test_a_shared_page_is_small_whole_and_has_a_picture_for_previews(run, tmp_pa
 def test_a_page_that_would_be_too_large_keeps_fewer_moments(run, tmp_path, monkeypatch):
     monkeypatch.setattr(export, "_LARGEST_PAGE", 100_000)
     assert export.share_run(run, tmp_path / "run.html") == 32
-    with pytest.raises(InputError, match=r"ends in \.html"):
+    with pytest.raises(lrf3d.InputError, match=r"ends in \.html"):
         export.share_run(run, tmp_path / "run.htm")

@@ -12,10 +12,8 @@ import pytest
 
 import lrf3d
 from lrf3d.apps.cli.program import _message, _report
-from lrf3d.apps.export import export_run
 from lrf3d.base.files import write_text
 from lrf3d.recordings.formats import recording
-from lrf3d.recordings.formats.run_file import save_run
 from lrf3d.recordings.formats.trajectory import save_tum
 
 resource = pytest.importorskip("resource", reason="Windows has no limits of a process")
@@ -36,7 +34,7 @@ def world_to(name):
 
 
 def run_to(kind, name):
-    return lambda folder, which: export_run(run(which), kind, folder / name)
+    return lambda folder, which: lrf3d.export_run(run(which), kind, folder / name)
 
 
 def poses_to(folder, which):
@@ -61,7 +59,7 @@ WRITERS = {
     "ros map": world_to("map.yaml"),
     "map": lambda folder, which: lrf3d.save_map(run(which).map, folder / "map.geojson"),
     "poses": poses_to,
-    "run": lambda folder, which: save_run(run(which), folder / "run.npz"),
+    "run": lambda folder, which: lrf3d.save_run(run(which), folder / "run.npz"),
     "carmen": run_to("carmen", "run.log.gz"),
     "mcap": run_to("mcap", "run.mcap"),
     "bag": run_to("rosbag2", "bag"),

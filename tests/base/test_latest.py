@@ -13,20 +13,14 @@ def test_a_value_is_made_again_only_for_another_key():
 
 
 def test_the_values_asked_for_last_are_kept():
+    # Objects without an equality of their own are keys by identity.
     latest = Latest(size=2)
-    first = latest.of("first", object)
-    second = latest.of("second", object)
-    assert latest.of("first", object) is first
-    latest.of("third", object)
-    assert latest.of("first", object) is first
-    assert latest.of("second", object) is not second
-
-
-def test_objects_without_an_equality_are_keys_by_identity():
-    latest = Latest(size=2)
-    one = object()
-    assert latest.of(one, list) is latest.of(one, list)
-    assert latest.of(one, list) is not latest.of(object(), list)
+    keys = [object() for _ in range(3)]
+    first, second = (latest.of(key, object) for key in keys[:2])
+    assert latest.of(keys[0], object) is first
+    latest.of(keys[2], object)
+    assert latest.of(keys[0], object) is first
+    assert latest.of(keys[1], object) is not second
 
 
 def test_a_value_of_none_is_kept_and_an_error_is_not():

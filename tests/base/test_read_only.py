@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d import (
+    DynamicObstacle,
+    KnownLines,
+    LaserRangeFinder,
+    LaserScan,
+    LineMap,
+    Trajectory,
+    World,
+)
 from lrf3d.slam.places import PoseEstimate, Track
 
 WALLS = [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]

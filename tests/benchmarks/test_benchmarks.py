@@ -14,8 +14,7 @@ from benchmarks.glass import found_glass, images
 from benchmarks.report import Report
 from benchmarks.score import bench as score
 from benchmarks.slam_consistency import Drive, consistency, simulated
-from lrf3d import LaserRangeFinder, World, load_world, simulate
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, LaserRangeFinder, World, load_world, simulate
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 361)
 

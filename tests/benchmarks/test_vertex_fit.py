@@ -10,8 +10,7 @@ ROOM = World(np.hstack([HEXAGON, np.roll(HEXAGON, -1, axis=0)]))
 
 
 def noisy(scan, sigma, seed):
-    rng = np.random.default_rng(seed)
-    ranges = scan.ranges + rng.normal(0.0, sigma, len(scan.ranges))
+    ranges = scan.ranges + np.random.default_rng(seed).normal(0.0, sigma, len(scan.ranges))
     return LaserScan(scan.pose, scan.angles, ranges, range_max=scan.range_max)
 
 

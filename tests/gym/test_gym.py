@@ -15,12 +15,11 @@ from gymnasium.vector import AutoresetMode
 from matplotlib import pyplot
 
 import lrf3d.gym
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, Scenario, load_scenario
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.pose import compose
 from lrf3d.gym import DriveEnv, DriveVectorEnv
-from lrf3d.simulation.scenario import Scenario, load_scenario
 from lrf3d.studio.render import film
 from lrf3d.studio.render.gl import gl_available
 
@@ -82,14 +81,12 @@ def test_what_is_seen_is_finite_and_lies_in_its_space():
     lost = np.isinf(truth)
     assert lost.any() and (seen["ranges"][lost] == 80.0).all()
     assert (walls[lost] == -1).all()
-    noisy = DriveVectorEnv(5, "city", sigma=300.0)
-    measured = noisy.reset(seed=2)[0]["ranges"]
+    measured = DriveVectorEnv(5, "city", sigma=300.0).reset(seed=2)[0]["ranges"]
     assert (measured == 0.0).any() and (measured >= 0.0).all()
 
 
 def test_ranges_are_those_of_the_caster():
-    env = DriveEnv(CORRIDOR, sigma=0.0)
-    seen, info = env.reset(seed=4)
+    seen, info = DriveEnv(CORRIDOR, sigma=0.0).reset(seed=4)
     scan = lrf3d.PlanarCaster(CORRIDOR.world).cast(CORRIDOR.lrf, info["pose"])
     assert np.array_equal(seen["ranges"], scan.ranges.astype(np.float32))
     x, y, theta = info["pose"]
@@ -221,8 +218,7 @@ def test_dynamic_obstacles_are_seen_and_run_into():
     scenario = CORRIDOR.changed(obstacles=(cart,))
     env = DriveEnv(scenario, sigma=0.0)
     seen, _ = env.reset(seed=0, options={"pose": (4.0, 1.3, 0.0), "goal": (8.0, 1.3)})
-    ahead = np.argmin(np.abs(scenario.lrf.angles))
-    assert seen["ranges"][ahead] == pytest.approx(1.7)
+    assert seen["ranges"][np.argmin(np.abs(scenario.lrf.angles))] == pytest.approx(1.7)
     for _ in range(50):
         _, reward, ended, _, info = env.step(np.array([1.0, 0.0]))
         if ended:
@@ -231,10 +227,12 @@ def test_dynamic_obstacles_are_seen_and_run_into():
     assert info["collided"] and info["pose"][0] == pytest.approx(5.7 - scenario.radius)
 
 
+SQUARE = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
+
+
 def test_robots_that_are_together_see_and_touch_each_other():
-    world = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
     lasers = {"lrf": lrf3d.LaserRangeFinder(-np.pi, np.pi, 73, range_max=20.0)}
-    scenario = Scenario(world, **lasers, noise=lrf3d.ProportionalNoise(0.0), radius=0.5, speed=1.0)
+    scenario = Scenario(SQUARE, **lasers, noise=lrf3d.ProportionalNoise(0.0), radius=0.5, speed=1.0)
     both = DriveVectorEnv(2, scenario, together=True)
     both.reset(seed=0)
     assert np.hypot(*(both.poses[0] - both.poses[1])[:2]) > 1.0
@@ -255,14 +253,13 @@ def test_robots_that_are_together_see_and_touch_each_other():
 
 
 def test_several_lasers_are_one_observation_and_moving_obstacles_are_touched_on_the_way():
-    world = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
     front = lrf3d.LaserRangeFinder(0.0, 0.0, 1, range_max=20.0, mount=(0.5, 0, 0), name="front")
     rear = lrf3d.LaserRangeFinder(0.0, 0.0, 1, range_max=8.0, mount=(-0.5, 0, np.pi), name="rear")
     silent = lrf3d.ProportionalNoise(0.0)
     # The ball is past the robot at both ends of the step, and goes through it in between.
     ball = lrf3d.Trajectory([0.0, 0.25], [(0.0, -2.0, 0), (0.0, 2.0, 0)])
     thrown = lrf3d.DynamicObstacle([[-0.1, -0.1], [0.1, -0.1], [0.0, 0.1]], ball)
-    scenario = Scenario(world, front, silent, further=((rear, silent),), obstacles=(thrown,))
+    scenario = Scenario(SQUARE, front, silent, further=((rear, silent),), obstacles=(thrown,))
     env = DriveVectorEnv(1, scenario)
     observation, _ = env.reset(seed=1, options={"pose": (0.0, 0.0, 0.0), "goal": (8.0, 8.0)})
     assert observation["ranges"].tolist() == [[8.5, 8.0]]
@@ -282,8 +279,7 @@ def test_seeds_of_robots_repeat_and_a_mask_places_some_alone():
     env = DriveVectorEnv(3, "paper_room")
     first = env.reset(seed=[1, 2, 3])[0]
     poses = env.poses.copy()
-    again = env.reset(seed=[1, 2, 3])[0]
-    assert np.array_equal(first["ranges"], again["ranges"])
+    assert np.array_equal(first["ranges"], env.reset(seed=[1, 2, 3])[0]["ranges"])
     env.reset(options={"reset_mask": np.array([False, True, False])})
     assert (env.poses == poses).all(axis=1).tolist() == [True, False, True]
     for wrong in ({"seed": [1, 2]}, {"options": {"reset_mask": [1, 0, 0]}}):

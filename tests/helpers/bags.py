@@ -77,5 +77,4 @@ def write(path, *messages, storage="MCAP", packed=None):
 
 
 def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    static = transform(0.0, "base_link", "laser", place, turn)
-    return "/tf_static", 0.0, TRANSFORMS, static
+    return "/tf_static", 0.0, TRANSFORMS, transform(0.0, "base_link", "laser", place, turn)

@@ -106,8 +106,7 @@ def until(is_so):
 
 def picture(page):
     """The page as it is seen: (height, width, 3) of 0…255."""
-    file = io.BytesIO(page.screenshot())
-    return np.asarray(Image.open(file).convert("RGB")).astype(int)
+    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
 
 
 def number(page, name):

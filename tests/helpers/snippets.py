@@ -24,10 +24,9 @@ from program import lrf3d as called
 from benchmarks import paper
 from benchmarks.__main__ import PARTS, bench
 from benchmarks.report import program
+from lrf3d import load_run, load_scenario
 from lrf3d.apps.cli.parser import parse
-from lrf3d.recordings import load_run
 from lrf3d.recordings.formats.trajectory import save_tum
-from lrf3d.simulation.scenario import load_scenario
 from stress import command as stress
 
 ROOT = Path(__file__).parents[2]

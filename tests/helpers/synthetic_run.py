@@ -6,12 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d import LaserRangeFinder, LineMap, ProportionalNoise, Run, World, simulate
 from lrf3d.geometry.lines import Float, fit_line
-from lrf3d.laser import LaserRangeFinder, ProportionalNoise
-from lrf3d.mapping import LineMap
-from lrf3d.simulation.recorder import simulate
-from lrf3d.simulation.run import Run
-from lrf3d.world import World
 
 
 def box(x: float, y: float, width: float, depth: float) -> Float:

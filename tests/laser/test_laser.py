@@ -3,14 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrf3d import LaserRangeFinder, LaserScan, Pose
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, LaserRangeFinder, LaserScan, Pose
 
 
 @given(st.floats(-10, 10))
 def test_directions_are_unit_vectors_that_turn_with_the_pose(theta):
-    lrf = LaserRangeFinder(beams=7)
-    beams = lrf.directions((3.0, -4.0, theta))
+    beams = LaserRangeFinder(beams=7).directions((3.0, -4.0, theta))
     assert beams.dtype == np.float64 and beams.shape == (7, 2)
     assert np.hypot(*beams.T) == pytest.approx(np.ones(7))
     assert beams[3] == pytest.approx([np.cos(theta), np.sin(theta)])

@@ -106,6 +106,5 @@ def test_what_is_behind_glass_stays_an_echo_at_an_edge():
 
 
 def test_a_chain_has_the_choice_and_the_threshold_of_the_laser():
-    lrf = replace(LRF, echo="last", threshold=0.001)
-    chain = imperfect(0.0, lrf, beam_deg=0.5)
+    chain = imperfect(0.0, replace(LRF, echo="last", threshold=0.001), beam_deg=0.5)
     assert chain.noises[0] == MixedPixels(np.radians(0.5), echo="last", threshold=0.001)

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lrf3d
-from lrf3d import LaserRangeFinder, LaserScan
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, LaserRangeFinder, LaserScan
 from lrf3d.laser import Stamp
 
 FANS = st.tuples(st.floats(-math.pi, math.pi), st.floats(0.01, math.pi), st.integers(2, 4000)).map(

@@ -51,8 +51,7 @@ def test_without_its_motion_a_scan_is_unrolled_by_the_poses_around_it():
     log = LaserLog("drive", bare)
     for known, found in zip(run.motions[:-1, 0], log.scans, strict=False):
         assert np.allclose(found.motion, known, atol=1e-12)
-    mapped = lrf3d.map_log(log, all_scans=True)
-    score = score_log(mapped.map, log.scans)
+    score = score_log(lrf3d.map_log(log, all_scans=True).map, log.scans)
     assert score.explained > 0.99 and score.violation < 0.01
     mapper = lrf3d.LineMapper()
     for scan in bare:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from synthetic_run import around, box, make_run, make_world
 
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
+from lrf3d import LaserRangeFinder, LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 
 WALLS = np.vstack([box(0, 0, 10, 6), box(14, 0, 8, 6)])

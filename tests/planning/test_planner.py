@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 import shapely
 
-from lrf3d.base.errors import InputError
-from lrf3d.casting import PlanarCaster
+from lrf3d import (
+    InputError,
+    LaserRangeFinder,
+    PlanarCaster,
+    Scenario,
+    World,
+    follow_route,
+    load_world,
+    save_world,
+)
 from lrf3d.casting.collision import find_collision
-from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning import rooms
 from lrf3d.planning.free_space import Ground, find_free_space
 from lrf3d.planning.planner import find_route, plan_route
-from lrf3d.robot import follow_route
-from lrf3d.simulation.scenario import Scenario
-from lrf3d.world import World, load_world, save_world
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.generators import generate
 
@@ -69,13 +73,11 @@ def test_a_route_is_followed_without_coming_near_a_wall(seed, radius, east):
 
 @pytest.mark.slow
 def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length():
-    route = found_in_the_streets().waypoints
-    drive = follow_route(route, speed=3.0, lookahead=1.0, dt=0.5)
+    drive = follow_route(found_in_the_streets().waypoints, speed=3.0, lookahead=1.0, dt=0.5)
     assert drive.length < 500.0
     caster, lrf = PlanarCaster(STREETS), LaserRangeFinder(range_max=40.0)
     hit = np.concatenate([caster.cast(lrf, pose).walls for pose in drive.poses])
-    counts = np.bincount(hit[hit >= 0], minlength=len(STREETS.segments))
-    assert (counts > 10).mean() > 0.8
+    assert (np.bincount(hit[hit >= 0], minlength=len(STREETS.segments)) > 10).mean() > 0.8
 
 
 @pytest.mark.slow
@@ -105,8 +107,7 @@ def test_a_plan_with_a_line_on_each_side_of_its_outer_wall_is_driven_inside():
 def test_a_very_large_world_is_planned_in_its_densest_part():
     crowd = [box(3000.0 + 15.0 * i, 14.0 * j, 9.0, 8.0) for i in range(4) for j in range(3)]
     world = town([*crowd, box(0.0, 0.0, 10.0, 10.0), box(0.0, 5000.0, 10.0, 10.0)])
-    route = plan_route(world)
-    assert (np.abs(route - [3030.0, 20.0]) < 260.0).all()
+    assert (np.abs(plan_route(world) - [3030.0, 20.0]) < 260.0).all()
 
 
 def house(door, entrance):
@@ -175,8 +176,7 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
 def test_the_drive_keeps_its_radius_from_all_walls_there_and_back(name):
     world = generate(name, size=SMALL[name], seed=3) if name in SMALL else load_world(name)
     scenario = Scenario(world).with_route()
-    drive = scenario.trajectory(scans=2000)
-    assert find_collision(drive, world, scenario.radius) is None
+    assert find_collision(scenario.trajectory(scans=2000), world, scenario.radius) is None
 
 
 def corridor(width, turn, rooms):
@@ -255,8 +255,7 @@ def test_rooms_are_counted_in_the_same_way_where_furniture_divides_them():
 
 def test_every_room_with_a_door_is_entered():
     ends = [[x, 3, x + 3, 3] for x in range(0, 20, 4)] + [[x, 0, x, 3] for x in range(4, 20, 4)]
-    world = World(np.vstack([np.array(ends, dtype=float), box(0, 0, 20, 6)]))
-    found = find_route(world)
+    found = find_route(World(np.vstack([np.array(ends, dtype=float), box(0, 0, 20, 6)])))
     assert found.notes == ()
     rooms = found.waypoints[found.waypoints[:, 1] < 2.8, 0] // 4
     assert set(rooms.tolist()) == {0, 1, 2, 3, 4}
@@ -272,17 +271,6 @@ def test_wide_doors_and_doors_to_the_outside_are_not_reported_as_narrow(tmp_path
     assert find_route(house(0.98, 0.3), radius=0.35, lookahead=0.4).notes == ()
     save_world(house(1.2, 1.2), tmp_path / "map.yaml")
     assert find_route(load_world(tmp_path / "map.yaml"), lookahead=0.4).notes == ()
-
-
-def test_no_walls_and_no_room_are_clear_errors():
-    with pytest.raises(InputError, match="no walls"):
-        plan_route(World(np.empty((0, 4)), name="void"))
-    with pytest.raises(InputError, match="radius nan"):
-        plan_route(STREETS, radius=float("nan"))
-    with pytest.raises(InputError, match="radius 0"):
-        plan_route(STREETS, radius=0.0)
-    with pytest.raises(InputError, match="away from all walls"):
-        plan_route(room(9.0, 7.0), radius=60.0)
 
 
 HOUSE = house(1.0, 2.0)
@@ -303,8 +291,6 @@ def test_the_side_of_the_walls_is_chosen_or_asked_for_and_indoors_the_robot_is_s
     assert within.side == "inside"
     houses = shapely.MultiPolygon([shapely.Polygon(row[:, :2]) for row in PAIR_BOXES])
     assert shapely.contains_xy(houses, *within.waypoints.T).all()
-    with pytest.raises(InputError, match="where 'within': expected"):
-        plan_route(HOUSE, where="within")  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -318,13 +304,22 @@ def test_the_route_begins_at_the_start_and_stays_on_its_side():
     assert tuple(plan_route(PAIR, start=(12.0, 11.0, 0.0))[0]) == (12.0, 11.0)
 
 
-def test_a_start_where_no_robot_can_be_is_a_clear_error():
-    with pytest.raises(InputError, match=r"start \(0\.1, 2\): nearer to a wall"):
-        plan_route(HOUSE, start=(0.1, 2.0, 0.0))
-    with pytest.raises(InputError, match="the start does not lie outside the walls"):
-        plan_route(HOUSE, start=(9.0, 7.0), where="outside")
-    with pytest.raises(InputError, match="expected finite numbers"):
-        plan_route(HOUSE, start=(np.nan, 2.0))
+@pytest.mark.parametrize(
+    ("world", "settings", "said"),
+    [
+        (World(np.empty((0, 4)), name="void"), {}, "no walls"),
+        (STREETS, {"radius": float("nan")}, "radius nan"),
+        (STREETS, {"radius": 0.0}, "radius 0"),
+        (room(9.0, 7.0), {"radius": 60.0}, "away from all walls"),
+        (HOUSE, {"start": (0.1, 2.0, 0.0)}, r"start \(0\.1, 2\): nearer to a wall"),
+        (HOUSE, {"start": (9.0, 7.0), "where": "outside"}, "does not lie outside the walls"),
+        (HOUSE, {"start": (np.nan, 2.0)}, "expected finite numbers"),
+        (HOUSE, {"where": "within"}, "where 'within': expected"),
+    ],
+)
+def test_where_no_robot_can_be_is_a_clear_error(world, settings, said):
+    with pytest.raises(InputError, match=said):
+        plan_route(world, **settings)
 
 
 def test_only_cells_that_a_map_knows_to_be_free_are_driven_through():

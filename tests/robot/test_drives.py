@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lrf3d
-from lrf3d.base.errors import InputError
 
 SPEEDS = st.floats(-3.0, 3.0)
 ROBOTS = {
@@ -44,11 +43,11 @@ def test_a_controller_commands_the_wheels_of_its_robot():
     steps = list(lrf3d.Simulation(room, Wheels(), **settings))
     assert steps[-1].pose == pytest.approx(robot.move((2, 2, 0), 1.0, 1.5, 2.0))
     settings["robot"] = lrf3d.OmniDrive()
-    with pytest.raises(InputError, match="ahead and to the left"):
+    with pytest.raises(lrf3d.InputError, match="ahead and to the left"):
         list(lrf3d.Simulation(room, Wheels(), **settings))
 
 
 @pytest.mark.parametrize("track", [0.0, -1.0, np.nan])
 def test_wheels_without_a_track_are_reported(track):
-    with pytest.raises(InputError, match="differential drive: track"):
+    with pytest.raises(lrf3d.InputError, match="differential drive: track"):
         lrf3d.DifferentialDrive(track)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.base.errors import InputError
 
 POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [2.0, 0.5, 0.2], [3.0, 1.0, 0.3]])
 
@@ -52,5 +51,5 @@ def test_a_part_keeps_the_closures_between_its_own_scans():
 )
 def test_what_does_not_fit_together_is_refused(changes, words):
     parts = {"poses": POSES, "known_scans": [0], "covariances": np.zeros((1, 3, 3)), **changes}
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(lrf3d.InputError, match=words):
         lrf3d.EstimatedTrajectory(**parts)

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.robot.odometry import InertialUnit, Odometer, increment_of, twist_of
 from lrf3d.simulation.mappers import OptionalParts
 from lrf3d.slam import SlamMapper
@@ -89,7 +88,7 @@ def test_a_world_file_asks_for_odometry_and_an_imu(tmp_path):
     scenario = lrf3d.load_scenario(tmp_path / "a.toml", ["odometry.scale=0.2"])
     assert scenario.odometry == lrf3d.WheelOdometry(scale=0.2)
     assert scenario.imu == lrf3d.Imu(rate=50)
-    with pytest.raises(InputError, match="imu: rate 0"):
+    with pytest.raises(lrf3d.InputError, match="imu: rate 0"):
         lrf3d.load_scenario(tmp_path / "a.toml", ["imu.rate=0"])
-    with pytest.raises(InputError, match="deviations"):
+    with pytest.raises(lrf3d.InputError, match="deviations"):
         lrf3d.WheelOdometry(slip=-1.0)

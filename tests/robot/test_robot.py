@@ -3,10 +3,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
+from lrf3d import (
+    CollisionError,
+    InputError,
+    Scenario,
+    Trajectory,
+    Unicycle,
+    World,
+    drive,
+    follow_route,
+    load_scenario,
+)
 from lrf3d.casting.collision import check_drive, find_collision
 from lrf3d.robot.following import Patrol
-from lrf3d.simulation.scenario import Scenario, load_scenario
 
 speeds = st.floats(-3.0, 3.0)
 turns = st.floats(-2.0, 2.0)

@@ -75,8 +75,7 @@ def test_a_square_driven_by_commands_closes(start, kind):
 
 def test_services_and_poses_are_obeyed_or_refused_in_a_line(start):
     simulator, _ = start("paper_room", "--rate", "10")
-    corner = load_world("paper_room").segments[0, :2]
-    seen = client("orders", *map(str, corner))
+    seen = client("orders", *map(str, load_world("paper_room").segments[0, :2]))
     assert seen["paused"] == 0 and 80_000_000 <= seen["stepped"] <= 100_000_000
     assert seen["placed"] == pytest.approx(0.2) and seen["kept"] == pytest.approx(3 * [0.2])
     assert seen["fast"] == 0.1 and seen["stopped"] == 0.0

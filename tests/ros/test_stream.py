@@ -5,11 +5,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from lrf3d import LaserRangeFinder, Pose, ProportionalNoise, World
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, LaserRangeFinder, Pose, ProportionalNoise, Scenario, World
 from lrf3d.messages import ros
 from lrf3d.ros.stream import Settings, Stream
-from lrf3d.simulation.scenario import Scenario
 
 ROOM = World([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2], [-3, 2, -3, -2]])
 
@@ -88,10 +86,8 @@ def test_settings_choose_what_topics_give_of_the_truth():
     seen = by_name(message for _ in range(4) for message in given.step())
     odometry = seen["odom"]["pose"]["pose"]["position"]
     assert (odometry["x"], odometry["y"]) != given.robots[0].robot.pose[:2]
-    to_odom = seen["tf"]["transforms"][1]
-    assert to_odom["child_frame_id"] == "odom"
-    grid = by_name(given.first())["map"]
-    assert {0, 100} <= set(grid["data"].tolist())
+    assert seen["tf"]["transforms"][1]["child_frame_id"] == "odom"
+    assert {0, 100} <= set(by_name(given.first())["map"]["data"].tolist())
     children = [each["child_frame_id"] for each in by_name(hidden.tick())["tf"]["transforms"]]
     assert children == ["base_link", "left_wheel", "right_wheel"]
     own, _ = stream(odom_tf=False)

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from synthetic_run import as_map, box, make_run, make_world, ring
 
-from lrf3d.geometry.pose import Pose
-from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapping import LineMap
+from lrf3d import LaserRangeFinder, LaserScan, LineMap, Pose
 from lrf3d.scoring import score_log
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
@@ -17,8 +15,7 @@ ROOM = ring([(0, 0), (12, 0), (12, 8), (0, 8)])
 
 def test_a_perfect_map_explains_all_and_is_never_violated():
     world = make_world(ROOM)
-    poses = np.array([[3.0, 3.0, 0.2], [8.0, 5.0, 2.0]])
-    run = make_run(world, poses, ROUND)
+    run = make_run(world, np.array([[3.0, 3.0, 0.2], [8.0, 5.0, 2.0]]), ROUND)
     score = score_log(as_map(world.segments), run.scans)
     assert (score.explained, score.violation) == (1.0, 0.0)
     assert score.median_range_error == pytest.approx(0.0, abs=1e-9)

@@ -10,9 +10,6 @@ from hypothesis import strategies as st
 from synthetic_run import around, as_map, box, make_run, make_world
 
 import lrf3d
-from lrf3d.geometry.pose import Pose
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
 from lrf3d.scoring import (
     adjusted_rand_index,
     buildings_seen,
@@ -22,9 +19,8 @@ from lrf3d.scoring import (
     seen_share,
     visible_walls,
 )
-from lrf3d.world import World
 
-ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
+ROUND = lrf3d.LaserRangeFinder(-np.pi, np.pi, 721)
 WALL, NO_LENGTH = [0.0, 0.0, 4.0, 0.0], [1.0, 0.0, 1.0, 0.0]
 
 
@@ -64,22 +60,22 @@ def test_the_seen_share_counts_walls_that_face_the_drive_and_unreached_rooms(
 
 
 def test_visible_part_lies_between_the_outermost_returns():
-    world = World(np.array([[-5.0, 2.0, 5.0, 2.0], [50.0, 50.0, 51.0, 50.0]]))
-    lrf = LaserRangeFinder(np.deg2rad(45), np.deg2rad(135), 91, range_max=10.0)
+    world = lrf3d.World(np.array([[-5.0, 2.0, 5.0, 2.0], [50.0, 50.0, 51.0, 50.0]]))
+    lrf = lrf3d.LaserRangeFinder(np.deg2rad(45), np.deg2rad(135), 91, range_max=10.0)
     segments, walls = visible_walls(make_run(world, np.zeros((1, 3)), lrf))
     assert walls.tolist() == [0]
     np.testing.assert_allclose(segments, [[-2.0, 2.0, 2.0, 2.0]], atol=1e-12)
 
 
 def test_a_part_of_half_a_metre_does_not_count():
-    world = World(np.array([[-0.25, 2.0, 0.25, 2.0], [-0.26, -2.0, 0.26, -2.0]]))
+    world = lrf3d.World(np.array([[-0.25, 2.0, 0.25, 2.0], [-0.26, -2.0, 0.26, -2.0]]))
     # Beams aimed at the very ends see all of both walls.
     ends, turns = (
         [x + s for x in (-0.25, 0.25) for s in (-0.01, 0.0, 0.01)],
         (np.pi / 2, -np.pi / 2),
     )
     poses = np.array([[x, 0.0, turn] for x in ends for turn in turns])
-    _, walls = visible_walls(make_run(world, poses, LaserRangeFinder(0.0, 0.0, 1)))
+    _, walls = visible_walls(make_run(world, poses, lrf3d.LaserRangeFinder(0.0, 0.0, 1)))
     assert walls.tolist() == [1]
 
 
@@ -142,7 +138,7 @@ def turned(degrees):
     ],
 )
 def test_a_map_of_one_visible_wall_is_scored_by_hand(found, walls, expected):
-    walls, line_map = walls if walls is None else np.array(walls), LineMap.empty()
+    walls, line_map = walls if walls is None else np.array(walls), lrf3d.LineMap.empty()
     if found:
         line_map = as_map(np.array(found))
     score = score_map(line_map, np.array([WALL]), np.zeros(1), walls=walls).as_dict()
@@ -153,7 +149,7 @@ def test_empty_worlds_are_scored():
     nothing = np.empty((0, 4))
     no_world = score_map(as_map(np.array([WALL])), nothing, np.empty(0))
     assert (no_world.length_f1, no_world.as_dict()["segment_ratio"]) == (0.0, None)
-    neither = score_map(LineMap.empty(), nothing, np.empty(0))
+    neither = score_map(lrf3d.LineMap.empty(), nothing, np.empty(0))
     assert (neither.length_f1, neither.segment_f1, neither.segment_ratio) == (1.0, 1.0, 1.0)
 
 
@@ -165,7 +161,7 @@ def test_empty_worlds_are_scored():
 @settings(max_examples=25, deadline=None)
 def test_scores_do_not_depend_on_where_the_world_lies(blocks, truth, angle, shift, flip):
     segments, objects = truth
-    pose = Pose(*shift, angle)
+    pose = lrf3d.Pose(*shift, angle)
 
     def moved(lines):
         ends = pose.apply(lines.reshape(-1, 2)).reshape(-1, 4)
@@ -247,7 +243,7 @@ def test_a_building_with_a_flaw_is_not_whole(blocks, flaw):
     elif flaw == "shared object":
         objects[objects == 1] = 0
     # Numbers of objects may have gaps.
-    world = World(blocks.world.segments, 2 * blocks.world.objects)
+    world = lrf3d.World(blocks.world.segments, 2 * blocks.world.objects)
     count = buildings_seen(replace(blocks, world=world, maps=(as_map(segments, objects),)))
     whole = {"none": 3, "shared object": 1}.get(flaw, 2)
     assert (count.buildings, count.seen_on_all_sides, count.whole) == (3, 3, whole)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from program import lrf3d as run_program
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import compose
 from lrf3d.recordings.formats.trajectory import load_tum, save_tum
 from lrf3d.scoring import Relations, score_trajectory
@@ -57,9 +56,9 @@ def test_times_that_do_not_meet_are_reported_with_both_spans():
         (1e3 * TRUTH.times, "look like milliseconds"),
         (1e9 * TRUTH.times, "look like nanoseconds"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(lrf3d.InputError, match=said):
             pose_errors(TRUTH, lrf3d.Trajectory(times, TRUTH.poses))
-    with pytest.raises(InputError, match="1000 times as large"):
+    with pytest.raises(lrf3d.InputError, match="1000 times as large"):
         pose_errors(TRUTH, lrf3d.Trajectory(TRUTH.times, 1e3 * TRUTH.poses))
     between = lrf3d.Trajectory(TRUTH.times[:-1] + 0.1, TRUTH.at(TRUTH.times[:-1] + 0.1))
     errors = pose_errors(TRUTH, between)
@@ -76,7 +75,7 @@ def test_relations_give_metres_and_degrees_and_turns_wrap():
     assert score.certain_translation_mean == pytest.approx(0.5)
     unsure = score_trajectory(poses, relations((0, 1, 1, 0, 0), certain=False)).as_dict()
     assert unsure["certain_translation_mean"] is None
-    with pytest.raises(InputError, match="pose 7, the trajectory has 3"):
+    with pytest.raises(lrf3d.InputError, match="pose 7, the trajectory has 3"):
         score_trajectory(poses, relations((0, 7, 1, 0, 0)))
 
 
@@ -94,7 +93,7 @@ def test_a_tum_file_is_read_back_or_its_line_named(tmp_path):
         ("# none\n", "no pose"),
     ):
         path.write_text(text)
-        with pytest.raises(InputError, match=expected):
+        with pytest.raises(lrf3d.InputError, match=expected):
             load_tum(path)
 
 

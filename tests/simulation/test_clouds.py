@@ -52,8 +52,7 @@ def test_a_run_casts_again_what_its_steps_measured(scene: Any, tmp_path: Path) -
     measured = [
         (step.lidar_scans[0], step.depth_images[0]) for step in scene.simulation(rng=3, noise=noise)
     ]
-    run = scene.run(rng=3, noise=noise)
-    lrf3d.save_run(run, tmp_path / "run.npz")
+    lrf3d.save_run(scene.run(rng=3, noise=noise), tmp_path / "run.npz")
     again = lrf3d.load_run(tmp_path / "run.npz")
     assert again.sweeps is not None and np.abs(again.sweeps).max() > 0.05
     for index, (scan, image) in enumerate(measured):
@@ -93,8 +92,7 @@ def test_clouds_are_written_for_other_programs(scene: Any, tmp_path: Path, to: s
     counts = [int(scan.hits.sum()) for scan in run.lidar_scans]
     world = np.concatenate([scan.points() for scan in run.lidar_scans])
     if to == "npz":
-        arrays = np.load(path)
-        assert np.diff(arrays["starts"]).tolist() == counts
+        assert np.diff(np.load(path)["starts"]).tolist() == counts
         return
     if to == "kitti":
         scans = [np.fromfile(each, "<f4") for each in sorted((path / "velodyne").iterdir())]

@@ -4,14 +4,21 @@ import numpy as np
 import pytest
 from drives import NoMap
 
-from lrf3d import Imu, LaserRangeFinder, Pose, ProportionalNoise, World, simulate_fleet
+from lrf3d import (
+    Imu,
+    LaserRangeFinder,
+    Pose,
+    ProportionalNoise,
+    Scenario,
+    WheelOdometry,
+    World,
+    simulate_fleet,
+)
 from lrf3d.casting.collision import Body, CollisionChecker
 from lrf3d.casting.crowd import moves_of
 from lrf3d.gym import MAX_TURN_RATE, DriveVectorEnv
-from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.simulation.driven import STILL, Driven, hold_all
 from lrf3d.simulation.live import LiveRobot
-from lrf3d.simulation.scenario import Scenario
 
 ROOM = World([[-4, -3, 4, -3], [4, -3, 4, 3], [4, 3, -4, 3], [-4, 3, -4, -3]])
 SCENARIO = Scenario(

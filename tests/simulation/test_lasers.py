@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.laser.unrolling import together, unrolled
 from lrf3d.recordings.degrade import degrade_log
 from lrf3d.recordings.formats.carmen_writer import write_log
@@ -156,7 +155,7 @@ def test_a_world_file_has_several_lasers_each_with_its_noise(tmp_path):
     assert scenario.further[0][1] == lrf3d.ProportionalNoise(0.1)
     assert scenario.run(rng=0).ranges.shape == (1, 11 + 181)
     (tmp_path / "two.toml").write_text(WORLD.replace('"rear"', '"front"'))
-    with pytest.raises(InputError, match="two of the name 'front'"):
+    with pytest.raises(lrf3d.InputError, match="two of the name 'front'"):
         lrf3d.load_scenario(tmp_path / "two.toml")
 
 
@@ -175,9 +174,9 @@ def test_a_heading_that_looks_like_radians_is_named(tmp_path, heading):
     [((np.nan, 0, 0), "finite"), ((1e9, 0, 0), "100 m"), ((1, 2), "three numbers")],
 )
 def test_a_mount_that_makes_no_sense_is_reported(mount, expected):
-    with pytest.raises(InputError, match=expected):
+    with pytest.raises(lrf3d.InputError, match=expected):
         lrf3d.LaserRangeFinder(mount=mount)
-    with pytest.raises(InputError, match="two of the name 'laser'"):
+    with pytest.raises(lrf3d.InputError, match="two of the name 'laser'"):
         lrf3d.Simulation(ROOM, ROUTE, [lrf3d.LaserRangeFinder()] * 2)
 
 

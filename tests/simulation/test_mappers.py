@@ -3,7 +3,6 @@
 from typing import get_type_hints
 
 import lrf3d
-from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.simulation.mappers import FullMapper, OptionalParts
 
 ROOM = lrf3d.load_world("paper_room")
@@ -38,7 +37,9 @@ class Asked:
 
 
 def test_a_mapper_with_update_alone_gets_each_scan_and_returns_its_map():
-    simulation = lrf3d.Simulation(ROOM, DRIVE, LASERS, mapper=Counting(), odometry=WheelOdometry())
+    simulation = lrf3d.Simulation(
+        ROOM, DRIVE, LASERS, mapper=Counting(), odometry=lrf3d.WheelOdometry()
+    )
     assert [step.map for step in simulation] == [["rear", 2], ["rear", 4]]
     assert simulation.estimate is None
     parts = OptionalParts(simulation.mapper)
@@ -47,7 +48,9 @@ def test_a_mapper_with_update_alone_gets_each_scan_and_returns_its_map():
 
 def test_all_that_a_mapper_is_asked_for_is_declared():
     mapper = Asked()
-    simulation = lrf3d.Simulation(ROOM, DRIVE, LASERS, mapper=mapper, odometry=WheelOdometry())
+    simulation = lrf3d.Simulation(
+        ROOM, DRIVE, LASERS, mapper=mapper, odometry=lrf3d.WheelOdometry()
+    )
     list(simulation)
     assert (simulation.map, simulation.estimate) == (None, None)
     declared = {name for name in dir(FullMapper) if not name.startswith("_")}

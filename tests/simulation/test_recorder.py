@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.base.errors import InputError
 
 ROOM = lrf3d.load_world("paper_room")
 LRF = lrf3d.LaserRangeFinder(beams=91, range_max=20.0)
@@ -53,11 +52,12 @@ def test_a_recorder_reports_what_it_cannot_keep():
     recorder = recorded(estimate=(0, 0, 0))
     assert recorder.run().estimate.poses.shape == (len(recorder), 3)
     scan = lrf3d.PlanarCaster(ROOM).cast(LRF, (1, 1, 0))
-    with pytest.raises(InputError, match="every scan or for none"):
-        recorder.add(scan)
-    with pytest.raises(InputError, match="after"):
-        recorder.add(scan, time=0.0, estimate=(0, 0, 0))
-    with pytest.raises(InputError, match="expected a scan of"):
-        recorder.add([scan, scan])
-    with pytest.raises(InputError, match="no scans"):
+    for scans, values, said in (
+        (scan, {}, "every scan or for none"),
+        (scan, {"time": 0.0, "estimate": (0, 0, 0)}, "after"),
+        ([scan, scan], {}, "expected a scan of"),
+    ):
+        with pytest.raises(lrf3d.InputError, match=said):
+            recorder.add(scans, **values)
+    with pytest.raises(lrf3d.InputError, match="no scans"):
         lrf3d.Recorder(ROOM, LRF).run()

@@ -96,5 +96,4 @@ def test_changes_hold_for_one_run():
 
 
 def test_the_version_is_that_of_the_package():
-    said = program("--version").stdout
-    assert said == f"lrf3d {lrf3d.__version__}\n"
+    assert program("--version").stdout == f"lrf3d {lrf3d.__version__}\n"

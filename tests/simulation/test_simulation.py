@@ -77,21 +77,20 @@ def run():
 
 
 @pytest.mark.parametrize(
-    "scans", [(), (0, 1), (0, 1, 1), (2, 1, 0), (0, 1, 3), (-1, 0, 1), (0, 1, 1.5)]
+    ("name", "value", "said"),
+    [
+        *(
+            ("snapshot_scans", scans, "snapshot_scans")
+            for scans in ((), (0, 1), (0, 1, 1), (2, 1, 0), (0, 1, 3), (-1, 0, 1), (0, 1, 1.5))
+        ),
+        ("intensities", np.ones((2, 181)), "intensities"),
+        ("echoes", np.ones((3, 180, 2)), "echoes"),
+        ("estimate", lrf3d.EstimatedTrajectory(np.zeros((2, 3))), "of 2 scans; expected 3"),
+    ],
 )
-def test_map_snapshots_belong_to_scans_in_order(run, scans):
-    with pytest.raises(InputError, match="snapshot_scans"):
-        replace(run, snapshot_scans=scans)
-
-
-def test_light_and_estimate_are_of_as_many_scans(run):
-    with pytest.raises(InputError, match="intensities"):
-        replace(run, intensities=np.ones((2, 181)))
-    with pytest.raises(InputError, match="echoes"):
-        replace(run, echoes=np.ones((3, 180, 2)))
-    estimate = lrf3d.EstimatedTrajectory(np.zeros((2, 3)))
-    with pytest.raises(InputError, match="estimate of 2 scans; expected 3"):
-        replace(run, estimate=estimate)
+def test_snapshots_light_and_estimate_belong_to_the_scans_in_order(run, name, value, said):
+    with pytest.raises(InputError, match=said):
+        replace(run, **{name: value})
 
 
 def test_a_seed_is_called_rng_and_a_name_is_no_world():

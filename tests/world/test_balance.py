@@ -93,8 +93,7 @@ def test_geojson_and_openstreetmap_leave_out_the_same(tags, reason, tmp_path, ba
 
 
 def area(places):
-    ring = np.vstack([places, places[:1]]).tolist()
-    return {"type": "Polygon", "coordinates": [ring]}
+    return {"type": "Polygon", "coordinates": [np.vstack([places, places[:1]]).tolist()]}
 
 
 def test_rooms_without_a_tag_are_named_where_they_lose_their_walls(tmp_path):

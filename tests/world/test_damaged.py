@@ -5,8 +5,7 @@ import re
 import damaged_worlds
 import pytest
 
-from lrf3d.base.errors import WorldError
-from lrf3d.world import load_world
+from lrf3d import WorldError, load_world
 
 DAMAGED = dict(damaged_worlds.damaged())
 

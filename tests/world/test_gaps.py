@@ -70,8 +70,7 @@ def test_a_map_of_a_room_is_a_world_whose_walls_are_one_object(tmp_path):
     lrf3d.save_map(run.map, tmp_path / "map.geojson", free=run.free_cells())
     world = lrf3d.load_world(tmp_path / "map.geojson")
     assert world.object_count == 1 and len(world.segments) == 4
-    ends = world.segments.reshape(-1, 2)
-    assert len(np.unique(np.round(ends, 9), axis=0)) == 4
+    assert len(np.unique(np.round(world.segments.reshape(-1, 2), 9), axis=0)) == 4
     assert (world.free.cells == run.free_cells().cells).all()
     # A caster finds no gap.
     lrf = lrf3d.LaserRangeFinder(-np.pi, np.pi, 20_001)

@@ -45,10 +45,14 @@ def test_every_room_can_be_driven_to(kind, seed):
     assert (cKDTree(places).query(free)[0] > 0.3).mean() < 0.01
 
 
-def test_what_cannot_be_generated_is_refused():
-    with pytest.raises(InputError, match=r"jungle: unknown kind.*maze"):
-        generate("jungle")
-    with pytest.raises(InputError, match="size 1 m: expected 12"):
-        generate("maze", size=1.0)
-    with pytest.raises(InputError, match="size nan"):
-        generate("maze", size=float("nan"))
+@pytest.mark.parametrize(
+    ("kind", "size", "said"),
+    [
+        ("jungle", None, r"jungle: unknown kind.*maze"),
+        ("maze", 1.0, "size 1 m: expected 12"),
+        ("maze", float("nan"), "size nan"),
+    ],
+)
+def test_what_cannot_be_generated_is_refused(kind, size, said):
+    with pytest.raises(InputError, match=said):
+        generate(kind, size=size)

@@ -164,19 +164,16 @@ def test_metres_near_the_origin_are_no_degrees(tmp_path):
 
 
 def test_blocks_come_in_the_order_of_the_file_and_each_time_the_same(tmp_path):
-    rng = np.random.default_rng(5)
-    spots = rng.permutation(25)
+    spots = np.random.default_rng(5).permutation(25)
     houses = [polygon(rectangle(9.0 * (s // 5), 9.0 * (s % 5), 6, 6), name=str(s)) for s in spots]
     world = read(tmp_path, *houses)
     assert world.object_names == tuple(str(spot) for spot in spots)
-    again = read(tmp_path, *houses)
-    assert world.segments.tobytes() == again.segments.tobytes()
+    assert world.segments.tobytes() == read(tmp_path, *houses).segments.tobytes()
 
 
 def test_an_outline_that_crosses_itself_is_mended(tmp_path):
     bow = [[0, 0], [10, 10], [10, 0], [0, 10]]
-    world = read(tmp_path, polygon((np.array(bow) + FAR).tolist()))
-    assert len(world.segments) == 6
+    assert len(read(tmp_path, polygon((np.array(bow) + FAR).tolist())).segments) == 6
 
 
 @pytest.mark.parametrize("height", ["tall", -3, [1, "x"], True, [], 10**400])
@@ -216,8 +213,7 @@ def test_the_stretched_metres_of_web_maps_are_laid_flat(crs, tmp_path):
 def test_other_systems_become_metres(code, crs, flat, tmp_path):
     pyproj = pytest.importorskip("pyproj")
     degrees = np.array([[0, 0], [5, 0], [5, 3], [0, 3]]) * 1e-4 + [-73.99, 40.75]
-    geod = pyproj.Geod(ellps="WGS84")
-    around = geod.line_length(*np.vstack([degrees, degrees[:1]]).T)
+    around = pyproj.Geod(ellps="WGS84").line_length(*np.vstack([degrees, degrees[:1]]).T)
     there = pyproj.Transformer.from_crs("OGC:CRS84", code, always_xy=True).transform(*degrees.T)
     ring = np.column_stack([*there, [7.0, 8.0, 9.0, -1.0]]).tolist()
     told = {"type": "name", "properties": {"name": crs}} if isinstance(crs, str) else crs

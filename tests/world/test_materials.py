@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.base.errors import WorldError
 from lrf3d.world import Material, World, load_world
 from lrf3d.world.materials import BUILT_IN, material_of
 
@@ -27,7 +26,7 @@ def test_a_built_in_material_reflects_no_more_light_than_falls_on_it(material):
     ],
 )
 def test_an_invalid_material_is_refused(values, message):
-    with pytest.raises(WorldError, match=message):
+    with pytest.raises(lrf3d.WorldError, match=message):
         Material("own", **values)
 
 

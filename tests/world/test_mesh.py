@@ -87,8 +87,7 @@ def test_a_box_is_cut_into_four_walls_whatever_the_format(kind, tmp_path):
 
 
 def test_a_round_tower_keeps_its_sides(tmp_path):
-    tower = trimesh.creation.cylinder(3.0, 5.0, sections=24)
-    tower.export(tmp_path / "tower.stl")
+    trimesh.creation.cylinder(3.0, 5.0, sections=24).export(tmp_path / "tower.stl")
     world = load_world(tmp_path / "tower.stl")
     assert len(world.segments) == 24
     assert np.hypot(*world.segments.reshape(-1, 2).T) == pytest.approx([3.0] * 48, abs=1e-5)

@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from lrf3d.base.errors import WorldError
-from lrf3d.geometry.pose import Pose
-from lrf3d.world import World, load_world, save_world
+from lrf3d import Pose, World, WorldError, load_world, save_world
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.ros_map import write_ros_map
 
@@ -92,8 +90,7 @@ def test_a_room_is_four_walls_with_closed_corners(tmp_path):
     assert len(world.segments) == 4 and world.object_count == 1
     # Along the middles of the cells; the picture begins at the top, the map at the bottom.
     assert world.bounds == pytest.approx(np.array([[1.05, 1.05], [4.95, 3.95]]))
-    ends = world.segments.reshape(-1, 2)
-    assert len(np.unique(np.round(ends, 9), axis=0)) == 4
+    assert len(np.unique(np.round(world.segments.reshape(-1, 2), 9), axis=0)) == 4
 
 
 def test_a_thick_block_is_its_outline(tmp_path):

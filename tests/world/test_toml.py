@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.base.errors import WorldError
-from lrf3d.world import load_world
+from lrf3d import WorldError, load_world
 
 HOUSE = """\
 [[object]]

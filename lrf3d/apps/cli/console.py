@@ -21,7 +21,6 @@ Rows = Sequence[tuple[str, str]]
 class Console:
     """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr."""
 
-    command: str
     json: bool
     quiet: bool
     verbose: bool

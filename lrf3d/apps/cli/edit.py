@@ -20,9 +20,9 @@ def edit(_: None, args: Namespace, console: Console) -> None:
         text = f"{path} is edited at {address}; Ctrl-C ends it"
         console.print({"address": address, "file": str(path)}, [("edit", text)])
 
-    options = options_of(args)
     # Options at their defaults, and --edits, which the page replaces, are left out.
-    options = {k: v for k, v in options.items() if (k, v) != ("scale", 1.0) and k != "edits"}
+    given = options_of(args).items()
+    options = {k: v for k, v in given if (k, v) != ("scale", 1.0) and k != "edits"}
     with bound(args.host, args.port) as door:
         serve(path, options, door, host=args.host, browser=args.browser, started=shown)
 

@@ -79,7 +79,7 @@ class ResultsFolder:
         printed if drawing fails or is stopped, and says how to continue.
         """
         made = {**files, "summary": "summary.json"}
-        before = _files_of(_summary_of(self.path) or {})
+        before = _files_of(_summary_of(self.path))
         written = {*made.values(), *(file for file, _ in drawings.values())}
         _remove(self.path, before - written, self.console)
         # Keep films and exports of this run that the user wrote elsewhere.
@@ -122,14 +122,14 @@ class ResultsFolder:
         return failed
 
 
-def _summary_of(folder: Path) -> dict[str, Any] | None:
-    """The summary in a folder; None if there is none that names its sources."""
+def _summary_of(folder: Path) -> dict[str, Any]:
+    """The summary in a folder; empty if there is none that names its sources."""
     try:
         found: dict[str, Any] = json.loads(read_text(folder / "summary.json"))
         _ = [str(source) for source in found["made_by"]["sources"]]
         return found
     except (OSError, InputError, ValueError, LookupError, TypeError, RecursionError):
-        return None
+        return {}
 
 
 def _files_of(summary: Mapping[str, Any]) -> set[str]:
@@ -165,7 +165,7 @@ def _of_others(folder: Path, made_by: Mapping[str, Any]) -> str:
     """What a folder holds that another command or other sources made; empty if nothing."""
     summary = _summary_of(folder)
     there = sorted(path.name for name in _RESULTS for path in folder.glob(name) if path.is_file())
-    if summary is None:
+    if not summary:
         return f"{there[0]} of something else" if there else ""
     before = summary["made_by"]
     # A command that failed early leaves nothing but its summary.
@@ -218,7 +218,7 @@ def results_folder(
             f"{folder}: holds {others}; choose another folder with --out, or replace all of it"
             " with --force"
         )
-    if alone and "files" not in (_summary_of(folder) or {}):
+    if alone and "files" not in _summary_of(folder):
         # So that results of a command that is stopped name their sources, too.
         write_text(folder / "summary.json", json_text({"made_by": made_by}))
     return ResultsFolder(folder, made_by, console)
@@ -226,9 +226,8 @@ def results_folder(
 
 def _leave_nothing_empty(folder: Path) -> None:
     """Remove the folder of a command that failed before it wrote anything."""
-    if [path.name for path in folder.iterdir()] == ["summary.json"] and not _files_of(
-        _summary_of(folder) or {}
-    ):
+    there = [path.name for path in folder.iterdir()]
+    if there == ["summary.json"] and not _files_of(_summary_of(folder)):
         (folder / "summary.json").unlink()
         folder.rmdir()
 
@@ -241,9 +240,9 @@ def _resumable(folder: Path) -> bool:
 def _remove_old(folder: Path, console: Console) -> None:
     """Remove all files of the run in a folder, and nothing else."""
     summary = _summary_of(folder)
-    patterns = (_ROWS,) if summary is None else (_ROWS, *_RESULTS)
+    patterns = (_ROWS, *_RESULTS) if summary else (_ROWS,)
     there = {str(path.relative_to(folder)) for each in patterns for path in folder.glob(each)}
-    _remove(folder, there | _files_of(summary or {}), console)
+    _remove(folder, there | _files_of(summary), console)
 
 
 @contextmanager
@@ -257,9 +256,9 @@ def file_of_run(args: Namespace, name: str) -> Iterator[Path]:
     make_folder(path.parent)
     made_by = _made_by(args, [args.run], path.parent)
     # The folder of a fleet has a subfolder for each robot.
-    homes = [each for each in (folder, folder.parent) if _summary_of(each) is not None]
+    homes = [each for each in (folder, folder.parent) if _summary_of(each)]
     home = next(iter(homes), folder).resolve()
-    if args.out is not None and not set(_entries(path, home)) & _files_of(_summary_of(home) or {}):
+    if args.out is not None and not set(_entries(path, home)) & _files_of(_summary_of(home)):
         _refuse_others(path, made_by, args.force)
     yield path
     _mark(path, made_by)

@@ -25,10 +25,9 @@ from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run, load_log, odometry_of
 from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario, read_scenario_file, scenario_of
-from lrf3d.world import World
 from lrf3d.world.cameras import check_view
 from lrf3d.world.files import find_world, is_plan
-from lrf3d.world.model import size_problem
+from lrf3d.world.model import World, size_problem
 from lrf3d.world.toml_file import WorldFile
 
 # A map, and the log of a drive on it.
@@ -292,7 +291,7 @@ def start(args: Namespace) -> int | None:
     # Commands that need the kernels of casting, mapping or SLAM.
     compiled = ("run", "map", "slam", "sweep", "localise")
     with ExitStack() as stack:
-        console = Console(args.command, args.json, args.quiet, args.verbose, stack)
+        console = Console(args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
         planar = args.command == "sweep" or getattr(args, "caster", None) == "planar"
         parts = ["slam"] * bool(slam) + ["planar"] * planar

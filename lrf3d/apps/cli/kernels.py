@@ -135,8 +135,7 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
 
 def _compile(module: str, name: str, types: Any) -> None:
     gc.disable()  # What compiling leaves behind ends with the process.
-    kernel = getattr(import_module(module), name)
-    kernel.compile(types)
+    getattr(import_module(module), name).compile(types)
 
 
 if __name__ == "__main__":

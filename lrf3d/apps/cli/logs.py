@@ -191,8 +191,7 @@ def _localise_recorded(
              f" probability of {found.probability:.2g}")  # fmt: skip
     world = known.world if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
-    poses = found.poses[chosen]
-    save_tum(found.log.times[chosen], poses, output.path / "trajectory.tum")
+    save_tum(found.log.times[chosen], found.poses[chosen], output.path / "trajectory.tum")
     rows = [*log_rows(log), *(("", note) for note in found.log.notes if note not in log.notes)]
     rows.append(("map", f"{args.world}, {counted(len(world.segments), 'wall')}"))
     for each in found.stretches:
@@ -200,8 +199,10 @@ def _localise_recorded(
         rows.append(("carried" if each.carried else "found", (
             f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
             f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
-    rows.append(("scans", f"{len(chosen):,} of {len(found.poses):,} placed on the map"))
-    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    rows += [
+        ("scans", f"{len(chosen):,} of {len(found.poses):,} placed on the map"),
+        ("time", f"{milliseconds():.2f} ms a scan"),
+    ]
     output.finish(
         {**found.summary(), "milliseconds_a_scan": milliseconds()},
         {"trajectory": "trajectory.tum"},
@@ -245,11 +246,11 @@ def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     with new_file(args, out, [args.log]) as place:
         write_log(worse, place)
     there, left = (sum(int(scan.hits.sum()) for scan in each.scans) for each in (kept, worse))
-    lost = there - left
     thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
     done = (
         f"{len(worse):,} of {counted(len(log), 'scan')} kept{thinned};"
-        f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
+        f" {there - left:,} of {there:,} returns lost, noise of {args.noise:g} m added to the"
+        " others"
     )
     timed = sum(scan.time_increment != 0.0 for scan in log.scans)
     rows = [
@@ -261,7 +262,7 @@ def degrade(log: LaserLog, args: Namespace, console: Console) -> None:
     figures = {
         "file": str(out), "log": log.counts, "poses": log.source, **changes, "seed": args.seed,
         "scans": len(worse), "returns": there,
-        "returns_lost": lost,
+        "returns_lost": there - left,
     }  # fmt: skip
     console.print(figures, [*log_rows(worse), *_filled(rows)])
 

@@ -54,11 +54,9 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser, options = _parser(name)
     # What follows is for ROS.
     end = list(words).index("--ros-args") if name == "ros" and "--ros-args" in words else len(words)
-    ros_words = words[end:]
-    words = words[:end]
-    joined = _joined(words[len(name.split()) :], options)
+    joined = _joined(words[len(name.split()) : end], options)
     flags = [word.partition("=")[0] for word in joined if word.startswith("-")]
-    named = argparse.Namespace(command=name, ros_words=ros_words, flags=flags)
+    named = argparse.Namespace(command=name, ros_words=words[end:], flags=flags)
     given, rest = parser.parse_known_intermixed_args(joined, named)
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
     _refuse_unknown(unknown, options, parser.prog)

@@ -175,7 +175,7 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
         rows = [("scans", f"{scans}, from single poses")]
     few_seen = 0.6  # Share of the walls below which a run says that it saw few of them.
     if (share := summary["seen_share"]) is not None:
-        side = f"{summary['planned'] or 'there'}"
+        side = summary["planned"] or "there"
         doors = "see the doors above, or " if summary["planned"] else ""
         few = f"; the map shows the smaller part: {doors}drive on with more --scans"
         rows.append(("seen", f"{100 * share:.0f} % of the walls {side}{few * (share < few_seen)}"))

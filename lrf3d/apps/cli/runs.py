@@ -68,12 +68,10 @@ def render(run: Run, args: Namespace, console: Console) -> None:
 
 def _write_frame(run: Run, path: Path, args: Namespace) -> None:
     """Write a picture of one moment of a run."""
-    from lrf3d.studio.render.film import frame
     from lrf3d.studio.render.video import save_png
 
-    drawing = frame(run, args.at, **_look(args))
     with replacing(path) as unfinished:
-        save_png(drawing, unfinished)
+        save_png(run.frame(args.at, **_look(args)), unfinished)
 
 
 def write_film(
@@ -86,11 +84,9 @@ def write_film(
     """Write the film of a run, or of a part of it or several, and return its figures."""
     from lrf3d.studio.render.video import render_video
 
-    ending = path.suffix.lower()
     look = _look(args)
-    size, rate = _LOOPS.get(ending, (look["size"], 25.0))
+    size, rate = _LOOPS.get(path.suffix.lower(), (look["size"], 25.0))
     look["size"] = args.size or size
-    rate = args.fps or rate
     began = perf_counter()
     stamps = list[float]()
     with console.progress("film") as progress:
@@ -105,10 +101,14 @@ def write_film(
             if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
                 console.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
-        look |= {**parts, "progress": note}
-        render_video(run, path, fps=rate, workers=args.workers, **look)
-    figures = {"size": list(look["size"]), "renderer": look["renderer"]}
-    return {"frames": len(stamps), **figures, "seconds": perf_counter() - began}
+        how = {"fps": args.fps or rate, "workers": args.workers, "progress": note}
+        render_video(run, path, **how, **look, **parts)
+    return {
+        "frames": len(stamps),
+        "size": list(look["size"]),
+        "renderer": look["renderer"],
+        "seconds": perf_counter() - began,
+    }
 
 
 def _look(args: Namespace) -> dict[str, Any]:
@@ -188,10 +188,10 @@ def ros(scenario: Scenario, args: Namespace, console: Console) -> int | None:
 
 def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
-    folder = "_kitti" if args.to == "kitti" else "_bag"
-    # The arrays of points need another name than run.npz.
-    ending = {"npz": "_points.npz"}.get(args.to, by_name("export", args.to).endings[0])
-    with file_of_run(args, f"run{ending or folder}") as path:
+    # The arrays of points need another name than run.npz, and folders have no ending.
+    endings = {"npz": "_points.npz", "kitti": "_kitti", "rosbag2": "_bag"}
+    ending = endings.get(args.to, by_name("export", args.to).endings[0])
+    with file_of_run(args, f"run{ending}") as path:
         export_run(run, args.to, path, every=args.every)
     files = [each for each in (path, *sorted(path.rglob("*"))) if each.is_file()]
     scans = len(range(0, len(run), args.every))
@@ -210,9 +210,8 @@ def share(run: Run, args: Namespace, console: Console) -> None:
     with file_of_run(args, "run.html") as path:
         every = share_run(run, path)
     size = path.stat().st_size
-    shown = f"{size / 1e6:.1f} MB"
     kept = [("kept", f"one of {every} moments")] if every > 1 else []
     console.print(
         {"file": str(path), "every": every, "bytes": size},
-        [("page", str(path)), *kept, ("size", shown)],
+        [("page", str(path)), *kept, ("size", f"{size / 1e6:.1f} MB")],
     )

@@ -17,8 +17,7 @@ from lrf3d.geometry.pose import Pose, compose
 from lrf3d.mapping import LineMap, load_map
 from lrf3d.recordings.formats.trajectory import load_tum
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.scoring import score_map, visible_walls
-from lrf3d.scoring.map_score import drawn_part, judged_part
+from lrf3d.scoring.map_score import drawn_part, judged_part, score_map, visible_walls
 from lrf3d.scoring.trajectory_score import PoseErrors, pose_errors
 from lrf3d.simulation.run import Run
 from lrf3d.world import World, load_world

@@ -95,9 +95,8 @@ class Editor:
         return self._sources[key]
 
     def _follow(self, edits: PlanEdits) -> None:
-        plan = edits.applied(self._source(edits), self.journal.name)
+        self.plan = edits.applied(self._source(edits), self.journal.name)
         self.edits = edits
-        self.plan = plan
         for name in ("scenario", "caster", "_plain_caster"):
             self.__dict__.pop(name, None)
 
@@ -167,11 +166,9 @@ class Editor:
         without return ends at range_max.
         """
         lrf = self.scenario.lrf
-        x, y, _ = pose
         scan = self.caster.cast(lrf, pose)
         far = np.where(np.isfinite(scan.ranges), scan.ranges, lrf.range_max)[:, None]
         ways = lrf.directions(pose)
-        here = np.array([x, y], dtype=np.float64)
         first = far
         beyond = ways
         if self.caster.lighting is not None:
@@ -179,7 +176,7 @@ class Editor:
             ranges, walls = self._plain_caster.scan_batch(lrf, [pose])
             first = np.minimum(ranges.T, far)
             beyond = self._behind(walls[0], scan.walls, ways)
-        met = here + first * ways
+        met = np.array(pose[:2], dtype=np.float64) + first * ways
         rows = np.hstack([met, met + (far - first) * beyond]).astype(np.float32)
         return packed({"kind": "scan", "hits": int(np.isfinite(scan.ranges).sum())}, beams=rows)
 

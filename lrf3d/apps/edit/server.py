@@ -157,8 +157,7 @@ class Desk:
 
     def _drive(self) -> None:
         """Simulate a drive through the plan as `lrf3d run` does, and serve its film."""
-        scenario = self.editor.scenario.with_route()
-        run = scenario.run(rng=0, on_collision=lambda note: None)
+        run = self.editor.scenario.with_route().run(rng=0, on_collision=lambda note: None)
 
         def make() -> PageSession:
             return PageSession.played(run, run.playback)

@@ -110,8 +110,7 @@ def shapes_of(features: Sequence[Feature]) -> list[Any]:
 
 def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[Feature]:
     """Features with all their points (k, 2) moved."""
-    shapes = np.array(shapes_of(features), dtype=object)
-    rest = iter(shapely.transform(shapes, move))
+    rest = iter(shapely.transform(np.array(shapes_of(features), dtype=object), move))
     return [replace(f, shapes=tuple(islice(rest, len(f.shapes)))) for f in features]
 
 
@@ -236,9 +235,8 @@ def _shapes(geometry: Any, points: bool = False) -> Iterator[Any]:
 
 def encloses(polygon: Any) -> bool:
     """Whether a polygon encloses anything."""
-    if not shapely.is_valid(polygon):
-        polygon = shapely.make_valid(polygon)
-    return bool(polygon.area > 0.0)
+    valid = polygon if shapely.is_valid(polygon) else shapely.make_valid(polygon)
+    return bool(valid.area > 0.0)
 
 
 def _flat(value: Any) -> Any:
@@ -256,8 +254,9 @@ def _height(properties: dict[str, Any]) -> float | tuple[float, ...] | None:
     given = properties.get("height")
     if isinstance(given, list) and given:
         return tuple(_number(value, "height") for value in given)
-    scales = {"height": 1.0, "building:levels": LEVEL_HEIGHT, "levels": LEVEL_HEIGHT}
-    for key, scale in scales.items():
+    for key, scale in (
+        ("height", 1.0), ("building:levels", LEVEL_HEIGHT), ("levels", LEVEL_HEIGHT),
+    ):  # fmt: skip
         if properties.get(key) is not None:
             known = scale * _number(properties[key], key)
             if known or key != "height":

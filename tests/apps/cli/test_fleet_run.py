@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from program import lrf3d, refused
 
-from lrf3d import DynamicObstacle, Pose, Trajectory, load_run
-from lrf3d.base.errors import InputError
+from lrf3d import DynamicObstacle, InputError, Pose, Trajectory, World, load_map, load_run
 from lrf3d.casting.collision import Body, find_collision
 from lrf3d.casting.dynamic_obstacle import round_outline
-from lrf3d.mapping import load_map
 from lrf3d.simulation.fleet import APART, before_touching, giving_way, parts_of
 from lrf3d.studio.scene.bodies import Obstacles, robot_body
-from lrf3d.world import World
 
 BODY = Body(0.3)
 
@@ -40,8 +37,7 @@ def test_a_robot_waits_until_another_has_passed():
         before_touching([along, across], BODY)[1] and not before_touching([first, second], BODY)[1]
     )
     assert 0.0 < second.length < across.length
-    steps = np.diff(second.poses[:, 1])
-    assert set(steps) == {0.0, 0.5}
+    assert set(np.diff(second.poses[:, 1])) == {0.0, 0.5}
 
 
 def test_drives_end_before_two_robots_touch():
@@ -60,13 +56,11 @@ def test_drives_end_before_two_robots_touch():
 
 def test_another_robot_is_drawn_as_the_robot_in_another_colour():
     path = Trajectory([0.0], [Pose(1.0, 2.0, 0.5)])
-    outline = round_outline(0.3)
-    robot = DynamicObstacle(outline, path, 1.0, is_robot=True)
+    robot = DynamicObstacle(round_outline(0.3), path, 1.0, is_robot=True)
     drawn = Obstacles((robot,), np.zeros(2), laser_height=0.5).bodies(0.0)[0][1].faces
     own = robot_body(0.5, robot.reach)
     assert np.array_equal(drawn.corners, own.corners)
-    changed = (drawn.colours != own.colours).any(axis=(1, 2))
-    assert 0.05 < changed.mean() < 0.5
+    assert 0.05 < (drawn.colours != own.colours).any(axis=(1, 2)).mean() < 0.5
 
 
 def test_each_robot_has_its_run_its_map_and_its_summary(tmp_path):

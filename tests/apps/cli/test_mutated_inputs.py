@@ -18,7 +18,6 @@ from program import lrf3d as program
 from test_scenario import ROOM as TABLES
 
 import lrf3d
-from lrf3d.apps.export import export_run
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
 FEW = 4
@@ -121,7 +120,7 @@ class Inputs:
         lrf3d.save_run(run, folder / "run.npz")
         lrf3d.save_map(run.map, folder / "map.geojson")
         for name, kind in (("a.log", "carmen"), ("a.log.gz", "carmen"), ("a.mcap", "mcap")):
-            export_run(run, kind, folder / name)
+            lrf3d.export_run(run, kind, folder / name)
         drive = [("/scan", scan.time, bags.SCAN, bags.of_scan(scan)) for scan in run.scans]
         drive += [bags.mounted(), *bags.wheels(12)]
         bags.write(folder / "old", *drive, storage="SQLITE3")

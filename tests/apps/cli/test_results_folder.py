@@ -54,8 +54,7 @@ def test_commands_write_to_folders_of_their_own_and_to_no_others(tmp_path, monke
     for _ in range(2):
         ended = lrf3d(*run, cwd=tmp_path)
         assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
-    summary = json.loads(Path("out/box/summary.json").read_text())
-    assert summary["made_by"] == {
+    assert json.loads(Path("out/box/summary.json").read_text())["made_by"] == {
         "command": "run", "sources": ["../../a/box.toml"], "seed": 0,
     }  # fmt: skip
     other = ("run", "b/box.toml", *run[2:])

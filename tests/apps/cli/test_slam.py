@@ -10,8 +10,6 @@ from program import refused
 
 import lrf3d
 from lrf3d.geometry.pose import compose
-from lrf3d.mapping import load_map
-from lrf3d.recordings import load_run
 
 ROOM = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
 
@@ -77,13 +75,13 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     table = np.loadtxt(folder / "trajectory.tum")
     assert table.shape == (len(true), 8)
     assert np.hypot(*(table[:, 1:3] - true[:, :2]).T).max() < 0.05
-    run = load_run(folder)
+    run = lrf3d.load_run(folder)
     assert len(run) == len(true) and run.trajectory.length > 10.0
     # The map grows in it, up to the last scan.
     sizes = [len(line_map) for line_map in run.maps]
     assert len(sizes) > 10 and sizes[0] < sizes[-1]
     assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
-    line_map = load_map(folder / "map.geojson")
+    line_map = lrf3d.load_map(folder / "map.geojson")
     assert len(line_map) == summary["map"]["segments"] == len(run.world.segments)
 
 
@@ -113,7 +111,7 @@ def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
     assert table[:, 1:3] == pytest.approx(path.poses[:, :2], abs=0.04)
     turns = 2.0 * np.arctan2(table[:, 6], table[:, 7])
     assert np.cos(turns - path.poses[:, 2]).min() > 0.999
-    run = load_run(tmp_path / "out")
+    run = lrf3d.load_run(tmp_path / "out")
     assert np.hypot(*(run.trajectory.poses - lasers)[:, :2].T).max() < 0.04
 
 
@@ -205,6 +203,5 @@ def test_a_run_with_slam_reports_its_errors(tmp_path):
     arguments = ("run", "corridor", "--slam", "--scans", "60", "--no-video", "--out", folder)
     done = program(*arguments, "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    report = json.loads(done.stdout)["report"]
-    assert report["slam_largest_error_m"] < 0.15
+    assert json.loads(done.stdout)["report"]["slam_largest_error_m"] < 0.15
     assert "--slam: it is a mapper itself" in refused(*arguments, "--mode", "paper")

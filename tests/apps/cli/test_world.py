@@ -116,8 +116,7 @@ def test_scale_enlarges_the_way_through_a_world_too(tmp_path):
         "[[object]]\npoints = [[0, 0], [4, 0], [4, 4]]\n[robot]\nstart = [1, 3, 90]\n"
         "route = [[1, 3], [2, 3]]\n[[obstacle]]\nroute = [[0, 3], [1, 3]]\n"
     )
-    file = read_scenario_file(path).scaled(2.0)
-    scenario = scenario_of(file)
+    scenario = scenario_of(read_scenario_file(path).scaled(2.0))
     assert tuple(scenario.start) == (2.0, 6.0, np.pi / 2)
     assert scenario.route.tolist() == [[2.0, 6.0], [4.0, 6.0]]
     assert scenario.obstacles[0].path.route.tolist() == [[0.0, 6.0], [2.0, 6.0]]
@@ -144,6 +143,5 @@ def test_a_drawing_is_read_once_to_be_shown(tmp_path, monkeypatch):
     path.write_text('<svg width="9m" height="9m"><path d="M0 0h450v450"/></svg>')
     read, seen = plans.plan_of_file, []
     monkeypatch.setattr(plans, "plan_of_file", lambda *a, **o: seen.append(a) or read(*a, **o))
-    args = Namespace(command="world show", world=str(path))
-    scenario, shown = inputs.read_shown(args)
+    scenario, shown = inputs.read_shown(Namespace(command="world show", world=str(path)))
     assert len(seen) == 1 and len(scenario.world.segments) == len(shown.segments) > 0

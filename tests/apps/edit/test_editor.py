@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lrf3d import InputError, PlanarCaster, World, load_scenario, load_world, save_world
 from lrf3d.apps.edit.editor import Editor
-from lrf3d.base.errors import InputError
-from lrf3d.casting import PlanarCaster
 from lrf3d.plans.edits import read_edits
-from lrf3d.simulation.scenario import load_scenario
-from lrf3d.world import World, load_world, save_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 
@@ -57,8 +54,7 @@ def test_a_world_drawn_on_an_empty_sheet_is_kept_at_each_step_and_written(tmp_pa
 
 
 def test_a_sheet_in_metres_is_not_asked_for_its_scale(tmp_path):
-    editor = Editor(tmp_path / "new.toml")
-    editor.decide(ROOMS)
+    Editor(tmp_path / "new.toml").decide(ROOMS)
     header, _ = unpacked(Editor(tmp_path / "new.toml").message())
     assert header["scaled"] and header["empty"] and header["suggestions"] == []
 
@@ -98,8 +94,7 @@ def test_the_doors_of_a_picture_are_found_and_check_its_scale(tmp_path):
     editor = Editor(tmp_path / "a.png")
     header, _ = unpacked(editor.message())
     assert len(header["gaps"]) == 2 and header["suggestions"][0]["metres"] == 0.9
-    across = {"between": [[20, 200], [600, 200]], "metres": 10.0}
-    editor.decide({"scale": across})
+    editor.decide({"scale": {"between": [[20, 200], [600, 200]], "metres": 10.0}})
     header, _ = unpacked(editor.message())
     ((_, factor),) = header["check"]["offers"]
     assert factor == pytest.approx(0.9 / (45 * 10.0 / 580), rel=0.05)
@@ -148,8 +143,7 @@ def test_a_ros_map_is_cleaned_and_drawn_on_in_its_own_cells(tmp_path):
     editor.decide({
         "class": [{"select": {"inside": speck}, "as": "nothing"}], "wall": [{"points": wall}],
     })  # fmt: skip
-    path = editor.save_map()
-    assert path.read_text() == described.replace("map.pgm", '"map_edited.pgm"')
+    assert editor.save_map().read_text() == described.replace("map.pgm", '"map_edited.pgm"')
     new = np.asarray(Image.open(tmp_path / "map_edited.pgm"))
     changed = np.argwhere(new != cells)
     assert (new[20:24, 30:34] == 254).all()

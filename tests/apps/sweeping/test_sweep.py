@@ -20,7 +20,6 @@ from lrf3d.apps.sweeping.plan import SIGMA, USUAL, make_plan
 from lrf3d.apps.sweeping.running import executor_of, run_plan
 from lrf3d.apps.sweeping.table import figures_of, mean_of
 from lrf3d.base.digest import digest, seed_of
-from lrf3d.base.errors import InputError, Lrf3dError
 from lrf3d.simulation.scenario import load_scenario, read_scenario_file
 from lrf3d.studio.figures.sweep_figure import draw_sweep
 
@@ -113,7 +112,7 @@ def test_a_sweep_that_was_stopped_goes_on_and_ends_as_if_it_had_not_been(room, t
     with pytest.raises(KeyboardInterrupt) as stopped:
         run_plan(plan, tmp_path / "out", None, progress=stop)
     assert stopped.value.__notes__ == ["5 of 24 runs kept; go on with --resume"]
-    with pytest.raises(InputError, match="--resume"):
+    with pytest.raises(lrf3d.InputError, match="--resume"):
         run_plan(plan, tmp_path / "out", None)
     # What a crash cut off is made again.
     rows = tmp_path / "out" / "sweep.jsonl"
@@ -131,7 +130,7 @@ def test_a_process_that_ends_is_one_clear_error(room, tmp_path):
         def _fail(self):
             raise BrokenProcessPool
 
-    with Broken(1) as executor, pytest.raises(Lrf3dError, match="go on with --resume"):
+    with Broken(1) as executor, pytest.raises(lrf3d.Lrf3dError, match="go on with --resume"):
         run_plan(tiny(room), tmp_path / "out", executor)
 
 
@@ -141,23 +140,14 @@ def test_more_seeds_add_to_what_is_there_and_fewer_throw_nothing_away(room, tmp_
     result = run_plan(more, tmp_path / "out", None, resume=True)
     assert result.made == 8 and result.rows == run_plan(more, tmp_path / "whole", None).rows
     for other in (few, tiny(room, seeds=2, mappers={"ours": "robust", "paper": "paper"})):
-        with pytest.raises(InputError, match="8 runs that this sweep does not ask for"):
+        with pytest.raises(lrf3d.InputError, match="8 runs that this sweep does not ask for"):
             run_plan(other, tmp_path / "out", None, resume=True)
-
-
-def test_a_damaged_file_of_rows_is_refused_with_the_line(room, tmp_path):
-    run_plan(tiny(room), tmp_path, None)
-    path = tmp_path / "sweep.jsonl"
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([lines[0], "{", *lines[1:]]) + "\n")
-    with pytest.raises(InputError, match=r"sweep\.jsonl: line 2 is not a row"):
-        run_plan(tiny(room), tmp_path, None, resume=True)
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        *[("segment_f1", each) for each in ('"1"', "[1]", "1e999", "NaN", "{}")],
+        *[("segment_f1", each) for each in ('"1"', "[1]", "1e999", "NaN", "{}", "{")],
         ("world", '"another"'),
         ("map_objects", '"<svg>"'),
         ("segment_ratio", None),
@@ -167,10 +157,11 @@ def test_a_row_whose_measures_cannot_be_is_refused(name, value, room, tmp_path):
     plan = tiny(room, seeds=1)
     run_plan(plan, tmp_path, None)
     path = tmp_path / "sweep.jsonl"
-    row = json.loads(path.read_text().splitlines()[0])
-    text = json.dumps({key: each for key, each in row.items() if key != name})
-    path.write_text(text + "\n" if value is None else f'{text[:-1]}, "{name}": {value}}}\n')
-    with pytest.raises(InputError, match=r"sweep\.jsonl: line 1 is not a row"):
+    first, second, *_ = path.read_text().splitlines()
+    text = json.dumps({key: each for key, each in json.loads(second).items() if key != name})
+    text = text if value is None else f'{text[:-1]}, "{name}": {value}}}'
+    path.write_text(f"{first}\n{text}\n")
+    with pytest.raises(lrf3d.InputError, match=r"sweep\.jsonl: line 2 is not a row"):
         run_plan(plan, tmp_path, None, resume=True)
 
 
@@ -207,10 +198,8 @@ def test_own_mappers_are_scored_next_to_ours(room, tmp_path):
 
 
 def test_a_row_can_be_run_again_by_its_seed(room, tmp_path):
-    plan = tiny(room)
-    row = run_plan(plan, tmp_path, None).rows[-1]
-    scenario = load_scenario(room, [f"laser.beams={row['beams']}"])
-    again = scenario.run(
+    row = run_plan(tiny(room), tmp_path, None).rows[-1]
+    again = load_scenario(room, [f"laser.beams={row['beams']}"]).run(
         mode=row["mapper"], sigma=row["sigma_m"], rng=row["noise_seed"], caster="planar"
     )
     assert row["map_segments"] == len(again.map)
@@ -236,7 +225,7 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
     for old, new in (("[10, 8]", "[10, 8.5]"), ("closed =", 'material = "brick"\nclosed =')):
         elsewhere.write_text(ROOM.replace(old, new))
         assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
-    with pytest.raises(InputError, match="worlds has a value twice: box, box"):
+    with pytest.raises(lrf3d.InputError, match="worlds has a value twice: box, box"):
         lrf3d.sweep((room, str(elsewhere)), seeds=1)
 
 
@@ -263,7 +252,7 @@ def test_digests_distinguish_values_by_their_contents():
     ],
 )
 def test_what_cannot_be_swept_is_refused_with_the_place(axes, settings, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(lrf3d.InputError, match=message):
         lrf3d.sweep("city", axes=axes, **settings)
 
 
