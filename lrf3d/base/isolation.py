@@ -110,9 +110,7 @@ def read_directly(
     path = Path(path)
     try:
         return function(reader)(path, **options)
-    except (Lrf3dError, MemoryError) as problem:
-        if isinstance(problem, InputError) and path.name not in str(problem):
-            raise type(problem)(f"{path}: {problem}") from None
+    except (Lrf3dError, MemoryError):
         raise
     except RecursionError:
         raise error(

@@ -128,14 +128,16 @@ def by_names(form: Form) -> Layout:
     """The columns that the names in a header give; there may be no ranges among them."""
     layout = Layout()
     series = dict[str, list[int]]()
+    named = dict[str, str]()
     for place, name in enumerate(form.header):
         role, unit = meaning(name)
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
         # "Scan" next to a column of distances numbers the scans.
-        elif role and (role not in layout.columns or "scan" in form.header[layout.columns[role]]):
+        elif role and (role not in layout.columns or named[role].endswith("scan")):
             layout.name(role, place, unit)
+            named[role] = name
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
     if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):

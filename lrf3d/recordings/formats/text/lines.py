@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import datetime
 
 from lrf3d.recordings.log import Intake
 
@@ -57,9 +57,10 @@ def plain(text: str) -> str:
 def _seconds(time: re.Match[str]) -> str:
     """A time of day in seconds, since 1970 if it has a date."""
     *date_first, day_last, month_last, year_last, hours, minutes, seconds = time.groups()
-    date = date_first if date_first[0] else (year_last or 1970, month_last or 1, day_last or 1)
+    date_last = (year_last or "1970", month_last or "01", day_last or "01")
+    date = "-".join(date_first if date_first[0] else date_last)
     try:
-        minute = datetime(*map(int, (*date, hours, minutes)), tzinfo=UTC)
+        minute = datetime.fromisoformat(f"{date}T{hours}:{minutes}Z")
     except ValueError:
         return time[0]
     return f"{minute.timestamp() + float(seconds.replace(',', '.')):.6f}"
