@@ -131,7 +131,8 @@ class _Robot:
         self.there = [name for name, found in sources.items() if found]
         name = self.there[0] if wanted == "auto" and self.there else wanted
         self.source = sources.get(name, "")
-        self._unused = further if self.source == sources["odom"] else []
+        drifts = self.source == sources["odom"] or basename(self.source) == DRIFTING
+        self._unused = further if drifts else []
         self._base, self.words = self._carrier()
 
     def _sources(self) -> tuple[dict[str, str], list[str]]:
@@ -142,7 +143,7 @@ class _Robot:
         driven = [topic for topic in drives if self._children[topic]]
         chain = self._frames.chain(self._stream.frame)
         drifting = [frame for frame in chain if basename(frame) == DRIFTING]
-        odom, *_ = driven or self._moving(drifting[:1]) or drives or [""]
+        odom = [*driven, *self._moving(drifting[:1]), *drives, ""][0]
         tree = "".join(self._moving(chain[-1:]))
         further = [topic for topic in drives if topic != odom]
         return {"truth": "".join(truths[:1]), "tf": tree, "odom": odom}, further
