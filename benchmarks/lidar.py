@@ -267,48 +267,64 @@ ROWS = [(-6, -5), (-3, -1), (0, 1), (2, 4), (5, 6)]
 BETWEEN = [(3, 0.5, 5, 0.5), (2.5, -5, 2.5, -3), (8.5, 1, 8.5, 2), (6, 3, 8, 3)]
 BLOCKS = [(x, y, x + 1, Y) for y, Y in ROWS for x in range(2, 15, 3)] + BETWEEN
 
-# Heights of boxes and of sensors [m], of which some are equal.
+# Heights of boxes and of sensors [m]; neighbouring floats stand beside them.
 TOPS = (0.25, 0.5, 0.75, 1.0)
 EYES = (0.5, 0.625, 0.75, 1.0, 1.25)
 
 # Directions of beams, many through corners.
 WAYS = np.array([(x, y) for x in range(1, 17) for y in range(-16, 17)], float)
 
+# Layers of a sensor: of beams along these directions, and of a lidar, which has few columns.
+LAYERS = 64
+LIDAR_LAYERS = 2048
+
 
 def hardest(report: Report, beams: int) -> None:
     """Count wrong beams at edges of tops, corners, T-junctions and heights, by rationals."""
-    heights = np.resize(TOPS, len(BLOCKS))
+    rng = np.random.default_rng(0)
+    done = {"along few directions": [0, 0], "a level lidar": [0, 0]}
+    while done["along few directions"][0] < beams // 2:
+        heights = nudged(rng.choice(TOPS, len(BLOCKS)), rng)
+        world = world_of(heights)
+        walls = StandingWalls(world)
+        place = np.array([0.0, rng.integers(-48, 49) / 8, 0.0])
+        z = float(nudged(rng.choice(EYES, 1), rng)[0])
+        crossed = [crossings(place, way) for way in WAYS]
+        slopes = np.array([aimed(each, heights, z, LAYERS, rng) for each in crossed])
+        sensor = Layered.of(slopes, np.ones(LAYERS), LaserRangeFinder(range_max=1e6))
+        rays = rays_along(place, WAYS)
+        found, _ = _columns(walls, walls.standing(place, z), rays, z, sensor)
+        check(done["along few directions"], found, crossed, heights, z, slopes)
+        caster = PlanarCaster(world)
+        while done["a level lidar"][0] < done["along few directions"][0]:
+            # All layers are aimed at what one column crosses, which looks ahead.
+            pose = (0.0, place[1], float(rng.uniform(-0.7, 0.7)) * rng.integers(2))
+            ahead = LaserRangeFinder(0.0, 0.0, 1).directions(pose)
+            steep = aimed(crossings(place, ahead[0]), heights, z, LIDAR_LAYERS, rng)
+            lidar = Lidar(np.arctan(steep), 4, 0.0, 1e6, (0, 0, z))
+            scan = caster.cast_lidar(lidar, pose)
+            way = lidar.planar.directions(pose)[2:3]
+            found = (scan.ranges / lidar.stretches[:, None]).T[2:3]
+            crossed = [crossings(place, way[0])]
+            check(done["a level lidar"], found, crossed, heights, z, lidar.slopes[None])
+    for kind, (count, bad) in done.items():
+        report.add("hardest", kind=kind, beams=count, wrong=bad)
+
+
+def nudged(values: Float, rng: np.random.Generator) -> Float:
+    """Values, of which some are moved to the next float below or above."""
+    return np.nextafter(values, values + rng.integers(-1, 2, len(values)))
+
+
+def world_of(heights: Float) -> World:
+    """A world of blocks with heights: boxes, which are closed, and walls."""
     parts = [
         [[x, y, X, y], [X, y, X, Y], [X, Y, x, Y], [x, Y, x, y]] if x < X and y < Y else [block]
         for block in BLOCKS
         for x, y, X, Y in [block]
     ]
     owners = np.repeat(np.arange(len(parts)), [len(each) for each in parts])
-    world = World(np.concatenate(parts), owners, heights[owners])
-    walls = StandingWalls(world)
-    casters = PlanarCaster(world)
-    rng = np.random.default_rng(0)
-    done: dict[str, list[int]] = {"edges of tops": [0, 0], "a level lidar": [0, 0]}
-    layers = 64
-    while done["edges of tops"][0] < beams // 2:
-        place = np.array([0.0, rng.integers(-48, 49) / 8, 0.0])
-        z = float(rng.choice(EYES))
-        crossed = [crossings(place, way) for way in WAYS]
-        slopes = np.array([aimed(each, heights, z, layers, rng) for each in crossed])
-        sensor = Layered.of(slopes, np.ones(layers), LaserRangeFinder(range_max=1e6))
-        rays = rays_along(place, WAYS)
-        found, _ = _columns(walls, walls.standing(place, z), rays, z, sensor)
-        check(done["edges of tops"], found, crossed, heights, z, slopes)
-        # The same edges, by all azimuths of a lidar.
-        lidar = Lidar(np.arctan(slopes[rng.integers(len(slopes))]), 512, 0.0, 1e6, (0, 0, z))
-        scan = casters.cast_lidar(lidar, tuple(place))
-        beam = lidar.planar.directions(tuple(place))
-        crossed = [crossings(place, way) for way in beam]
-        steep = np.broadcast_to(lidar.slopes, (len(beam), layers))
-        found = (scan.ranges / lidar.stretches[:, None]).T
-        check(done["a level lidar"], found, crossed, heights, z, steep)
-    for kind, (count, bad) in done.items():
-        report.add("hardest", kind=kind, beams=count, wrong=bad)
+    return World(np.concatenate(parts), owners, heights[owners])
 
 
 def crossings(place: Float, way: Float) -> list[tuple[int, Fraction, Fraction]]:

@@ -210,3 +210,29 @@ def test_a_kernel_whose_parts_were_in_a_module_that_is_gone_is_compiled_again(lo
     for path in kept:
         path.write_bytes(b"cmodule_that_is_gone\npart\n.")
     assert run(load()) == (25.0, bool(kept))
+
+
+@pytest.mark.parametrize(
+    ("needed", "changed", "compiles"),
+    [
+        ((), {}, False),
+        (("an instruction of another processor",), {}, True),
+        ((), {"sides": "SIDE = 2.0"}, True),
+    ],
+)
+def test_released_kernels_are_used_where_all_that_decides_on_them_is_the_same(
+    load, tmp_path, monkeypatch, needed, changed, compiles
+):
+    module = load()
+    value, _ = run(module)
+    (kernel,) = Path(module.whole._cache.cache_path).glob("*.nbc")
+    released = tmp_path / "released"
+    released.mkdir()
+    kernel.rename(released / kernel.name)
+    # The file has the name that it has for this processor.
+    monkeypatch.setattr(cache, "PROCESSOR", module.whole.targetctx.codegen().magic_tuple()[1:])
+    monkeypatch.setattr(cache, "RELEASED", released)
+    monkeypatch.setattr(cache, "NEEDED", needed)
+    cache._has_released.cache_clear()
+    assert run(load(**changed)) == (40.0 if changed else value, compiles)
+    cache._has_released.cache_clear()

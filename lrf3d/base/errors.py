@@ -143,13 +143,13 @@ class MissingLibraryError(Lrf3dError):
 
 def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> None:
     """Check that names are known; for one that is not, the nearest known one, or all, are named."""
-    plain = {name.lstrip("-"): name for name in known}
+    plain = {name.lstrip("-").lower(): name for name in known}
     known = list(plain.values())
     for name in given:
         if not isinstance(name, str) or name not in known:
             from difflib import get_close_matches
 
-            word = name.lstrip("-") if isinstance(name, str) else ""
+            word = name.lstrip("-").lower() if isinstance(name, str) else ""
             near = get_close_matches("rng" if word == "seed" else word, plain, n=1, cutoff=0.5)
             hint = f"did you mean {plain[near[0]]!r}?" if near else f"known are {', '.join(known)}"
             raise InputError(f"{place}: there is no {shown(name)}; {hint}")

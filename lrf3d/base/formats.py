@@ -72,6 +72,7 @@ _PLAN = "lrf3d.plans.reading:plan_of_file"
 _FILM = "lrf3d.studio.render.video:render_video"
 _CLOUD = "a point cloud without scans"
 _CITY = "CityGML: make a mesh of it, as by citygml4j and `cjio FILE export obj city.obj`"
+_TABLE = "a table in {}: save it as CSV or .npz, as by pandas or NumPy"
 _PAGE = "a web page: download the file itself"
 _PBF = "OpenStreetMap in PBF: make XML of it, as by `osmium cat FILE -o town.osm`"
 
@@ -145,7 +146,7 @@ FORMATS: list[Format] = [
         kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
         read="lrf3d.recordings.reading:arrays_log",
         looks={
-            b"PK": "a zip: unpack it, or name it .npz if it holds arrays of NumPy",
+            b"PK": "a zip: unpack it; save a spreadsheet as CSV; name arrays of NumPy .npz",
             b"\x93NUMPY": "an array: name it .npy",
             b"MATLAB 5": "a .mat file: name it .mat",
         },
@@ -231,6 +232,8 @@ FORMATS: list[Format] = [
             b"<html": _PAGE, b"<!DOCTYPE html": _PAGE,
             b"version https://git-lfs": "a pointer of Git LFS: fetch the file by `git lfs pull`",
             b"\0\0\0\r\n\tOSMHeader": _PBF, b"\0\0\0\x0e\n\tOSMHeader": _PBF,
+            b"PAR1": _TABLE.format("Parquet"), b"ARROW1": _TABLE.format("Feather"),
+            b"\x89HDF": _TABLE.format("HDF5"),
             b"BZh": "packed by bzip2: unpack it first",
             b"\xfd7zXZ": "packed by xz: unpack it first",
         },

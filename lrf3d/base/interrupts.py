@@ -26,6 +26,9 @@ SIGNALS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasatt
 # The signal that asked to stop; 0 for none.
 _asked = 0
 
+# The signals that a program handles, and ignores once it has ended; another one may follow.
+_handled: set[int] = set()
+
 # [s] When it came.
 _since = 0.0
 
@@ -84,7 +87,8 @@ def handle_signals(name: str) -> None:
     sys.unraisablehook = lambda what: None if _asked else usual(what)
     for number in SIGNALS:
         # A program in the background, or under nohup, goes on ignoring these signals.
-        if signal.getsignal(number) is not signal.SIG_IGN:
+        if number in _handled or signal.getsignal(number) is not signal.SIG_IGN:
+            _handled.add(number)
             signal.signal(number, handle)
 
 

@@ -16,7 +16,8 @@ class Note(NamedTuple):
 
 def counted(number: int, noun: str) -> str:
     """A number with its noun in the singular or the plural: ``1,238 walls``."""
-    return f"{number:,} {noun}" + ("" if number == 1 else "s")
+    many = f"{noun[:-1]}ies" if noun.endswith("ty") else f"{noun}s"
+    return f"{number:,} {noun if number == 1 else many}"
 
 
 def rounded(value: float, digits: int) -> str:

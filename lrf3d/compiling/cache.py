@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Callable, Set
 from contextlib import suppress
-from enum import EnumMeta
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -22,19 +21,36 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite.binding import add_symbol, get_host_cpu_features, parse_assembly
 from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 from numba.core.dispatcher import Dispatcher
-from numba.core.runtime import rtsys
+from numba.core.runtime._nrt_python import c_helpers
 from numba.core.serialize import dumps
 
 from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.base.files import replacing
 
-VERSIONS = (numba.__version__, np.__version__)
+# Versions that decide on machine code: numba's, and NumPy's but for its last number.
+VERSIONS = (numba.__version__, np.__version__.rpartition(".")[0])
+
+# Kernels that a release brings. Where there are none for this version of numba, or the processor is
+# older than theirs, kernels are compiled.
+RELEASED = Path(__file__).with_name("released") / numba.__version__
+
+# Processor, by LLVM's name and without other features, that kernels are released for.
+PROCESSOR = ("x86-64-v3", "")
+
+# What its instructions need, by LLVM's names: processors have it since 2015.
+NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 
 # Size of the digest that begins a file [bytes].
 DIGEST_SIZE = 32
+
+# What counts references, which kernels call, by the names that they have in machine code. Numba's
+# own way, `rtsys.initialize`, compiles more than saved kernels need: 30 MB in each process.
+for _name, _address in c_helpers.items():
+    add_symbol(_name if _name.startswith("_") else f"NRT_{_name}", _address)
 
 # Kinds of functions and types that their names determine, at given versions of the packages.
 _NAMED = (type, BuiltinFunctionType, np.ufunc, type(np.where))
@@ -112,9 +128,8 @@ def _value(value: Any, names: Set[str], functions: list[Any], within: tuple[Any,
         if value.__module__.split(".")[0] in ("numpy", "numba"):
             return value.__module__, value.__qualname__
         return "function", _place(value, functions)
-    if isinstance(value, tuple | frozenset):
+    if isinstance(value, tuple):
         parts = [_value(part, names, functions, within) for part in value]
-        parts = sorted(parts, key=repr) if isinstance(value, frozenset) else parts
         return _value(type(value), names, functions), parts
     if isinstance(value, ModuleType) and (value is np or not hasattr(value, "__getattr__")):
         inside = () if value in within else sorted(names & vars(value).keys())
@@ -130,9 +145,6 @@ def _constant(value: Any) -> Any:
         return type(value).__name__, repr(value)
     if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
         return repr(value.dtype), value.shape, value.strides, sha256(value.tobytes()).hexdigest()
-    if isinstance(value, EnumMeta):
-        members: dict[str, Any] = dict(value.__members__)
-        return value.__qualname__, [(name, repr(one.value)) for name, one in members.items()]
     if type(value) in _NAMED:
         fields = getattr(value, "_fields", ()), repr(getattr(value, "_field_defaults", ()))
         return getattr(value, "__module__", ""), value.__name__, fields
@@ -159,6 +171,18 @@ class _CacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
 
     _locator_classes = (*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator)
 
+    def reduce(self, result: Any) -> Any:
+        """What is saved of a kernel: its machine code, and the names by which Python finds it.
+
+        No kernel is linked with a saved one, so the code for linking, the text of the types and
+        the environments of what the kernel calls stay out: they are four fifths of the file, and
+        numba loads its compiler for NumPy's functions with them.
+        """
+        (name, kind, (machine_code, _)), *rest, _, reload, _ = super().reduce(result)
+        found = result.fndesc.llvm_cpython_wrapper_name, result.fndesc.llvm_func_name
+        stubs = parse_assembly("".join(f'define void @"{n}"() {{ unreachable }}\n' for n in found))
+        return (name, kind, (machine_code, stubs.as_bitcode())), *rest, "", reload, ()
+
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """Numba's cache of a function, with a file for each stamp, signature and processor.
@@ -169,17 +193,18 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     _impl_class = _CacheImpl
     _cache_file: Any
+    _key_of_release: str
 
     def __init__(self, function: Callable[..., Any], *compilers: Callable[..., Any]) -> None:
         super().__init__(function)
         self._compilers = compilers
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """The machine code for a signature; None if the kernel has to be compiled."""
+        """The machine code for a signature; None if the kernel has to be compiled.
+
+        What was compiled for this very processor comes before what a release brought.
+        """
         self._cache_file, self._stamp = self, stamp_of(self._py_func, *self._compilers)
-        # What counts references, which kernels call. Numba's own method loads all that compiling
-        # takes, too: half a second, and 40 MB.
-        rtsys.initialize(target_context)
         found = self._load_overload(signature, target_context)
         if found is None:
             _announce()
@@ -194,10 +219,14 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load(self, key: str) -> Any:
         """The data that numba saved under a key, or None."""
-        # An installation that cannot be written may have come with its kernels.
-        beside = Path(self._py_func.__code__.co_filename).parent / "__pycache__"
-        for folder in (Path(self._cache_path), beside):
-            path = folder / self._file_name(key)
+        places = [
+            (Path(self._cache_path), key),
+            # An installation that cannot be written may have come with its kernels.
+            (Path(self._py_func.__code__.co_filename).parent / "__pycache__", key),
+            (RELEASED, self._key_of_release),
+        ]
+        for folder, name in places[: 2 + _has_released()]:
+            path = folder / self._file_name(name)
             with suppress(OSError):
                 kept = path.read_bytes()
                 # A flipped bit of machine code would run: what is not whole is compiled again.
@@ -224,8 +253,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
         kinds = [kind_of(kind) for kind in signature]
-        rows = codegen.magic_tuple(), kinds, numba.config.BOUNDSCHECK
-        return sha256(repr(rows).encode()).hexdigest()
+        own = codegen.magic_tuple()
+        key, self._key_of_release = (
+            sha256(repr((processor, kinds, numba.config.BOUNDSCHECK)).encode()).hexdigest()
+            for processor in (own, (own[0], *PROCESSOR))
+        )
+        return key
 
     def _name_of_kernel(self) -> str:
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"
@@ -234,6 +267,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _file_name(self, key: str) -> str:
         return f"{self._name_of_kernel()}-{self._stamp}-{key[:16]}.nbc"
+
+
+@cache
+def _has_released() -> bool:
+    """Whether there are released kernels that this processor runs."""
+    return RELEASED.is_dir() and all(map(get_host_cpu_features().get, NEEDED))
 
 
 @cache

@@ -70,6 +70,7 @@ class LaserLog(Value):
         placed: Whether the poses of the scans are known.
         parts: For each scan, the scans of several lasers that it joins; empty if none are joined.
         fans: Alternative first and last bearings [rad] of beams, where those of scans are assumed.
+        path: The file that it was read from; "" if it is not of one.
     """
 
     name: str
@@ -83,6 +84,7 @@ class LaserLog(Value):
     placed: bool = True
     parts: tuple[tuple[LaserScan, ...], ...] = ()
     fans: tuple[tuple[float, float], ...] = ()
+    path: str = ""
 
     def __post_init__(self) -> None:
         if getattr(self, "placed", True):
@@ -308,7 +310,7 @@ class Intake:
         notes = tuple(self.notes)
         return LaserLog(
             log_name(self.path), [*found.values()], self.bad_count, tuple(self.bad), notes=notes,
-            **more,
+            path=str(self.path), **more,
         )  # fmt: skip
 
     def _unmasked(self, scans: Sequence[LaserScan]) -> Sequence[LaserScan]:

@@ -11,7 +11,17 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, expect
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths, number, numbers
+from lrf3d.geometry.lines import (
+    Bool,
+    Float,
+    Int,
+    as_rows,
+    cross,
+    directions,
+    lengths,
+    number,
+    numbers,
+)  # fmt: skip
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
@@ -25,6 +35,9 @@ LEAST_VISIBLE = 0.5
 # Largest number of scans from which visible walls are computed: a random sample of a long run shows
 # as much of the walls, and the time does not grow with the run.
 MOST_JUDGED = 2000
+
+# Largest distance of a right sample from a wall [m], and angle between their segments [rad].
+_NEAR = {"reach": 0.1, "angle": float(np.deg2rad(5))}
 
 
 class Report:
@@ -198,17 +211,9 @@ def score_map(
         raise InputError(
             f"visible objects of shape {visible_objects.shape}: expected one a segment"
         )
-    near = {
-        "reach": 0.1,  # Largest distance of a right sample from a wall [m].
-        "angle": np.deg2rad(5),  # Largest angle between its segment and the wall [rad].
-    }
-    offsets = sample_offsets(found, walls, **near)
+    offsets = sample_offsets(found, walls, **_NEAR)
     right = np.isfinite(offsets)
-    recalled = np.isfinite(sample_offsets(visible, found, **near))
-    # A wall counts as found if the map covers half of it.
-    least_found = 0.5
-    samples = sample_counts(visible)
-    along = np.bincount(np.repeat(np.arange(len(visible)), samples), recalled, len(visible))
+    recalled, covered = _recalled(visible, found)
     precision = _share(right.sum(), len(right))
     recall = _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
@@ -229,8 +234,23 @@ def score_map(
         map_segments=len(found),
         visible_segments=len(visible),
         matched_segments=len(pairs),
-        found_segments=int((along >= least_found * samples).sum()),
+        found_segments=int(covered.sum()),
     )
+
+
+def found_walls(line_map: LineMap, visible_segments: Float) -> Bool:
+    """Which visible parts of walls (v, 4) a map has found: those that it covers by half."""
+    return _recalled(visible_segments, line_map.segments)[1]
+
+
+def _recalled(visible: Float, found: Float) -> tuple[Bool, Bool]:
+    """Which samples (s,) along visible walls, and which walls (v,), map segments (n, 4) cover."""
+    recalled = np.isfinite(sample_offsets(visible, found, **_NEAR))
+    # A wall counts as found if the map covers half of it.
+    least_found = 0.5
+    samples = sample_counts(visible)
+    along = np.bincount(np.repeat(np.arange(len(visible)), samples), recalled, len(visible))
+    return recalled, along >= least_found * samples
 
 
 def _share(part: int, whole: int) -> float:

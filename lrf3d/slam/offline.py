@@ -194,14 +194,20 @@ def solve_log(
     for name, pairs in (("close", close), ("apart", apart)):
         _check_pairs(name, pairs, recording)
     start = recording.path.at(recording.poses_before[:1])[0]
-    new_slam = partial(
-        Slam, start=start, laser_offset=offset, key_distance=key_distance, close=close, apart=apart
-    )
-    solved = _solution(recording, known, new_slam, progress)
-    # Pairs of scans are counted along the whole drive.
-    if close or apart or not solved.lifted:
+
+    new_slam = partial(Slam, start=start, laser_offset=offset, key_distance=key_distance)
+
+    def slam_of(first: int, end: int) -> Callable[..., Slam]:
+        near, far = (_within(pairs, first, end) for pairs in (close, apart))
+        return partial(new_slam, close=near, apart=far)
+
+    solved = _solution(recording, known, slam_of(0, len(recording.scans)), progress)
+    parts = pairwise([0, *solved.lifted, len(recording.scans)])
+    own = [pair for part in parts for pair in _within([*close, *apart], *part)]
+    # A pair of scans before and after a lift ties its parts together.
+    if not solved.lifted or len(own) < len(close) + len(apart):
         return solved
-    return _in_parts(solved, recording, known, new_slam, progress)
+    return _in_parts(solved, recording, known, slam_of, progress)
 
 
 def _solution(
@@ -213,7 +219,8 @@ def _solution(
     poses = slam.refined(recording.scans)
     # The lag is fitted again: now the turns between all scans are known, not just between some.
     recording = fitted_again(recording, np.diff(poses[:, 2]))
-    recording = with_more_jumps(recording, sum(scan.jumped for scan in slam.tracked))
+    doubted = [number for number, scan in enumerate(slam.tracked) if scan.jumped]
+    recording = with_more_jumps(recording, poses, doubted)
     both = None
     if known is not None:
         surfaces = map(slam.converter.surface, recording.scans)
@@ -225,7 +232,7 @@ def _in_parts(
     whole: SolvedLog,
     recording: Recording,
     known: Run | None,
-    new_slam: Callable[..., Slam],
+    slam_of: Callable[[int, int], Callable[..., Slam]],
     progress: Progress,
 ) -> SolvedLog:
     """Solve each part of a drive whose robot was lifted, and place it on the map of the others.
@@ -237,7 +244,8 @@ def _in_parts(
     bounds.sort(key=lambda each: each[1] - each[0] < enough)
     words = list(map(nothing_in_common, whole.lifted))
     try:
-        solved = _solution(recording.part(range(*bounds[0])), known, new_slam, progress)
+        part = recording.part(range(*bounds[0]))
+        solved = _solution(part, known, slam_of(*bounds[0]), progress)
     except InputError:
         # The whole drive is on the earlier map, or can be solved, but not its first part.
         return whole
@@ -247,7 +255,7 @@ def _in_parts(
         part = recording.part(range(first, end))
         scans = f"scans {first} to {end - 1}"
         try:
-            solved = _solution(part, solved.run, new_slam, progress)
+            solved = _solution(part, solved.run, slam_of(first, end), progress)
         except InputError:
             words.append(f"{scans} are left out: they are nowhere on the map of the others")
             continue
@@ -272,6 +280,11 @@ def read(log: LaserLog | str | Path, poses: str, without_repairs: Sequence[str])
         return log
     source = odometry_of(log) if poses == "odometry" else poses
     return load_log(log, poses=source, without_repairs=without_repairs)
+
+
+def _within(pairs: Sequence[tuple[int, int]], first: int, end: int) -> list[tuple[int, int]]:
+    """The pairs of scans within a part of a drive, counted from its first scan."""
+    return [(a - first, b - first) for a, b in pairs if first <= a and b < end]
 
 
 def _check_pairs(name: str, pairs: Any, recording: Recording) -> None:

@@ -259,6 +259,10 @@ class SolvedLog:
         tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
+        steps = np.hypot(*np.diff(self.run.trajectory.poses[:, :2], axis=0).T)
+        # The leap to each part, or from one drive to the next, is no part of the path.
+        from_end = np.cumsum([len(each.tracked) for each in slams[::-1]])
+        steps[-from_end[from_end <= len(steps)]] = 0.0
         return {
             "name": log.name,
             "log": {
@@ -274,7 +278,7 @@ class SolvedLog:
                 "solved_times": self.passes,
             },
             "slam": {
-                "length_m": self.run.trajectory.length,
+                "length_m": float(steps.sum()),
                 "key_scans": sum(len(each.key_scans) for each in slams),
                 "loop_closures": sum(len(each.closures) for each in slams),
                 "loop_closures_dropped": sum(len(each.closer.unconfirmed) for each in slams),
@@ -294,8 +298,8 @@ class SolvedLog:
 def nothing_in_common(number: int) -> str:
     """What happened before a scan at which a robot had been put down, in words."""
     return (
-        f"scans {number - 1} and {number} show nothing in common: the robot was lifted and put"
-        " down, or the log was cut"
+        f"scans {number - 1} and {number} show nothing in common: the robot was lifted or pushed"
+        " elsewhere, or the log was cut"
     )
 
 

@@ -23,7 +23,7 @@ from lrf3d.base.balance import Balance
 from lrf3d.base.errors import InputError, WorldError, one_line
 from lrf3d.base.files import own_name
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, number
-from lrf3d.world.mesh import CUT, joined, level_cut
+from lrf3d.world.mesh import CUT, joined, level_cut, tops_of
 from lrf3d.world.model import World
 from lrf3d.world.pieces import Part, world_of_parts
 
@@ -178,7 +178,7 @@ class _SdfWalls:
         # Exactly the height of corners would cut nothing.
         height = self.cut if high > self.cut else 0.5 * (max(low, 0.0) + high)
         segments, face = level_cut(triangles, height)
-        tops = np.round(triangles[face, :, 2].max(axis=1), 6)
+        tops = np.round(tops_of(triangles, segments, face, height), 6)
         for top in np.unique(tops).tolist():
             walls = joined(segments[tops == top], TOLERANCE)
             self.parts.append(Part(self.balance.used, walls, np.array(top), name))

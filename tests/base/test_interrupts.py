@@ -196,7 +196,7 @@ def test_a_signal_stops_what_reads_a_file_at_once():
     """Parsers check for no signal, and may make something else of what it raises."""
     code = """
 import os, signal
-from lrf3d.base.interrupts import handle_signals, reading
+from lrf3d.base.interrupts import handle_signals, ignore_signals, reading
 for wrong in (False, True):
     handle_signals("test")
     try:
@@ -211,6 +211,7 @@ for wrong in (False, True):
                 raise
     except KeyboardInterrupt:
         print("stopped", flush=True)
+    ignore_signals()
 """
     made = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, text=True)
     assert (made.stdout, made.stderr) == ("stopped\n" * 2, "")

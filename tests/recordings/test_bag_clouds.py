@@ -65,6 +65,7 @@ LAYOUTS = {
     "big-endian": {"kinds": "f4 f4 f4", "order": ">"},
     "padded": {"kinds": "f4 f8 f4", "pad": 7, "row_pad": 5},
     "organised": {"kinds": "f4 f4 f4", "rows": 3, "row_pad": 4},
+    "capitals": {"kinds": "f4 f4 f4", "ring": "", "Ring": ("f4", np.repeat([0, 1, 2], 180))},
     "channel": {"kinds": "f4 f4 f4", "ring": "channel", "intensity": ("f4", np.nan)},
 }
 

@@ -232,7 +232,7 @@ def test_filtered_odometry_comes_before_that_of_wheels(tmp_path):
     right = driven("/odometry/filtered", "base_link", 1.0)
     log = load_log(write(tmp_path / "bag", *drifting, *right, *scans(0.5)))
     assert log.poses[:, 1].tolist() == [1.0]
-    assert log.notes == ("odometry from /odometry/filtered, not from /drive/odom",)
+    assert log.notes == ("poses from /odometry/filtered, not from /drive/odom",)
 
 
 def test_what_a_recorder_did_not_move_from_its_journal_is_read(tmp_path):

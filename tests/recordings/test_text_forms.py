@@ -58,6 +58,18 @@ FORMS = {
                                      *(f"Distance {k} (mm)" for k in range(BEAMS))]),
     "dates": joined([["datetime", *NAMES[1:]], *dated("Z")]),
     "dates with a zone": joined([["datetime", *NAMES[1:]], *dated("+02:00")]),
+    "fractions of a day": joined([NAMES, *([repr(0.5 + float(row[0]) / 86400), *row[1:]]
+                                           for row in ROWS)]),
+    "German dates": joined(
+        [NAMES, *([f"01.03.2024 12:00:{row[0]}", *row[1:]] for row in ROWS)], ";",
+        lambda word: word.replace(".", ",") if word[2:3] != "." or " " not in word
+        else word[:11] + word[11:].replace(".", ",")),
+    "numbers of NumPy": "\n".join(str([*map(np.float64, row)]) for row in ROWS),
+    "a table of columns": json.dumps({
+        name: dict(zip(map(str, range(COUNT)), column, strict=True))
+        for name, column in zip(["time", "x", "y", "yaw", "ranges"],
+                                [TIMES.tolist(), *POSES.T.tolist(), RANGES.tolist()], strict=True)
+    }),
     "a list in a cell": "time;x;y;theta;ranges\n" + "\n".join(
         f"{';'.join(row[:4])};[{', '.join(row[4:])}]" for row in ROWS),
     "lists one after the other": "\n".join(
@@ -171,3 +183,14 @@ def test_a_column_that_counts_scans_holds_no_ranges(tmp_path):
     path.write_text("\n".join(["scan_id,angle,range", *lines]))
     log = load_log(path)
     assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
+
+
+def test_what_looks_like_ranges_is_refused(tmp_path):
+    path = tmp_path / "drive.csv"
+    grouped = [[f'"{400 * float(word):,.0f}"' for word in row[4:]] for row in ROWS]
+    path.write_text(joined([NAMES[4:], *grouped]))
+    with pytest.raises(InputError, match="grouped in thousands"):
+        load_log(path)
+    np.savez(tmp_path / "points.npz", scans=np.random.default_rng(0).uniform(-3, 3, (9, 40, 2)))
+    with pytest.raises(InputError, match="without bearings"):
+        load_log(tmp_path / "points.npz")

@@ -282,6 +282,9 @@ MESSAGES = {
     "player.log": lambda r, p, t: f"{t} 16 6665 position2d 00 001 001 {t} {p} 0 0 0 1\n"
     f"{t} 16 6665 laser 00 001 001 {t} 0 {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} 9 {BEAMS} "
     + " ".join(f"{each} 0" for each in r.split()),
+    "third_player.log": lambda r, p, t: f"{t} 16 6665 position2d 00 001 001 {p} 0 0 0 1\n"
+    f"{t} 16 6665 laser 00 001 001 0007 {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} 9 {BEAMS} "
+    + " ".join(f"{each} 0" for each in r.split()),
     "first_player.log": lambda r, p, t: f"ODOM {p} {t}\n"
     f"{t} fly 6665 laser 00 {t} {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} {BEAMS} "
     + " ".join(f"{each} 0" for each in r.split()),

@@ -113,3 +113,22 @@ def test_pieces_of_one_wall_are_merged_and_parallel_ones_stay_apart(tmp_path):
     back = load_world(tmp_path / "pieces.glb")
     whole = [[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [4, 0.1, 4, 3]]
     assert ordered(back.segments) == pytest.approx(ordered(np.array(whole)), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("blocks", "top"),
+    [
+        # Lower and upper edge [m] of boxes one above the other.
+        ([(0.0, 0.52), (0.52, 2.4)], 2.4),
+        ([(0.0, 0.52), (0.52, 1.3), (1.3, 2.4)], 2.4),
+        ([(0.0, 0.7), (1.9, 2.4)], 0.7),
+    ],
+)
+def test_a_wall_is_as_high_as_what_stands_on_it(blocks, top, tmp_path):
+    boxes = [
+        trimesh.creation.box((4.0, 0.2, high - low)).apply_translation([0, 0, (low + high) / 2])
+        for low, high in blocks
+    ]
+    path = tmp_path / "wall.stl"
+    trimesh.util.concatenate(boxes).export(path)
+    assert load_world(path).heights == pytest.approx(top)

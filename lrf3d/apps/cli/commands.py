@@ -109,7 +109,7 @@ from a file, the current folder or the installed modules.
 --scans N: Number of scans; the route is driven there and back until then.
 --resume: Continue this run where it was stopped.
 --robots N = 1: Number of robots, which start spread along the route and see each other, with a
- folder each; the film is that of the first.
+ folder each; the film follows the first, with up to three maps.
 --video = yes: Make the film.
 
 {DRIVE}

@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
@@ -28,25 +29,31 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     """
     package = Path(__file__).parents[2]
     home = Path(os.path.expanduser("~"))
-    writable = [package, home]
-    cache = home / ".cache/numba"
-    if given := os.environ.get("NUMBA_CACHE_DIR"):
-        writable = [Path(given).parent]
-        cache = Path(given)
-    caches = package / "mapping/robust/__pycache__", cache
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    caches = (
+        package / "mapping/robust/__pycache__",
+        Path(given or home / ".cache/numba"),
+        package / "compiling/released" / version("numba"),
+    )
     reasons_against = (
         "NUMBA_DISABLE_JIT" in os.environ,
         core_count() < 2,
         os.name != "posix",
         any(next(cache.rglob(FILES), None) for cache in caches),
-        not any(os.access(folder, os.W_OK) for folder in writable),
+        not any(
+            os.access(folder, os.W_OK)
+            for folder in ([Path(given).parent] if given else [package, home])
+        ),
     )
     if any(reasons_against):
         return None
-    # Numba colours the messages of its trials of types, which takes longer than the trials.
-    settings = {"NUMBA_DISABLE_JIT": "1", "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}
-    environment = {**os.environ, **settings}
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+    environment = {
+        **os.environ,
+        "NUMBA_DISABLE_JIT": "1",
+        # Numba colours the messages of its trials of types, which takes longer than the trials.
+        "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1",
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+    }
     return Popen(
         [sys.executable, "-m", "lrf3d.apps.cli.kernels", *parts], env=environment,
         stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True,
@@ -58,17 +65,13 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
     from multiprocessing.connection import wait
 
     assert process.stdout is not None
-    number = process.stdout.fileno()
-    rest = b""
     while True:
         check()
-        if wait([number], 0.1):
-            if not (printed := os.read(number, 4096)):
+        if wait([process.stdout.fileno()], 0.1):
+            if not (printed := os.read(process.stdout.fileno(), 4096)):
                 return
-            *lines, rest = (rest + printed).split(b"\n")
-            for line in lines:
-                done, total = map(int, line.split())
-                progress(done, total)
+            # Each line was written in one piece.
+            progress(*map(int, printed.splitlines()[-1].split()))
 
 
 def main(*parts: str) -> None:
@@ -105,7 +108,7 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
 
     def recorded(kernel: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any) -> Any:
-            types = tuple(numba.typeof(each) for each in args)
+            types = tuple(map(numba.typeof, args))
             known = {**calls, (kernel.__module__, kernel.__qualname__, types): None}
             found = kernel(*args)
             # What a kernel calls becomes part of it.
@@ -121,15 +124,12 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
     world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
     lrf = lrf3d.LaserRangeFinder(beams=31)
     drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
-    drives: list[dict[str, Any]] = [{"caster": "embree"}]
+    lrf3d.simulate(world, drive, lrf, caster="embree", rng=0)
     if "slam" in parts:
-        from lrf3d.slam import SlamMapper
-
-        drives.append({"caster": "embree", "mapper": SlamMapper()})
+        slam = import_module("lrf3d.slam")
+        lrf3d.simulate(world, drive, lrf, caster="embree", mapper=slam.SlamMapper(), rng=0)
     if "planar" in parts:
-        drives.append({"caster": "planar"})
-    for settings in drives:
-        lrf3d.simulate(world, drive, lrf, **settings, rng=0)
+        lrf3d.simulate(world, drive, lrf, caster="planar", rng=0)
     return list(calls)
 
 

@@ -137,7 +137,7 @@ def _without_command(words: Sequence[str]) -> NoReturn:
         print(f"lrf3d {lrf3d.__version__}")
         sys.exit()
     if words and words[0] not in ("-h", "--help"):
-        check_names("commands", [group + words[0]], COMMANDS)
+        check_names("commands", [group + words[0]], [*COMMANDS, "help"])
     print(overview(group), file=sys.stdout if words else sys.stderr)
     sys.exit(0 if words else 2)
 

@@ -34,6 +34,9 @@ from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.world import World
 
+# Most robots whose maps the film shows.
+_MAPPED = 3
+
 # The note on a run that is stopped after its last scan.
 KEPT = "all scans kept; go on with --resume"
 
@@ -126,17 +129,23 @@ def _map_files(
 def _pictures(
     runs: list[Run], scenario: Scenario, args: Namespace, console: Console
 ) -> dict[str, Drawing]:
-    """The picture of the world of a run, and its film, in which all noise levels are seen."""
+    """The picture of the world, and the film, in which all noise levels or robots are seen."""
     run = runs[0]
     shown = drawn_part(run)
-    levels = [f"noise σ = {level:g} m" for level in args.sigma or scenario.sigmas]
-    columns = dict(zip(levels, runs, strict=True)) if len(runs) > 1 else None
+    beside: dict[str, Any] = {}
+    if args.robots > 1:
+        robots = {f"robot {number}": each for number, each in enumerate(runs[:_MAPPED], 1)}
+        beside = {"maps": robots}
+    elif len(runs) > 1:
+        levels = [f"laser noise {100.0 * level:g} cm" for level in args.sigma or scenario.sigmas]
+        beside["columns"] = dict(zip(levels, runs, strict=True))
+        beside["title"] = "The same drive; only the laser's noise differs"
     seen = {"scan": shown.scan(0), "route": scenario.route, "poses": scenario.poses}
     pictures: dict[str, Drawing] = {
         "world picture": ("world.png", partial(draw_figure, "world", shown.world, **seen))
     }
     if args.video:
-        film = partial(write_film, run, args=args, console=console, columns=columns)
+        film = partial(write_film, run, args=args, console=console, **beside)
         pictures["video"] = "run.mp4", film
     return pictures
 
@@ -251,7 +260,7 @@ def _run_fleet(
     output.finish(
         {**common, "robots": robots},
         files,
-        pictures | _pictures(runs[:1], scenario, args, console),
+        pictures | _pictures(runs, scenario, args, console),
         rows=[*rows, ("time", f"{common['seconds']:.1f} s")],
         following=["view" if args.video else "render", output.path / "robot1"],
         kept=f"the runs are kept in {output.path}",

@@ -16,7 +16,9 @@ from lrf3d.casting.kernels.predicates import (
     Wall,
     compare_height,
     index_of,
+    lengths,
 )
+from lrf3d.casting.kernels.scans import PADDING
 from lrf3d.casting.kernels.skyline import (
     BEGINS,
     EXITS,
@@ -66,6 +68,7 @@ def read_layers(
     for r in range(many):
         near = max(near, layers.nears[r] * ROOM)
         far = min(far, layers.reaches[r] / ROOM)
+    firsts = _first_lengths(rays, skies)
     for i in range(len(rays)):
         beam = beam_of(rays, i)
         own = min(i, len(slopes) - 1)
@@ -108,7 +111,8 @@ def read_layers(
                 first = stop
                 continue
             wall = wall_of(entry)
-            t = length_of(beam, wall)
+            t = firsts[i] if j == 0 else np.nan
+            t = t if t >= 0.0 else length_of(beam, wall)
             begin = _beyond(floor, 0, (first, stop), t * (1.0 - CLEAR_FLOOR))
             while begin < stop and floor[0, begin] < t * (1.0 + CLEAR_FLOOR):
                 if compare_height(slopes[own, begin], z, 0.0, beam, wall) >= 0:
@@ -123,6 +127,40 @@ def read_layers(
                     hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
             first = stop
         _stand(ground, i, (first, many), ranges, hits)
+
+
+@inner
+def _first_lengths(rays: Records, skies: Skylines) -> Float:
+    """The t (azimuths,) of the first entries, NaN where float64 falls short.
+
+    Neighbouring azimuths from one place at one wall share its area, and the loop over them is
+    vectorised.
+    """
+    entries = skies.entries
+    columns = len(rays)
+    dx = np.empty(columns + PADDING)
+    dy = np.empty(columns + PADDING)
+    found = np.empty(columns + PADDING)
+    for i in range(columns):
+        dx[i] = rays[i].dx
+        dy[i] = rays[i].dy
+    stop = 0
+    while stop < columns:
+        start = stop
+        stop += 1
+        x = rays[start].x
+        y = rays[start].y
+        # Azimuths without entries have any t, which nobody reads.
+        wall = wall_of(entries[start])
+        while (
+            stop < columns
+            and wall_of(entries[stop]) == wall
+            and rays[stop].x == x
+            and rays[stop].y == y
+        ):
+            stop += 1
+        lengths((x, y), dx, dy, wall, (start, stop), found)
+    return found
 
 
 @borrower

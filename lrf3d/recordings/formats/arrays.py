@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
+from lrf3d.recordings.formats.text.guesses import LEAST_ALIKE
+from lrf3d.recordings.formats.text.lines import plain
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
@@ -87,14 +90,13 @@ def _arrays_in(path: Path) -> dict[str, Any]:
         return read_arrays(path)
     if path.suffix.lower() == ".npy":
         # What is mapped is checked against the size of the file.
-        return {"ranges": np.load(path, mmap_mode="r", allow_pickle=False)}
+        whole = np.load(path, mmap_mode="r", allow_pickle=False)
+        return {name: whole[name] for name in whole.dtype.names or ()} or {"ranges": whole}
     from scipy.io import loadmat
 
-    # Arrays in structures are taken out of them.
-    whole = loadmat(path, simplify_cells=True).items()
-    parts = [value if isinstance(value, dict) else {name: value} for name, value in whole]
-    found = {name: each for part in parts for name, each in part.items()}
-    return {name: np.asarray(each) for name, each in found.items() if name[:2] != "__"}
+    # Arrays in structures, and in arrays of these or of cells, are taken out of them.
+    whole = loadmat(path, simplify_cells=True)
+    return dict(_flat({name: each for name, each in whole.items() if name[:2] != "__"}, ""))
 
 
 def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
@@ -122,8 +124,11 @@ def _shape(table: Table) -> None:
     elif ranges.ndim == 1 and table.settings:
         table.values["ranges"] = ranges[None]
     elif ranges.shape[2:] == (2,):
-        # Bearings rise, or fall, from beam to beam.
+        # Bearings rise, or fall, from beam to beam; the coordinates of points do both.
         even = np.abs(np.sign(np.diff(ranges, axis=1)).mean(axis=(0, 1)))
+        if even.max() < LEAST_ALIKE:
+            found = f"pairs {ranges.shape} without bearings"
+            raise InputError(f"{table.intake.path}: {found}; expected bearings and ranges, (k, n)")
         table.values["angles"] = ranges[..., even.argmax()].ravel()
         table.values["ranges"] = ranges[..., even.argmin()]
 
@@ -166,7 +171,7 @@ def records(intake: Intake) -> dict[str, Float]:
 def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     """The records in a text, and what reads one of them."""
     if text.lstrip()[:1] in "[{":
-        parts, read = json_parts(text)
+        parts, read = json_parts(plain(text))
         # What Python prints has other quotes than JSON.
         return parts, _yaml if text.lstrip().startswith("{'") else read
     documents = re.split(r"(?m)^---[ \r]*$", text)
@@ -194,7 +199,16 @@ def _values(document: Any) -> Sequence[Any]:
         return list(document)
     values = list(document.values())
     kinds = {tuple(each) if isinstance(each, dict) else () for each in values}
-    return values if len(values) > 1 and len(kinds) == 1 and () not in kinds else [document]
+    if len(values) < 2 or len(kinds) > 1 or () in kinds:
+        return [document]
+    return values if "".join(document).isdigit() else _rows(document, *kinds)
+
+
+def _rows(columns: dict[str, Any], names: Sequence[str]) -> Sequence[Any]:
+    """The rows of a table of columns, as pandas writes it; other tables are rows already."""
+    if not "".join(names).isdigit():
+        return [*columns.values()]
+    return [{key: column[name] for key, column in columns.items()} for name in names]
 
 
 def _columns(rows: Sequence[dict[str, Float]], notes: list[str]) -> dict[str, Float]:
@@ -247,7 +261,7 @@ def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
         yield from _of_message(value, name)
     elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
         parts = [dict(_flat(each, name)) for each in value]
-        for key in parts[0]:
+        for key in dict.fromkeys(chain(*parts)):
             yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
     else:
         yield from _of_numbers(value, name)
@@ -270,5 +284,6 @@ def _of_numbers(value: Any, name: str) -> Iterator[tuple[str, Float]]:
         raise ValueError(WHOLE)
     if value is not None:
         with suppress(ValueError, TypeError):
-            # None marks a missing reading.
-            yield name, np.array(value, dtype=np.float64)
+            # None marks a missing reading; an array of arrays holds cells of MATLAB.
+            cells = isinstance(value, np.ndarray) and value.dtype.kind == "O"
+            yield name, np.array([*value] if cells else value, dtype=np.float64)

@@ -90,8 +90,8 @@ TELEGRAM_AHEAD = 90
 # Numbers of words in a line of Carnegie Mellon's robot data: a pose, or two poses with ranges.
 CMU_WORDS = (5, *range(30, 1100))
 
-# Least number of words of a message of Player.
-PLAYER_WORDS = 15
+# Least number of words of a message of Player, as of a pose.
+PLAYER_WORDS = 14
 
 # Usual numbers of beams, for a fan of half a turn; the only alternative is a whole turn.
 HALF_TURNS = {180, 181, 360, 361}
@@ -189,6 +189,9 @@ def _of_player(words: list[bytes]) -> list[bytes]:
     if words[3] == b"laser" and b"." in words[5]:
         # The first version of Player has no index, type and subtype.
         words = [*words[:5], b"", b"", words[5], b"", *words[6:9], b"0", *words[9:]]
+    elif b"." not in words[7] or len(words) == PLAYER_WORDS:
+        # The last version has no second time.
+        words = [*words[:7], words[0], *words[7:]]
     end = [words[7], *words[1::-1]]
     if words[3] == b"position2d":
         return [b"ODOM", *words[8:12], words[13], b"0", *end]

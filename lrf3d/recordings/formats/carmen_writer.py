@@ -25,6 +25,14 @@ from lrf3d.recordings.log import LARGEST_RANGE, LaserLog
 if TYPE_CHECKING:
     from lrf3d.simulation.run import Run
 
+# The comments that the log of a run begins with.
+HEAD = """\
+# CARMEN log of a run of lrf3d; x, y and ranges in metres, angles in radians
+# TRUEPOS x y theta odom_x odom_y odom_theta time host logger_time
+# ODOM x y theta v w acceleration time host logger_time
+# ROBOTLASER1 type start fov step max_range accuracy mode n r1 ... rn m s1 ... sm
+#   x y theta robot_x robot_y robot_theta v w safety safety turn time host logger_time"""
+
 # The host name in messages.
 HOST = "lrf3d"
 
@@ -102,11 +110,7 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
 
 
 def _messages(run: "Run") -> Iterator[str]:
-    yield "# CARMEN log of a run of lrf3d; x, y and ranges in metres, angles in radians"
-    yield "# TRUEPOS x y theta odom_x odom_y odom_theta time host logger_time"
-    yield "# ODOM x y theta v w acceleration time host logger_time"
-    yield "# ROBOTLASER1 type start fov step max_range accuracy mode n r1 ... rn m s1 ... sm"
-    yield "#   x y theta robot_x robot_y robot_theta v w safety safety turn time host logger_time"
+    yield HEAD
     speeds = run.trajectory.speeds.tolist()
     wheels = run.odometry.tolist()
     rows = zip(run.trajectory.times.tolist(), run.trajectory.poses, wheels, speeds, strict=True)

@@ -30,11 +30,8 @@ _ALIGNED = 64
 # The time stamp of all members, the earliest of zip files, so that equal runs are equal files.
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
-# Size [bytes] of a zip member's field for large sizes.
-_LARGE_FIELD = 20
-
-# Size [bytes] of a zip member's empty field.
-_EMPTY_FIELD = 4
+# Sizes [bytes] of a zip member's field for large sizes, and of an empty field.
+_FIELDS = 20 + 4
 
 # Exceptions that reading a damaged file raises.
 DAMAGES = (
@@ -107,7 +104,7 @@ def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
 def _write_member(archive: zipfile.ZipFile, begin: int, name: str, array: Array) -> None:
     """Write an array to an archive, from this byte of its file on."""
     member = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
-    header = _LOCAL_HEADER + len(member.filename) + _LARGE_FIELD + _EMPTY_FIELD
+    header = _LOCAL_HEADER + len(member.filename) + _FIELDS
     padding = -(begin + header) % _ALIGNED
     # An extra field of an unknown kind, which readers skip.
     member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)

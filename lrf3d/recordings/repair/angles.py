@@ -20,8 +20,7 @@ def find(log: LaserLog) -> list[LaserScan] | None:
         else scan
         for scan in log.scans
     ]
-    changed = any(new is not old for new, old in zip(scans, log.scans, strict=True))
-    return scans if changed else None
+    return scans if any(a is not b for a, b in zip(scans, log.scans, strict=True)) else None
 
 
 ANGLES = Repair("angles", find, lambda log, scans: replace(log, scans=scans))

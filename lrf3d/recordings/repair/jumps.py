@@ -1,5 +1,6 @@
 """Jumps: leaps of the odometry, and lines out and back, are replaced by the motion around them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -108,9 +109,14 @@ JUMPS = Repair(
 )
 
 
-def with_more_jumps(recording: Recording, number: int) -> Recording:
-    """The recording with a number of jumps that SLAM found, added to those found here."""
-    found = recording.found.get(JUMPS.name)
-    number += found.finding.number if found else 0
+def with_more_jumps(recording: Recording, poses: Float, doubted: Sequence[int]) -> Recording:
+    """The recording with the jumps before doubted scans, of all at poses (k, 3), added to its own.
+
+    Such a step is a jump if it differs from that of the scans by as much as a corrupted line does.
+    """
+    increments = recording.path.increments(recording.taken_at)
+    slips = [between(increments[k], between(poses[k - 1], poses[k])) for k in doubted]
+    number = sum(max(np.hypot(x, y), abs(turn)) > OUT for x, y, turn in slips)
+    number += recording.found[JUMPS.name].finding.number if JUMPS.name in recording.found else 0
     jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number))}
     return replace(recording, found={**recording.found, **jumps}) if number else recording

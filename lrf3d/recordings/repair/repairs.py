@@ -74,7 +74,7 @@ def repair(log: LaserLog, purpose: Purpose, without: Sequence[str] = ()) -> list
         for each in RECORDINGS:
             recordings = [recording.repaired(each) for recording in recordings]
     except InputError as error:
-        raise InputError(f"{log.name}: {error}") from None
+        raise InputError(f"{log.path or log.name}: {error}") from None
     return recordings
 
 

@@ -24,7 +24,8 @@ from lrf3d.recordings.repair.lag import fitted_again
 from lrf3d.recordings.repair.recording import Recording
 from lrf3d.recordings.repair.turns import MOST_DISTANCE
 
-# Longest revolution of a mirror [s]: lasers that take longer are turned as a whole.
+# Longest revolution of a mirror [s] that is not declared: lasers that take longer are turned as a
+# whole.
 LONGEST = 0.25
 
 # Number of pairs that are compared, those whose turn rates differ most. Eleven show a tenth of the
@@ -79,7 +80,7 @@ def find(recording: Recording) -> Sweep | None:
 def _shown(recording: Recording, interval: float, declared: float) -> float:
     """The duration [s] that scans at an interval [s] show, or else the declared one."""
     log = recording.log
-    if not (log.placed and interval) or log.parts or (abs(declared) or interval) > LONGEST:
+    if not (log.placed and interval) or log.parts or (interval > LONGEST and not declared):
         return declared
     wide = float(np.ptp(log.scans[0].angles))
     poses = recording.path.at(recording.taken_at)

@@ -44,12 +44,12 @@ COMPARED = 11
 # the order of the drive do not.
 REMEMBERED = 5
 
-# Number of independent hits in a search; the others lie on the same walls. With 5 to 8, and a
-# clutter of 0.1 to 0.3, stated probabilities are met on maps of others: see the docs.
-INDEPENDENT = 6.0
+# Number of independent hits in a search; the others lie on the same walls. With 8 to 10, and a
+# clutter of 0.1 to 0.2, stated probabilities are met on maps of others: see the docs.
+INDEPENDENT = 8.0
 
 # Mean misfit of hits [log likelihood] that has nothing to do with the place: people, range noise.
-CLUTTER = 0.2
+CLUTTER = 0.1
 
 # Largest log odds of a place that is tracked, so that a kidnapped robot is noticed soon.
 MOST = 7.0
@@ -172,16 +172,15 @@ class PlaceSearch:
         chance = self._chance.search(_mirrored(window))
         if not here or not chance:
             return
-        first, *others = here
-        second = max((*others, *chance), key=lambda each: each.score)
         # The misfits of hits are taken to be distributed exponentially, with a mean that is not
         # known: so the likelihood of a track is a power of its own mean misfit.
-        count = len(first.poses)
-        misfit, other = (CLUTTER - each.score / count for each in (first, second))
+        count = len(here[0].poses)
+        misfits = CLUTTER - np.array([each.score for each in (*here, *chance)]) / count
+        place, *others = -INDEPENDENT * count * np.log(misfits)
         # Each search is another chance of a wrong place.
         searches = len(self._here.windows)
-        log_odds = float(INDEPENDENT * count * np.log(other / misfit) - np.log(searches))
-        pose, *_ = first.poses
+        log_odds = float(place - np.logaddexp.reduce(others) - np.log(searches))
+        pose, *_ = here[0].poses
         self._place = Hypothesis(pose, middle, min(log_odds, MOST), sure=scans[0].number)
         if self._place.log_odds >= ENOUGH:
             self._begin(self._place)

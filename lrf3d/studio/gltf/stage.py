@@ -141,10 +141,8 @@ def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) 
     dark, shown = (exposed(day, share, height, setting) for share in (np.zeros_like(on), on))
     middles = np.where(wall[..., None] > 0.5, places, before).mean(axis=1)
     tints, found = drawn.tints(middles, exposure.tolerance)
-    share = np.where(
-        wall > 0.5, look.MAP_SHARE * np.minimum(2.0 * when["sure"], 1.0), look.ROOF_SHARE
-    )
-    share *= found[:, None]
+    share = np.where(wall > 0.5, np.minimum(2.0 * when["sure"], 1.0), setting.top)
+    share *= look.MAP_SHARE * found[:, None]
     low, more = look.MAP_LIGHT
     shown += share[..., None] * (
         tints[:, None] * (low + more * (day @ look.GREY))[..., None] - shown

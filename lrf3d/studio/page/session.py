@@ -21,7 +21,7 @@ from lrf3d.studio.scene.cameras import First, behind, chase, overview, top
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import panel
-from lrf3d.studio.scene.shapes import Lens, Seen
+from lrf3d.studio.scene.shapes import Inset, Lens, Seen
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
 from lrf3d.studio.scene.timeline import Moment, Timeline
@@ -49,9 +49,6 @@ _LIMITS = {
     "y": (-_EVER, _EVER),
     "heading": (-_NO_HEADING, _NO_HEADING),
 }
-
-# Width of the inset, as a share of the shorter side of the picture.
-_INSET_WIDTH = 0.3
 
 # Half the time over which the robot's turn is measured [s].
 _TURN_STEP = 0.05
@@ -213,21 +210,18 @@ class PageSession:
         camera = self.cameras.get(wanted.view, self.cameras["follow"])
         view = camera.look(moment.now, size[0] / size[1])
         seen = scene.seen(moment, view, size)
-        if view.inset:
-            wide = max(1, round(_INSET_WIDTH * min(size)))
-            box = (0, 0, wide, max(1, round(self._inset.aspect * wide)))
-            seen = seen._replace(inset=scene.inset(moment, box, self._inset))
+        plan = scene.inset(moment, self._inset) if view.inset else None
         values = {
             "camera": _scene_camera(seen, view),
             "size": size,
-            "plan": _camera(seen.inset.lens) if seen.inset else None,
+            "plan": _camera(plan.lens) if plan else None,
             "tints": None,
             "words": self._words(moment, view),
         }
         if seen.tints is not None:
             flat = seen.tints.lens
             values["tints"] = {**_camera(flat), "matrix": _numbers(flat.matrix)}
-        return self._sender.message(self._parts(seen), values)
+        return self._sender.message(self._parts(seen, plan), values)
 
     def _drive_on(self, wanted: Wanted, seconds: float) -> bool:
         """Drive on by hand for a time [s]; false where all stands still, or a run is played."""
@@ -243,13 +237,13 @@ class PageSession:
             self.scene.keys = self.drive.trajectory.keys(self.scene.origin)
         return moved
 
-    def _parts(self, seen: Seen) -> dict[str, Part]:
+    def _parts(self, seen: Seen, plan: Inset | None) -> dict[str, Part]:
         """The parts of a message, in the order in which they are drawn."""
         parts = dict[str, Part]()
         for name, body in seen.bodies:
             style, columns = part_of(body.faces)
             parts[name] = {**style, "pose": _numbers(body.pose)}, columns
-        marks = seen.marks if seen.inset is None else (*seen.marks, *seen.inset.marks)
+        marks = seen.marks if plan is None else (*seen.marks, *plan.marks)
         parts |= {name: part_of(mark) for name, mark in marks}
         if seen.tints is not None:
             parts["tints"] = part_of(seen.tints.lines)

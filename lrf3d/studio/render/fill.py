@@ -22,7 +22,6 @@ from lrf3d.studio.scene.look import (
     MAP_SHARE,
     NIGHT_LOW,
     RIM,
-    ROOF_SHARE,
     TINY,
     WHITE,
 )
@@ -332,7 +331,7 @@ def shade(
             if found > 0.0:
                 x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
                 sample(laser.tints, x, y, laser.area, tint)
-                share = keeps * found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
+                share = keeps * found * most * MAP_SHARE
                 front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
                 light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
                 for k in range(3):

@@ -3,34 +3,32 @@
 Text and the frame of the inset are laid over what a renderer draws.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
-from functools import cache, lru_cache
-from importlib.util import find_spec
-from itertools import compress, groupby
-from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
+from lrf3d.studio.render.beside import LETTER, MapBeside
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
+from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
+from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.inset import InsetView
-from lrf3d.studio.scene.look import PLAN_BACK, SIZE, WHITE, scale
+from lrf3d.studio.scene.look import PALE_OBJECT, SIZE, TRAIL_COLOUR
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
-from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
+from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
-from lrf3d.studio.scene.timeline import Timeline, smoothed
+from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.studio.scene.views import make_camera, margins
 from lrf3d.world.cameras import check_view
 
@@ -43,50 +41,17 @@ _SMALLEST = 16
 # Largest side of a picture [pixels], which graphics cards still draw.
 _LARGEST = 8192
 
-# Largest width of the inset, in that of the picture.
-_WIDEST = 0.19
+# Width of the strip with the map, in that of the picture.
+_WIDEST = 0.27
 
-# Least side of the inset, of which a smaller one is left out [pixels].
+# Least width of the map, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
 
-# Height of a line in letters.
-_LINE = 1.36
+# Largest height of the map under a picture, in that of both.
+_HIGHEST = 0.46
 
-# What stands between texts of a row.
-_APART = "   "
-
-# Size of all lines but the first, in that of the first.
-_LESSER = 0.64
-
-# Free border round text and the inset [pixels of 720 lines].
-_GAP = 16
-
-# Least number of times its size at 720 lines that text has.
-_LEAST_SCALE = 0.47
-
-# Height of letters from which on text is legible; smaller text is left out [pixels].
-_LEAST_LETTER = 6.5
-
-# Largest share of the height of a picture that text may cover; more is left out.
-_MOST_COVERED = 0.5
-
-# Share of the picture's light that is taken in the corner under text.
-_DARKEST = 0.74
-
-# Size of the darkened corner, in the text's.
-_SHADED = 1.6
-
-# Half the width of the frame of the inset, and of its scale [pixels of 720 lines].
-_FRAME = 1.2
-
-# Colour of the frame of the inset, 0…255.
-_FRAME_COLOUR = (38, 50, 72)
-
-# Colour of the scale of the inset, 0…255.
-_BAR_COLOUR = (200, 210, 228)
-
-# Height of the letters of the scale [pixels of 720 lines].
-_BAR_LETTER = 20
+# Height of the letters over and under that, in that of both.
+_NAMES = 0.045
 
 # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
 _RENDERERS = ("embree", "gl")
@@ -108,8 +73,10 @@ class FilmOptions:
     layers: Collection[str] = LAYERS
     # A goal to be marked on the ground.
     goal: Goal | None = None
-    # What the picture is called.
+    # What the map is called, whose number of walls is then said.
     title: str = ""
+    # Whether the map stands under the picture, not beside it.
+    below: bool = False
     # Whether times follow that a story leaps over.
     leaps: bool = True
 
@@ -176,10 +143,18 @@ def choose_renderer(wanted: str | None) -> str:
 class Film:
     """Draws pictures of a run, whose stage may have been painted already.
 
-    The options are those of :class:`FilmOptions`.
+    The options are those of :class:`FilmOptions`. If given, the maps of several robots' runs, by
+    their names, stand beside the picture, the run's own first.
     """
 
-    def __init__(self, run: Run, *, stage: Stage | None = None, **options: Any) -> None:
+    def __init__(
+        self,
+        run: Run,
+        *,
+        stage: Stage | None = None,
+        maps: Mapping[str, tuple[Run, Stage]] = MappingProxyType({}),
+        **options: Any,
+    ) -> None:
         chosen = FilmOptions(**options).of(run)
         if chosen.renderer == "gl":
             # Before anything is painted, which takes seconds.
@@ -187,77 +162,120 @@ class Film:
         self.run = run
         self.timeline = Timeline(run, playback=chosen.playback)
         self.scene = Scene(self.timeline, chosen.goal, stage)
-        # Only what the renderer needs is imported.
-        self.renderer: Any
-        if chosen.renderer == "gl":
-            from lrf3d.studio.render.renderer import Renderer
-
-            self.renderer = Renderer(self.scene.stage, chosen.size, chosen.samples)
-        else:
-            from lrf3d.studio.render.plain import PlainRenderer
-
-            self.renderer = PlainRenderer(self.scene.stage, chosen.size)
+        self._layers = chosen.layers
+        self._full = chosen.panel == "full"
+        self._scenes = [
+            Scene(Timeline(each, playback=chosen.playback), None, painted)
+            for each, painted in maps.values()
+        ]
+        room = self._lay_out(chosen)
+        self._maps = self._maps_in(room, chosen, maps)
+        # Width of the strip with the map [pixels], in which nothing else is drawn.
+        self._strip = bool(self._maps) * (not chosen.below) * (room[0] + 2 * self._gap)
+        self._below = chosen.below and bool(self._maps)
+        self._size = chosen.size
+        if self._below:
+            width, height = chosen.size
+            self._size = width, height - 2 * self._head - self._maps[0].size[1]
+        self.renderer = _renderer(self.scene.stage, self._size, chosen)
+        # What shows one map draws it, too; of several, each is on what its own robot has seen.
+        self._drawers = [_renderer(each.stage, self._size, chosen) for each in self._scenes] or [
+            self.renderer
+        ]
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
-        self._size = chosen.size
-        self._layers = chosen.layers
-        self._full = chosen.panel == "full"
-        self._title = chosen.title
+
+    def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
+        """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
         width, height = chosen.size
-        self._window = self.scene.inset_view(upright=True)
-        gap = round(_GAP * _scale_of(chosen.size))
-        wide = round(min((height - 4 * gap) / self._window.aspect, _WIDEST * width))
-        self._box = width - gap - wide, gap, wide, round(wide * self._window.aspect)
-        shown = "inset" in chosen.layers and min(self._box[2:]) >= _LEAST_SIDE
-        # Width of the strip with the inset [pixels], in which nothing else is drawn.
-        self._strip = shown * (wide + 2 * gap)
-        self._picture: Pixels = np.zeros((0, 0, 3), np.uint8)
+        self._gap = gap_of(chosen.size)
+        self._letter = scale_of(chosen.size) * LETTER
+        if chosen.below:
+            self._letter = _NAMES * height
+        self._head = round(LINE * self._letter) + self._gap
+        if chosen.below:
+            return width - 2 * self._gap, round(_HIGHEST * (height - 2 * self._head))
+        # Each map has a name and a number; a legend and a scale stand under all.
+        count = max(1, len(self._scenes))
+        high = height // count - (count + 2) * (2 * self._head - self._gap) // count
+        return round(_WIDEST * width) - 2 * self._gap, high
+
+    def _maps_in(
+        self, room: tuple[int, int], chosen: FilmOptions, names: Collection[str]
+    ) -> list[MapBeside]:
+        """The maps beside the picture, in a room for each; none if it is too small."""
+        if "inset" not in chosen.layers or min(room) < _LEAST_SIDE:
+            return []
+        # Each of several robots has the colour of its trail; found and lost walls are pale and red.
+        colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(self.run.obstacles))]
+        walls = colours if names else [PALE_OBJECT]
+        named = zip(names or [chosen.title], self._scenes or [self.scene], strict=True)
+        return [
+            MapBeside(scene, room, self._letter, name, pair)
+            for (name, scene), *pair in zip(named, walls, colours, strict=False)
+        ]
 
     def draw(self, time: float) -> Pixels:
-        """The picture (h, w, 3) uint8 at a time of the run [s]; the next one writes over it."""
+        """The picture (h, w, 3) uint8 at a time of the run [s]."""
         moment = self.timeline.moment(time)
         view = self._view(time)
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
         width, _ = self._size
         columns = width - round(view.inset * self._strip)
-        left, top, wide, high = self._box
-        left += columns - (width - self._strip)
-        if columns < width:
-            box = left, top, wide, high
-            seen = seen._replace(inset=self.scene.inset(moment, box, self._window))
-        self._picture = self.renderer.draw(seen._replace(columns=columns))
-        if columns < width:
-            strip = np.full((self._size[1], self._strip, 3), PLAN_BACK, np.uint8)
-            plan = self._picture[top : top + high, left : left + wide]
-            box = left - columns, top, wide, high
-            strip[top : top + high, box[0] : box[0] + plan.shape[1]] = plan
-            _lay_frame(strip, box, self._window, _scale_of(self._size))
-            self._picture[:, columns:] = strip[:, : width - columns]
+        shine = [mark for each in self._scenes[1:] for mark in each.shine(time)]
+        seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
+        picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
             label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
-            if self._title:
-                first, *_ = label.colours
-                text = self._title, *label.text
-                label = label._replace(text=text, colours=(first, *label.colours))
-            _lay_label(self._picture[:, :columns], label)
-        return self._picture
+            if self._scenes and view.shot == "end":
+                head, *others = label.text
+                label = label._replace(text=(f"{self._maps[0].name}: {head}", *others))
+            lay_label(picture, label)
+        return picture if columns == width and not self._below else self._beside(picture, time)
+
+    def _beside(self, picture: Pixels, time: float) -> Pixels:
+        """A picture (h, w, 3) with the maps of a time [s] under it, or in the strip beside it."""
+        maps = zip(self._maps, self._drawers, strict=True)
+        rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
+        width, height = self._size
+        if self._below:
+            foot = width, self._maps[0].size[1] + self._head
+            parts = stacked(rows[:1], (width, self._head), self._gap), picture
+            return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
+        strip = stacked([*rows, *self._maps[0].legend()], (self._strip, height), self._gap)
+        return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""
         width, height = self._size
         view = self.camera.look(time, width / height)
-        if not (self._strip and view.inset):
+        # Several maps stay to the end.
+        stays = len(self._maps) > 1
+        if not (self._strip and (view.inset or stays)):
             return view
         # A story frames the robot and has the same path whether there is a strip or not.
-        if not isinstance(self.camera, Story):
+        if stays or not isinstance(self.camera, Story):
             view = self.camera.look(time, (width - self._strip) / height)
-        return replace(view, aside=view.inset * self._strip / width)
+        inset = 1.0 if stays else view.inset
+        return replace(view, inset=inset, aside=inset * self._strip / width)
 
     def close(self) -> None:
         """Free what the driver holds."""
-        self.renderer.close()
+        for each in {self.renderer, *self._drawers}:
+            each.close()
+
+
+def _renderer(stage: Stage, size: tuple[int, int], options: FilmOptions) -> Any:
+    """What draws a stage; only what it needs is imported."""
+    if options.renderer == "gl":
+        from lrf3d.studio.render.renderer import Renderer
+
+        return Renderer(stage, size, options.samples)
+    from lrf3d.studio.render.plain import PlainRenderer
+
+    return PlainRenderer(stage, size)
 
 
 def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
@@ -291,97 +309,3 @@ def _film(run: Run, options: FilmOptions) -> Film:
         return _OPEN.enter_context(closing(film))
 
     return _FILMS.of((run, options), opened)
-
-
-def _scale_of(size: tuple[int, int]) -> float:
-    """How many times its size at 720 lines text is in a picture of a size [pixels]."""
-    return scale(size, _LEAST_SCALE)
-
-
-@cache
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    """The sans face of the page, which comes with matplotlib; that is not imported."""
-    spec = find_spec("matplotlib")
-    assert spec is not None and spec.origin is not None
-    folder = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf"
-    return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
-
-
-def _rows(label: Label) -> list[tuple[Any, ...]]:
-    """Text and colours of the rows of a label: what names colours stands in one row."""
-    lines = enumerate(zip(label.text, label.colours, strict=True))
-    groups = groupby(lines, lambda each: -1 if each[1][0].startswith(NAMED) else each[0])
-    return [tuple(zip(*(line for _, line in group), strict=True)) for _, group in groups]
-
-
-@lru_cache(maxsize=16)
-def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
-
-    What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
-    """
-    gap = round(_GAP * _scale_of(size))
-    left = gap
-    rows = _rows(label)
-    letters = _scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
-    lengths = np.array([_font(100).getlength(_APART.join(words)) / 100 for words, _ in rows])
-    letters = np.minimum(letters, (size[0] - 2 * left) / np.maximum(lengths, 1.0))
-    legible = letters >= _LEAST_LETTER
-    heights = letters[legible].astype(int).tolist()
-    high = sum(round(_LINE * each) for each in heights)
-    if not heights or high > _MOST_COVERED * size[1]:
-        return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
-    wide = float((letters * lengths)[legible].max())
-    shape = round(_SHADED * wide), round(_SHADED * high) + gap
-    x, y = (np.arange(side) / side for side in shape)
-    shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
-    kept = 256.0 * (1.0 - shade[..., None])
-    # The fourth channel is how much of a pixel the letters cover.
-    picture = Image.new("RGBA", shape)
-    top = shape[1] - gap - high
-    for (words, colours), each in zip(compress(rows, legible), heights, strict=True):
-        place = left
-        for one, colour in zip(words, colours, strict=True):
-            fill = (*colour, 255)
-            ImageDraw.Draw(picture).text((place, top), one, font=_font(each), fill=fill)
-            place += round(_font(each).getlength(one + _APART))
-        top += round(_LINE * each)
-    drawn = np.asarray(picture)[-size[1] :, : size[0]]
-    covered = drawn[..., 3:] / WHITE
-    kept = kept[-size[1] :, : size[0]] * (1.0 - covered)
-    return kept.astype(np.uint16), (covered * drawn[..., :3]).astype(np.uint16)
-
-
-def _lay_label(picture: Pixels, label: Label) -> None:
-    """Lay text over the lower left corner of a picture, on a soft gradient."""
-    kept, added = _label(label, picture.shape[1::-1])
-    if len(kept):
-        part = picture[-len(kept) :, : kept.shape[1]]
-        part[:] = ((part * kept) >> 8) + added
-
-
-def _lay_frame(
-    picture: Pixels, box: tuple[int, int, int, int], window: InsetView, size: float
-) -> None:
-    """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
-    left, top, wide, high = box
-    rim = max(1, round(_FRAME * size))
-    pad = round(0.5 * _GAP * size)
-    part = picture[top : top + high, left : left + wide]
-    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _FRAME_COLOUR
-    # Under the inset, so that it hides nothing of the map.
-    letters = round(_BAR_LETTER * size)
-    foot = picture[top + high : top + high + letters + pad, left : left + wide]
-    middle = len(foot) // 2
-    end = foot.shape[1] - pad
-    begin = end - round(window.bar / window.width * wide)
-    foot[middle - rim : middle + rim, begin:end] = _BAR_COLOUR
-    text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
-    ImageDraw.Draw(text).text(
-        (text.width - pad, middle),
-        f"{window.bar:g} m",
-        font=_font(letters),
-        fill=_BAR_COLOUR,
-        anchor="rm",
-    )
-    foot[:, :begin] = np.asarray(text)

@@ -18,6 +18,7 @@ from lrf3d.studio.scene.camera import NEAR
 from lrf3d.studio.scene.shapes import (
     MIRROR_GAP,
     ON_TOP,
+    Inset,
     Lens,
     Lines,
     Mark,
@@ -84,10 +85,9 @@ class PlainRenderer:
             times, np.zeros_like(times), np.array(stage.exposure.area), np.zeros(2)
         )
         self._tinted: Tints | None = None
-        self._picture: Pixels = np.zeros((size[1], size[0], 3), np.uint8)
 
     def draw(self, seen: Seen) -> Pixels:
-        """The picture (h, w, 3) uint8 of what is to be seen; the next one writes over it."""
+        """The picture (h, w, 3) uint8 of what is to be seen."""
         lens = seen.lens
         ways = _ways(lens, self._size)
         self._laser = self._laser._replace(clock=np.array(seen.clock))
@@ -107,18 +107,15 @@ class PlainRenderer:
             self._draw_body(canvas, lens, body)
         for _, mark in seen.marks:
             self._draw_mark(canvas, lens, mark)
-        if seen.inset is not None:
-            left, top, wide, high = seen.inset.box
-            plan = self._explored(seen.inset.lens, (wide, high))
-            inset = _Framebuffer(plan, np.zeros(plan.shape[:2], np.float32))
-            for _, mark in seen.inset.marks:
-                self._draw_mark(inset, seen.inset.lens, mark)
-            # A part of it may be out of the picture.
-            part = canvas.colours[top : top + high, left : left + wide]
-            part[:] = plan[:, : part.shape[1]]
-        np.clip(canvas.colours, 0.0, 1.0, out=canvas.colours)
-        self._picture[:] = look.WHITE * canvas.colours + 0.5
-        return self._picture
+        return _read(canvas)[:, : seen.columns or None]
+
+    def plan(self, plan: Inset, size: tuple[int, int]) -> Pixels:
+        """The picture (h, w, 3) uint8 of a map, of a size [pixels]."""
+        self._laser = self._laser._replace(clock=np.array(plan.clock))
+        canvas = _Framebuffer(self._explored(plan.lens, size), np.zeros(size[::-1], np.float32))
+        for _, mark in plan.marks:
+            self._draw_mark(canvas, plan.lens, mark)
+        return _read(canvas)
 
     def _tint(self, tints: Tints | None) -> None:
         if tints is self._tinted:
@@ -149,7 +146,7 @@ class PlainRenderer:
         else:
             hits = self._rays.first(starts, ways)
         found, depth = fill.shade(ways, hits, fixed, self._surfaces, self._laser)
-        shape = self._size[::-1] if len(ways) == self._picture[..., 0].size else (len(ways), 1)
+        shape = self._size[::-1] if len(ways) == self._size[0] * self._size[1] else (len(ways), 1)
         return _Framebuffer(found.reshape(*shape, 3), depth.reshape(shape))
 
     def _reflect(
@@ -253,6 +250,12 @@ class PlainRenderer:
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > NEAR, 2)
         fill.fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
+
+
+def _read(canvas: _Framebuffer) -> Pixels:
+    """The picture (h, w, 3) in whole numbers."""
+    np.clip(canvas.colours, 0.0, 1.0, out=canvas.colours)
+    return np.asarray(look.WHITE * canvas.colours + np.float32(0.5)).astype(np.uint8)
 
 
 def _before_eye(triangles: Float, lens: Lens) -> Float:

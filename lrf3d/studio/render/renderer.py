@@ -55,9 +55,7 @@ class Renderer:
         self._frame, self._targets = _framebuffer(self._size)
         self._smooths = samples == 1
         self._programs: dict[str, ShaderProgram] = {}
-        self._picture: Pixels = np.zeros((*self._size[::-1], 4), np.uint8)
         self._limit = 0, 0, *self._size
-        self._bright = np.zeros((2, *self._size[::-1]), np.int16)
         self._scale = self._finer * look.scale(size, look.LEAST_SCALE)
         self._camera = CameraBlock()
         self._parts = _Parts(stage.faces)
@@ -102,17 +100,23 @@ class Renderer:
         self._draw_sky(seen.lens)
         for name, mark in seen.marks:
             self._draw_mark(name, mark, self._finer * seen.lens.focus)
-        if seen.inset is not None:
-            self._draw_inset(seen.inset)
-        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
-        place = ctypes.c_void_p(self._picture.ctypes.data)
-        GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
-        if self._smooths:
-            source = self._picture.copy()
-            smooth_edges(self._picture, source, source.view(np.uint32)[..., 0], *self._bright)
-        # Pillow leaves out the fourth byte of pixels in a sixth of NumPy's time.
-        picture = Image.frombuffer("RGBX", self._size, self._picture, "raw", "RGBX", 0, 1)
-        return np.array(picture.reduce(self._finer).convert("RGB"))
+        return self._read()
+
+    def plan(self, plan: Inset, size: tuple[int, int]) -> Pixels:
+        """The picture (h, w, 3) uint8 of a map, of a size [pixels] that is in the other's."""
+        make_current()
+        self._light["clock"] = plan.clock
+        self._limit = 0, 0, self._finer * size[0], self._finer * size[1]
+        self._begin()
+        GL.glDisable(GL.GL_DEPTH_TEST)
+        GL.glViewport(*self._limit)
+        GL.glClearColor(*(part / look.WHITE for part in look.PLAN_BACK), 1.0)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT)
+        self._camera.fill(plan.lens, *self._limit[2:])
+        self._draw_ground("ground:PLAN", blend=True, solid=False)
+        for name, mark in plan.marks:
+            self._draw_mark(name, mark, self._finer * plan.lens.focus)
+        return self._read()
 
     def close(self) -> None:
         """Free what the driver holds; the context stays."""
@@ -127,6 +131,23 @@ class Renderer:
         self._camera.delete()
         GL.glDeleteFramebuffers(2, [self._frame, self._tinting])
         GL.glDeleteRenderbuffers(len(self._targets), self._targets)
+
+    def _read(self) -> Pixels:
+        """What is drawn within the limit (h, w, 3), with smooth edges."""
+        size = self._limit[2:]
+        drawn = np.empty((*size[::-1], 4), np.uint8)
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
+        place = ctypes.c_void_p(drawn.ctypes.data)
+        GL.glReadPixels(*self._limit, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
+        if self._smooths:
+            source = drawn.copy()
+            bright = np.empty((2, *size[::-1]), np.int16)
+            smooth_edges(drawn, source, source.view(np.uint32)[..., 0], *bright)
+        # Pillow leaves out the fourth byte of pixels in a sixth of NumPy's time.
+        picture = Image.frombuffer("RGBX", size, drawn, "raw", "RGBX", 0, 1)
+        if self._finer > 1:
+            picture = picture.reduce(self._finer)
+        return np.array(picture.convert("RGB"))
 
     def _begin(self) -> None:
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
@@ -249,19 +270,6 @@ class Renderer:
             GL.glDepthFunc(GL.GL_ALWAYS if mark.on_top else GL.GL_LEQUAL)
             self._paint("soft", buffer, blend=True, solid=False)
             GL.glDepthFunc(GL.GL_LEQUAL)
-
-    def _draw_inset(self, plan: Inset) -> None:
-        left, top, wide, high = (self._finer * side for side in plan.box)
-        GL.glDisable(GL.GL_DEPTH_TEST)
-        GL.glEnable(GL.GL_SCISSOR_TEST)
-        for place in (GL.glScissor, GL.glViewport):
-            place(left, top, wide, high)
-        GL.glClearColor(*(part / look.WHITE for part in look.PLAN_BACK), 1.0)
-        GL.glClear(GL.GL_COLOR_BUFFER_BIT)
-        self._camera.fill(plan.lens, wide, high)
-        self._draw_ground("ground:PLAN", blend=True, solid=False)
-        for name, mark in plan.marks:
-            self._draw_mark(name, mark, self._finer * plan.lens.focus)
 
 
 class _Parts:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
+from functools import reduce
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,16 +16,22 @@ from lrf3d.base.files import as_path, replacing, unfinished_folder
 from lrf3d.base.interrupts import Progress, silent, stoppable
 from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.simulation.run import Run
+from lrf3d.studio.render.beside import INK
 from lrf3d.studio.render.film import SLACK, FilmOptions
+from lrf3d.studio.render.text import LINE, gap_of, row_of, stacked
 from lrf3d.studio.render.workers import Job, draw
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Pixels
+from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.studio.scene.views import film_times, margins
 
 # Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller.
 _EFFORT = 4
+
+# Height of what stands over columns, in that of the picture.
+_HEADING = 0.08
 
 # Number of pictures of a film that choose the colours of a GIF: more choose the same ones.
 _EXAMPLES = 24
@@ -39,6 +46,7 @@ def render_video(
     workers: int | None = None,
     part: tuple[float | None, float | None] = (None, None),
     columns: Mapping[str, Run] | None = None,
+    maps: Mapping[str, Run] | None = None,
     progress: Progress = silent,
     **options: Any,
 ) -> None:
@@ -51,7 +59,9 @@ def render_video(
         workers: Number of processes; as many as there are cores if not given.
         part: From when to when the run is shown [s]; from its start, to its end if not given.
         columns: The same drive under other conditions, by their names, the run among them; all are
-            shown side by side.
+            shown side by side, each over its map, under the ``title``.
+        maps: Runs of robots that drive at the same time, by their names, the run first; the map of
+            each is shown.
         progress: Called with frames done and frames in all, as the film grows.
         options: ``size``, width and height [pixels] (1280, 720), both even for .mp4;
             ``playback``, seconds of the run in a second of the film; ``view``, the camera:
@@ -87,16 +97,24 @@ def render_video(
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
-    drawn = [(run, chosen, stage_of(run))]
+    stage = stage_of(run)
+    others = {name: (each, stage_of(each)) for name, each in (maps or {}).items()}
+    # Robots that drive at the same time light one world.
+    light = reduce(Exposure.joined, [one.exposure for _, one in others.values()], stage.exposure)
+    drawn = [(run, chosen, stage._replace(exposure=light))]
+    heading = np.zeros((0, chosen.size[0], 3), np.uint8)
     if columns:
         width, height = chosen.size
-        size = width // len(columns) // 2 * 2, height
-        layers = frozenset(chosen.layers) - {"inset"}
-        look = replace(chosen, size=size, layers=layers)
+        high = round(_HEADING * height)
+        size = width // len(columns) // 2 * 2, height - high
+        gap = gap_of(size)
+        words = row_of(((chosen.title, INK),), high / LINE, width - 2 * gap)
+        heading = stacked([words], (width, high), gap)
+        look = replace(chosen, size=size, layers=frozenset(chosen.layers) - {"hud"}, below=True)
         drawn = [
             (each, replace(look, title=name), stage_of(each)) for name, each in columns.items()
         ]
-    job = Job(drawn, np.concatenate([times[examples], times]), MARKS)
+    job = Job(drawn, np.concatenate([times[examples], times]), MARKS, others, heading)
 
     def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
         for done, picture in enumerate(pictures, 1):

@@ -42,12 +42,16 @@ _WAIT = 0.1
 class Job(NamedTuple):
     """Pictures to draw, at times (frames,) of a run [s].
 
-    Runs stand side by side, each with its options; their stages are painted once for all.
+    Runs stand side by side under a heading, each with its options, or only the maps of others, by
+    their names; stages are painted once for all.
     """
 
     columns: list[tuple[Run, FilmOptions, Stage]]
     times: Float
     marks: dict[str, Callable[..., Mark | None]]
+    maps: dict[str, tuple[Run, Stage]]
+    # Nothing (0, w, 3) where there is none.
+    heading: Pixels
 
 
 def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None, None]:
@@ -128,12 +132,16 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
     try:
         job: Job = pickle.loads(Path(job_file).read_bytes())
         MARKS.update(job.marks)
-        films = [Film(run, stage=stage, **asdict(look)) for run, look, stage in job.columns]
+        films = [
+            Film(run, stage=stage, maps=job.maps, **asdict(look))
+            for run, look, stage in job.columns
+        ]
         for film in films:
             # All are seen from one place.
             film.camera = films[0].camera
         for time in job.times[int(number) :: int(count)].tolist():
-            end.send(np.hstack([film.draw(time) for film in films]))
+            picture = np.hstack([film.draw(time) for film in films])
+            end.send(np.vstack([job.heading[:, : picture.shape[1]], picture]))
     except BrokenPipeError:
         # Nobody else is left to tidy up.
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)

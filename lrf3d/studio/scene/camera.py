@@ -70,6 +70,7 @@ class Look:
         shows_map: Whether the map is laid over the scene.
         inset: How far the map is also shown next to it, 0…1: it slides in and out.
         cuts: Whether the walls of rooms are cut level, so that one looks into them.
+        above: How much higher than usual they are cut [m].
         dusk: How far the dark has become dusk, 0…1.
         shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
         said: The lines that the caption begins with.
@@ -84,6 +85,7 @@ class Look:
     shows_map: bool = False
     inset: float = 1.0
     cuts: bool = False
+    above: float = 0.0
     dusk: float = 0.0
     shot: str = ""
     said: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Glass: panes as they are seen from an eye, and what beams do at them.
+"""Glass: panes as they are seen from an eye, and what beams do at them and at mirrors.
 
 Walls of glass, an eye and scans enter; translucent faces, lines and counts leave.
 """
@@ -12,18 +12,23 @@ import shapely
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import LEFT, Bool, Float, directions, lengths
 from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
-from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.stage.structures import Structures, folded
 from lrf3d.studio.scene.timeline import FIRST
+from lrf3d.world import World
 
 # Colour of a beam that goes through glass.
 THROUGH_COLOUR = look.rgb("#7fe3ff")
 
 # Colour of a beam that comes back from it.
 BACK_COLOUR = look.rgb("#ff8a7a")
+
+# Colour of a beam that a mirror turns.
+TURNED_COLOUR = look.rgb("#fff2cc")
 
 # Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
 _AT_PANE = 0.1
@@ -42,6 +47,21 @@ _GLEAM = 0.14
 
 # Share of the opacity that panes have in the dark.
 _UNLIT = 0.3
+
+# Number of beams at glass that are drawn of a scan, at most.
+_DRAWN = 20
+
+# Opacity of these beams.
+_BEAM = 0.8
+
+# Width of these beams [pixels of 720 lines].
+_WIDE = 1.6 * look.FINE
+
+# The glass of the world that was asked for last.
+_PANES = Latest()
+
+# The beams of the scans that were asked for last.
+_SHOWN = Latest(2)
 
 # Share of a run in which the scan is chosen that a film shows.
 _EARLY = 0.75
@@ -107,33 +127,66 @@ class Panes(NamedTuple):
         return Soft(single(self.corners[:, order].reshape(-1, 3, 3)), single(colours))
 
 
-def at_glass(structures: Structures, starts: Float, ends: Float) -> tuple[Bool, Bool]:
+def at_glass(world: World, starts: Float, ends: Float) -> tuple[Bool, Bool]:
     """Which beams from (n, 2) to hits (n, 2) went through glass, and which came back from it."""
-    panes = shapely.union_all(shapely.linestrings(
-        structures.segments[structures.glass].reshape(-1, 2, 2)
-    ))  # fmt: skip
-    shapely.prepare(panes)
+    panes = _PANES.of(world, partial(_panes, world))
     back = shapely.dwithin(panes, shapely.points(ends), _AT_PANE)
     ways = shapely.linestrings(np.stack([starts, ends], axis=1))
     return shapely.intersects(panes, ways) & ~back, back
 
 
-def glass_beams(structures: Structures, scan: LaserScan, apex: Float, height: float) -> Lines:
-    """One beam of a scan in the film's frame that went through glass, and one that came back."""
+def _panes(world: World) -> shapely.Geometry:
+    clear = np.array([one is not None and one.passes for one in world.materials] or [False])
+    walls = world.segments[clear[world.objects if world.materials else 0 * world.objects]]
+    panes = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    shapely.prepare(panes)
+    return panes
+
+
+def met_glass(run: Shown, number: int) -> tuple[Float, Bool]:
+    """Where beams of a scan that met glass ended (n, 2) [m], and which came back (n,).
+
+    Of many, some are chosen evenly; the others than those that came back went through.
+    """
+    return _SHOWN.of((run, number), partial(_met, run, number))
+
+
+def _met(run: Shown, number: int) -> tuple[Float, Bool]:
+    scan = unrolled(run.scans_at(number)[0])
     ends = scan.points()
-    starts = np.broadcast_to(scan.pose[:2], ends.shape)
-    shown = list[Float]()
-    colours = list[look.Colour]()
-    kinds = at_glass(structures, starts, ends)
-    for which, colour in zip(kinds, (THROUGH_COLOUR, BACK_COLOUR), strict=True):
-        beams = np.flatnonzero(which)
-        if len(beams):
-            shown.append(ends[beams[len(beams) // 2]])
-            colours.append(colour)
-    stops = np.array(shown).reshape(-1, 2)
-    begins = np.broadcast_to(apex, stops.shape)
-    tints = np.array(colours).reshape(-1, 3)
-    return level_lines(height, begins, stops, tints, np.ones((len(stops), 2)), look.BOLD)
+    through, back = at_glass(run.world, np.broadcast_to(scan.pose[:2], ends.shape), ends)
+    met = np.flatnonzero(through | back)
+    met = met[:: 1 + len(met) // _DRAWN]
+    return ends[met], back[met]
+
+
+def glass_beams(apex: Float, ends: Float, back: Bool, height: float) -> Lines:
+    """Beams from an apex (2,) to ends (n, 2) in the film's frame, some of which came back."""
+    colours = np.where(back[:, None], BACK_COLOUR, THROUGH_COLOUR)
+    begins = np.broadcast_to(apex, ends.shape)
+    return level_lines(height, begins, ends, colours, np.full(ends.shape, _BEAM), _WIDE)
+
+
+def bounced(
+    scan: LaserScan, mirrors: Float, apex: Float, aim: Float, height: float
+) -> Lines | None:
+    """The beam of which the laser takes the end to be nearest to an aim (2,) behind a mirror.
+
+    The pose of the scan, the mirrors (m, 4) and the apex (2,), where the beam begins, are in the
+    film's frame. None where no beam is turned.
+    """
+    ends = scan.points()
+    legs, beams, _ = folded(np.array(scan.pose[:2]), ends, mirrors)
+    turned = np.flatnonzero(np.bincount(beams) > 1)
+    if not len(turned):
+        return None
+    best = turned[np.argmin(np.hypot(*(ends[turned] - aim).T))]
+    legs = legs[beams == best]
+    legs[0, :2] = apex
+    way = np.vstack([legs, [*legs[0, 2:], *ends[best]]])
+    colours = np.array([*[TURNED_COLOUR] * len(legs), look.FALSE_COLOUR])
+    starts, stops = np.hsplit(way, 2)
+    return level_lines(height, starts, stops, colours, np.ones((len(way), 2)), look.BOLD)
 
 
 class GlassCounts(NamedTuple):
@@ -161,14 +214,13 @@ def counts_at_glass(run: Shown) -> GlassCounts:
 def _counts(run: Shown) -> GlassCounts:
     if not any(one is not None and one.passes for one in run.world.materials):
         return GlassCounts()
-    structures = Structures.from_run(run)
     numbers = range(0, len(run.trajectory.times), 1 + len(run.trajectory.times) // _COUNTED)
     scans = [run.scans_at(number)[0] for number in numbers]
     points = [scan.points() for scan in scans]
     owner = np.repeat(numbers, [len(each) for each in points])
-    ends = np.concatenate(points) - structures.origin
-    starts = np.array([scan.pose[:2] for scan in scans])[owner // numbers.step] - structures.origin
-    through, back = at_glass(structures, starts, ends)
+    ends = np.concatenate(points)
+    starts = np.array([scan.pose[:2] for scan in scans])[owner // numbers.step]
+    through, back = at_glass(run.world, starts, ends)
     # A film opens with the first scan, and ends on the whole.
     times = run.trajectory.times - run.trajectory.times.min()
     late = back & (times[owner] > FIRST * run.playback) & (times[owner] < _EARLY * times.max())
@@ -178,5 +230,5 @@ def _counts(run: Shown) -> GlassCounts:
         step * int(through.sum()),
         step * int(back.sum()),
         most,
-        ends[back & (owner == most)] + structures.origin,
+        ends[back & (owner == most)],
     )

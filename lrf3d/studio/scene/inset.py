@@ -11,8 +11,8 @@ from lrf3d.studio.scene.shapes import ON_TOP, Lens
 # Least width [m]: there may be no wall.
 _LEAST_WIDTH = 4.0
 
-# Least and largest height, in the width: in a corner, and in a strip.
-_ASPECTS = (0.22, 1.6), (1.0, 4.0)
+# Least height, and usually the largest, in the width.
+_ASPECTS = (0.22, 1.6)
 
 # Factor of the extent of the world that leaves a rim.
 _RIM = 1.04
@@ -30,25 +30,25 @@ class InsetView(NamedTuple):
     width: float
     # Its height, in its width.
     aspect: float
-    # Whether the y axis points to the right, so that a wide world fills a high strip.
+    # Whether the y axis points to the right, so that the world fills its room.
     turned: bool = False
 
     @classmethod
-    def of(cls, places: Float, *, upright: bool = False) -> "InsetView":
+    def of(cls, places: Float, tallest: float = _ASPECTS[1], *, turns: bool = False) -> "InsetView":
         """A view of all places (n, 2) or, where that would be too large, around the robot.
 
-        An upright one is at least as high as wide, and turned where the world is not.
+        It is at most so many times as high as wide. It may be turned, where all is larger then.
         """
         low = places.min(axis=0)
         high = places.max(axis=0)
         wide, tall = _RIM * (high - low)
-        turned = bool(upright and wide > tall)
+        turned = bool(turns and max(tall, wide / tallest) < max(wide, tall / tallest))
         if turned:
             wide, tall = tall, wide
-        aspect = float(np.clip(tall / max(wide, look.TINY), *_ASPECTS[upright]))
+        aspect = min(max(float(tall / max(wide, look.TINY)), _ASPECTS[0]), tallest)
         width = max(float(wide), float(tall) / aspect, _LEAST_WIDTH)
         if width > look.INSET_WHOLE:
-            return cls(None, look.INSET_FOLLOWED, 1.0)
+            return cls(None, look.INSET_FOLLOWED, min(1.0, tallest))
         return cls(0.5 * (low + high), width, aspect, turned)
 
     @property

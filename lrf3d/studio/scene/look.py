@@ -102,9 +102,6 @@ MAP_SHARE = 0.84
 # How bright the map's colour is on black, and how much brighter on white.
 MAP_LIGHT = (0.26, 1.10)
 
-# Share of the map's colour in the roof of a mapped house.
-ROOF_SHARE = 0.30
-
 # Speed at which the map's colour climbs a wall [m/s of the film].
 CLIMB = 14.0
 
@@ -188,6 +185,9 @@ INSET_FOLLOWED = 110.0
 # Colour of the robot: strong, and that of nothing else.
 ROBOT = rgb("#fa750f")
 
+# No segments (0, 4).
+NOTHING = np.zeros((0, 4))
+
 # Outline (4, 2) of the robot as seen from above, heading along x.
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 
@@ -226,7 +226,8 @@ class Setting(NamedTuple):
     land: int
     # How far the loss of light next to walls reaches [m].
     shade: float
-    # Share of light on roofs next to a wall that was seen; walls of rooms are cut instead.
+    # Share of light, and of the map's colour, on tops next to a wall that was seen: no beam meets a
+    # roof; walls of rooms are cut instead.
     top: float
     # The camera behind the robot.
     chase: Rig

@@ -221,22 +221,30 @@ class DrawnMap:
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
-        count = np.clip(np.ceil(lengths(self.segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
+        on_walls = {"predicate": "dwithin", "distance": tolerance}
+        ends = (shapely.points(place) for place in np.hsplit(self.segments, 2))
+        pairs = (structures.tree.query(places, **on_walls) for places in ends)
+        # What has both ends near one straight wall is near it all along.
+        start, end = (number * len(structures.segments) + wall for number, wall in pairs)
+        near = np.intersect1d(start, end) // max(1, len(structures.segments))
+        segments, colours = (
+            np.delete(each, near, axis=0) for each in (self.segments, self.colours)
+        )
+        count = np.clip(np.ceil(lengths(segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        start, end = np.hsplit(self.segments[owner], 2)
+        start, end = np.hsplit(segments[owner], 2)
         low, middle, high = (
             start + ((number + step) / count[owner])[:, None] * (end - start)
             for step in (0.0, 0.5, 1.0)
         )
-        on_walls = {"predicate": "dwithin", "distance": tolerance}
         near, _ = structures.tree.query(shapely.points(middle), **on_walls)
         loose = np.setdiff1d(np.arange(len(owner)), near)
         a, b = (np.insert(place[loose], 2, 0.0, axis=1) for place in (low, high))
         up = np.array([0.0, 0.0, _GHOST_HEIGHT])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
         strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
-        tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
+        tints = np.repeat(colours[owner[loose]], 6, axis=0)
         if structures.mirrors.any():
             tints[:] = look.FALSE_COLOUR
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))

@@ -4,7 +4,7 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
-from lrf3d.studio.scene.glass import Panes, glass_beams
+from lrf3d.studio.scene.glass import Panes, bounced, glass_beams, met_glass
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -32,12 +32,14 @@ from lrf3d.studio.scene.shapes import (
     Seen,
     Soft,
     Tints,
+    level_lines,
     single,
     together,
 )
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
+from lrf3d.studio.scene.subject import subject_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys, obstacle_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
@@ -76,6 +78,9 @@ _LASER_TINTS = np.array(
 
 # Time in which the trail fades to its lasting opacity [s of the film].
 _TRAIL_FADE = 15.0
+
+# How much wider walls are that have the colour of their robot: of those, some are lost.
+_CLEARER = 1.5
 
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
@@ -155,7 +160,7 @@ class Scene:
             tints=self._snapshot(moment).tints if "map" in layers else None,
             dusk=view.dusk,
         )
-        return seen._replace(cut=look.SECTION) if self._is_cut(view) else seen
+        return seen._replace(cut=self._cut(view)) if self._is_cut(view) else seen
 
     def _is_cut(self, view: Look) -> bool:
         return view.cuts and self.structures.indoor
@@ -196,7 +201,7 @@ class Scene:
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
-            ("beams", "glass beams", self._glass_beams(moment)),
+            *self._telling_beams(moment),
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
@@ -263,6 +268,12 @@ class Scene:
         key = moment.scan, moment.pose.tobytes(), moment.time if self.live else None
         return self._beams.of(key, partial(self._drawn_beams, moment.scan, moment.pose))
 
+    def shine(self, time: float) -> list[tuple[str, Mark]]:
+        """The beams of this robot and what they hit, for the picture of another one."""
+        shone = self._beams_at(self.timeline.moment(time))
+        names = (f"{what} from {id(self)}" for what in ("beams", "points", "lamp"))
+        return [(name, mark) for name, mark in zip(names, shone, strict=True) if mark]
+
     def _clouds_at(self, moment: Moment, view: Look) -> Points | None:
         """What lidars hit at the newest scan; None without lidars."""
         if not moment.scanning:
@@ -276,7 +287,7 @@ class Scene:
 
     def _cut(self, view: Look) -> float:
         """The height above which nothing is drawn [m]."""
-        return look.SECTION if self._is_cut(view) else np.inf
+        return look.SECTION + view.above if self._is_cut(view) else np.inf
 
     def _drawn_beams(self, number: int, robot: Float) -> tuple[Lines, Points, Soft]:
         """Beams, hits and lamps of all lasers at a scan, with the robot at a pose (3,)."""
@@ -314,14 +325,20 @@ class Scene:
             points = points._replace(places=places)
         return lines, points, light
 
-    def _glass_beams(self, moment: Moment) -> Lines | None:
-        """A beam through glass and one that came back; in a drive by hand, all beams are equal."""
-        if self.live or not (moment.scanning and self.structures.glass.any()):
-            return None
-        scan = unrolled(self.run.scans_at(moment.scan)[0])
-        scan = replace(scan, pose=np.array(scan.pose) - self._frame)
+    def _telling_beams(self, moment: Moment) -> Iterator[tuple[str, str, Lines | None]]:
+        """Beams at glass, and one that a mirror turns; in a drive by hand, all beams are equal."""
+        if self.live or not moment.scanning:
+            return
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
-        return glass_beams(self.structures, scan, apex, self._height)
+        if self.structures.glass.any():
+            ends, back = met_glass(self.run, moment.scan)
+            yield "beams", "glass beams", glass_beams(apex, ends - self.origin, back, self._height)
+        aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)
+        if aim is not None:
+            scan = unrolled(self.run.scans_at(moment.scan)[0])
+            scan = replace(scan, pose=np.array(scan.pose) - self._frame)
+            turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
+            yield "beams", "turned beam", turned
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""
@@ -335,29 +352,50 @@ class Scene:
         )
         return marks._replace(on_top=True)
 
-    def inset(self, moment: Moment, box: tuple[int, int, int, int], view: InsetView) -> Inset:
+    def inset(
+        self,
+        moment: Moment,
+        view: InsetView,
+        colours: Sequence[look.Colour] = (),
+        lost: Float = look.NOTHING,
+    ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
 
-        The box is its left, top, width and height [pixels].
+        Where its walls and its robot have colours, no others are drawn. Lost walls (n, 4) are red.
         """
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
         dart = _DART_SHARE * view.width * max(1.0, view.aspect) ** 0.5
-        robot = bodies.flat_dart(pose, dart, 0.0)
+        trails = {name: line for _, name, line in self._trails_at(moment.time)}
+        others = self.obstacles.from_above(moment.time, dart)
+        walls = self._snapshot(moment).inset
+        if colours:
+            tint, own = colours
+            now = moment.time - self.timeline.start
+            trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
+            others = []
+            tints = single(np.tile(tint, (len(walls.starts), 1)))
+            walls = walls._replace(colours=tints, width=_CLEARER * walls.width)
+        red = np.tile(look.FALSE_COLOUR, (len(lost), 1))
+        start, end = np.hsplit(lost - np.tile(self.origin, 2), 2)
+        robot = bodies.flat_dart(pose, dart, 0.0, colours[1] if colours else look.ROBOT)
         marks: list[tuple[str, Mark | None]] = [
-            ("map", self._snapshot(moment).inset),
             ("points", hits and hits._replace(glows=False)),
-            *((name, line) for _, name, line in self._trails_at(moment.time)),
-            ("robot", together([*self.obstacles.from_above(moment.time, dart), robot])),
+            ("map", walls),
+            ("lost", level_lines(0.0, start, end, red, np.ones((len(lost), 2)), 2.0 * walls.width)),
+            *trails.items(),
+            ("robot", together([*others, robot])),
         ]
         return Inset(
-            box, view.lens(pose[:2]), tuple((f"plan {name}", mark) for name, mark in marks if mark)
+            view.lens(pose[:2]),
+            tuple((f"plan {name}", mark) for name, mark in marks if mark),
+            self.exposure.clock(moment.now, self.timeline.playback),
         )
 
-    def inset_view(self, *, upright: bool = False) -> InsetView:
+    def inset_view(self, *shape: float, turns: bool = False) -> InsetView:
         """What the inset shows: the whole world or, in a large one, what is around the robot."""
         path = self.run.trajectory.poses[:, :2] - self.origin
-        return InsetView.of(np.concatenate([self.structures.places, path]), upright=upright)
+        return InsetView.of(np.concatenate([self.structures.places, path]), *shape, turns=turns)
 
 
 class _Snapshot(NamedTuple):

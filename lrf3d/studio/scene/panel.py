@@ -9,14 +9,27 @@ import numpy as np
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
-from lrf3d.mapping.line_map import GLASS
-from lrf3d.scoring.map_score import found_words, judged_part, score_run
+from lrf3d.geometry.lines import Float
+from lrf3d.mapping.line_map import GLASS, LineMap
+from lrf3d.scoring.map_score import (
+    found_walls,
+    found_words,
+    judged_part,
+    score_run,
+    visible_walls,
+)
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.glass import BACK_COLOUR, THROUGH_COLOUR, counts_at_glass
+from lrf3d.studio.scene.glass import (
+    BACK_COLOUR,
+    THROUGH_COLOUR,
+    TURNED_COLOUR,
+    counts_at_glass,
+    met_glass,
+)
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import Label
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
@@ -37,17 +50,17 @@ _INK = (236, 240, 247)
 # Colour of the other lines, 0…255.
 _PALE = (184, 196, 216)
 
-# Least number of dropped walls that it mentions.
-_DROPPED = 3
-
-# Shots whose caption says what has entered the map or left it.
-_NEAR = ("chase", "close", "proof")
-
-# Time over which that is counted [s of the film].
-_NEWS_TIME = 3.0
-
 # All shots of the film's own cameras.
-_SHOTS = ("wave", "rise", "whole", *_NEAR)
+_SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
+
+# Number of maps of a run of which the walls found are counted, at most.
+_SCORED = 16
+
+# The walls that the run asked for last could see.
+_WALLS = Latest()
+
+# Which of them its maps have found.
+_FOUND = Latest(2 * _SCORED)
 
 # The card of the run that was asked for last.
 _CARDS = Latest()
@@ -60,13 +73,29 @@ def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     if shot == "whole" and moment.time - run.trajectory.times.min() < TITLE_TIME * playback:
         return subject_of(run, playback).title
-    news = _closing(run, moment, playback)
-    if shot in _NEAR:
-        news = news or _reflected(run, moment) or _entered(run, moment)
-    mapped = f"{counted(len(run.map_after(moment.mapped)), 'segment')} in the map"
+    mapped = _mapped(run, moment.mapped) if shot in _SHOTS else shot
+    return _closing(run, moment, playback) or mapped
+
+
+def _mapped(run: Run, scan: int) -> str:
+    """What the map holds after a scan: walls found, if they are known, or else its segments."""
     if not run.maps:
-        mapped = counted(run.ranges.shape[1], "laser beam")
-    return news or (mapped if shot in _SHOTS else shot)
+        return counted(run.ranges.shape[1], "laser beam")
+    visible = _WALLS.of(run, partial(_visible, run))
+    if not len(visible):
+        return f"{counted(len(run.map_after(scan)), 'segment')} mapped"
+    number = run.snapshot_after(scan)
+    # Not each map is scored, but the last one is.
+    if number < len(run.maps) - 1:
+        number -= number % (1 + len(run.maps) // _SCORED)
+    line_map = run.maps[number] if number >= 0 else LineMap.empty()
+    found = _FOUND.of((run, number), partial(found_walls, line_map, visible))
+    return f"{found.sum()} of {counted(len(visible), 'wall')} found"
+
+
+def _visible(run: Run) -> Float:
+    """The parts of walls that a run could see; none where the true walls are not known."""
+    return visible_walls(judged_part(run))[0] if run.knows_truth else np.zeros((0, 4))
 
 
 def _closing(run: Run, moment: Moment, playback: float) -> str:
@@ -89,32 +118,6 @@ def _metres(length: float) -> str:
     return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
 
 
-def _reflected(run: Run, moment: Moment) -> str:
-    """Words on the walls that the map has dropped in the last seconds since it knows a mirror."""
-    line_map = run.map_after(moment.mapped)
-    if "mirror" not in line_map.kinds:
-        return ""
-    earlier = _scan_before(run, moment)
-    most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
-    dropped = most - len(line_map)
-    said = f"The laser knows the mirror: {dropped} segments dropped"
-    return said if dropped >= _DROPPED else ""
-
-
-def _entered(run: Run, moment: Moment) -> str:
-    """Text on the segments that have entered the map in the last seconds, if any."""
-    earlier = _scan_before(run, moment)
-    new = len(run.map_after(moment.mapped)) - len(run.map_after(earlier))
-    seconds = moment.time - run.trajectory.times[earlier]
-    return f"{counted(new, 'new segment')} in {seconds:.0f} s" if new > 0 and seconds >= 1.0 else ""
-
-
-def _scan_before(run: Run, moment: Moment) -> int:
-    """The last scan before the time over which news is counted."""
-    then = moment.time - _NEWS_TIME * run.playback
-    return max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
-
-
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
     # A last stop is shown for a while.
@@ -133,10 +136,10 @@ def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> 
     """How much time has passed, how fast, and the map's segments if the head does not say."""
     seconds = moment.time - run.trajectory.times.min()
     words = lasting(seconds)
-    # While the camera rises, the run passes faster than elsewhere.
-    if playback > 1.0 and shot != "rise":
+    # While the map is completed the run passes faster than elsewhere, and its subject slower.
+    if playback > 1.0 and shot not in ("rise", "whole", "proof"):
         words += f" at {playback:.2g} × speed"
-    mapped = counted(len(run.map_after(moment.mapped)), "segment")
+    mapped = _mapped(run, moment.mapped)
     return words if mapped in head or not run.maps else f"{words}  ·  {mapped}"
 
 
@@ -200,9 +203,21 @@ def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
-    if moment.mapped >= 0 and counts_at_glass(run).back:
-        found += [("━ a beam through glass", THROUGH_COLOUR), ("━ one back from it", BACK_COLOUR)]
+    found += _beams(run, moment, playback) if moment.mapped >= 0 else []
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
+
+
+def _beams(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+    """The names of single beams, and their colours."""
+    found = list[tuple[str, look.Colour]]()
+    if moment.scanning and counts_at_glass(run).back:
+        _, back = met_glass(run, moment.scan)
+        found.append((f"━ {counted(int((~back).sum()), 'beam')} through glass", THROUGH_COLOUR))
+        found.append((f"━ {back.sum()} back from it", BACK_COLOUR))
+    if subject_of(run, playback).aim_at(moment.time) is not None:
+        found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
+        found.append(("━ where the laser takes it to go", look.FALSE_COLOUR))
+    return found
 
 
 def _whole(colour: look.Colour) -> tuple[int, int, int]:

@@ -158,12 +158,12 @@ class Lens(NamedTuple):
 
 
 class Inset(NamedTuple):
-    """A map from straight above in a part of the picture."""
+    """A map from straight above."""
 
-    # Left, top, width and height of that part [pixels].
-    box: tuple[int, int, int, int]
     lens: Lens
     marks: tuple[tuple[str, Mark], ...]
+    # What time it is, and how fast that passes: see `Exposure.clock`.
+    clock: tuple[float, float]
 
 
 class Tints(NamedTuple):
@@ -187,8 +187,7 @@ class Seen(NamedTuple):
     dusk: float = 0.0
     # Height that walls are cut at [m].
     cut: float = UNCUT
-    inset: Inset | None = None
-    # Columns that are drawn [pixels]; the others are covered. All of them for 0.
+    # Columns that are drawn [pixels]: all of them for 0.
     columns: int = 0
 
 

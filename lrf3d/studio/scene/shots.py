@@ -1,11 +1,12 @@
 """The shots of a film: which parts of a run it shows, chosen by how much happens there.
 
 A film takes about fifteen seconds, however long the run is. It opens in the dark before the run and
-shows the first scan; then it shows the parts of the run in which most happens, and the rest in fast
-motion; it ends on the whole world. A short run is shown without gaps.
+shows the first scan; then it shows the parts of the run in which most happens, and what it is about
+in slow motion. It ends on a turn about the whole world, in which the rest of the run completes the
+map in fast motion. A short run is shown without gaps.
 """
 
-from itertools import cycle, pairwise
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -30,14 +31,17 @@ OPENING = 1.2
 # Largest share of a short run for which the first scan is shown.
 _FIRST_SHARE = 0.4
 
-# Time for all that comes after the other shots, while the camera rises [s of the film].
-LAPSE = 2.2
+# Time for which the camera rises to the whole world [s of the film].
+RISE = 1.4
 
-# Time for which it shows the whole world after the run has ended [s of the film].
+# Time for which it shows the whole world [s of the film].
 CLOSING = 5.0
 
+# Part of that in which the rest of the run completes the map [s of the film].
+FILLING = 2.6
+
 # Approximate length of each other shot [s of the film].
-_SHOT = 2.4
+_SHOT = 2.0
 
 # Kinds of these shots, which alternate.
 SHOTS = ("chase", "close")
@@ -45,11 +49,19 @@ SHOTS = ("chase", "close")
 # The shot of what the film is about.
 PROOF = "proof"
 
+# How much longer that takes than others, and how much less of the run it shows if it can.
+_SLOWER = 1.8
+_SHORTER = 0.6
+
 # Share of that shot which comes before its moment.
 _BEFORE = 0.6
 
 # Rounding of its moment [s].
 _ROUNDING = 1e-6
+
+# Share of the run in which the shots are chosen, unless its moment comes later: the rest is seen
+# from above.
+_CHOSEN = 0.4
 
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
@@ -75,39 +87,51 @@ class Shot(NamedTuple):
 
 def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     """The shots of a film of a length [s], in the order of the run; one proves what it is about."""
-    moment = subject_of(timeline.run, timeline.playback).moment
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
-    fixed = OPENING + FIRST + LAPSE + CLOSING
+    fixed = OPENING + FIRST + RISE + CLOSING
     # In a shorter film, the same shots are shorter.
     scale = min(1.0, length / (fixed + _SHOT))
-    free = max(length - fixed, scale * _SHOT)
-    count = max(1, round(free / _SHOT))
-    each = free / count
     first = min(scale * FIRST, _FIRST_SHARE * lasts)
-    lapse = scale * LAPSE
-    whole = lasts <= first + free + lapse
-    if whole:
+    opened = timeline.start + playback * first
+    # What the opening shows is proven by it; rounding neither loses the moment nor shows it twice.
+    moment = subject_of(timeline.run, playback).moment
+    proven = -np.inf if moment is None else moment - _ROUNDING
+    longer = (_SLOWER - 1.0) * (proven > opened)
+    filling = scale * FILLING / (1.0 + longer)
+    free = max(length - fixed, scale * _SHOT) + scale * FILLING - filling
+    count = max(1, round(free / _SHOT - longer))
+    each = free / (count + longer)
+    rise = scale * RISE
+    closing = scale * (CLOSING - FILLING) + filling
+    shown = count * each + rise + filling
+    if lasts <= first + shown:
         # The whole run is shown, at its playback speed.
-        each = (lasts - first) / (count + 1)
+        share = (lasts - first) / shown
+        each, rise, filling = share * each, share * rise, share * filling
         starts = first + each * np.arange(count)
     else:
-        starts = _starts(timeline, first, each, count, moment)
+        starts = _starts(timeline, first, each, count, proven if longer else None)
     starts = timeline.start + playback * starts
     ends = starts + playback * each
+    proves = (starts < proven) & (proven <= ends)
+    names = np.where(proves, PROOF, np.resize(SHOTS, count)).tolist()
+    takes = each * np.where(proves, _SLOWER, 1.0)
+    if lasts > first + shown:
+        # The moment stays in its place.
+        spare = (1.0 - _SHORTER) * playback * each * proves
+        starts += _BEFORE * spare
+        ends -= (1.0 - _BEFORE) * spare
     opening = scale * OPENING
-    closing = scale * CLOSING
-    opened = timeline.start + playback * first
-    # Rounding neither loses the moment nor shows it twice.
-    proven = np.inf if moment is None else moment - _ROUNDING
+    last = float(ends[-1])
+    risen = last + (timeline.end - last) * rise / (rise + filling)
+    turned = closing - filling
     return (
         Shot("opening", opening + first, timeline.start - playback * opening, opened),
-        *(
-            Shot(PROOF if low < proven <= high else name, each, low, high)
-            for name, low, high in zip(cycle(SHOTS), starts.tolist(), ends.tolist(), strict=False)
-        ),
-        Shot("rise", each if whole else lapse, float(ends[-1]), timeline.end),
-        Shot("end", closing, timeline.end, timeline.end + playback * closing),
+        *map(Shot, names, takes.tolist(), starts.tolist(), ends.tolist()),
+        Shot("rise", rise, last, risen),
+        Shot("whole", filling, risen, timeline.end),
+        Shot("end", turned, timeline.end, timeline.end + playback * turned),
     )
 
 
@@ -124,16 +148,19 @@ def _starts(
     # How much happens in a shot that begins at each moment.
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
+    # Each shot has its own part of the run, and much of the run remains after the last one.
+    latest = max(_CHOSEN * lasts, first + count * each)
     if moment is not None:
         wished = (moment - timeline.start) / timeline.playback - _BEFORE * each
-        off = moments - np.clip(wished, first, lasts - each)
+        wished = np.clip(wished, first, lasts - each)
+        latest = max(latest, wished)
+        off = moments - wished
         happens[np.abs(off) < each] = 0.0
         inside = (moments >= first) & (moments <= lasts - each)
         nearest = int(np.argmin(np.where(inside, np.abs(off), np.inf)))
         moments[nearest] -= off[nearest]
         happens[nearest] = np.inf
-    # Each shot has its own part of the run, and some of the run remains after the last one.
-    bounds = np.linspace(first, lasts - each, count + 1)
+    bounds = np.linspace(first, min(latest, lasts - each), count + 1)
     starts = np.zeros(count)
     free = first
     for number, (low, high) in enumerate(pairwise(bounds)):

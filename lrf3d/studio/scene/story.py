@@ -6,11 +6,11 @@ lit.
 
 from functools import cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float, Int, cross, directions
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
@@ -32,9 +32,9 @@ _RISES = 0.3
 # When that camera has risen, as a share of the time for which the first scan is shown.
 _RISEN = 0.6
 
-# Additional downward tilts half-way on the camera's path to the overview [rad]; the one is chosen
-# at which houses hide the robot least.
-_INTO_STREETS = (0.0, 0.2, 0.4, 0.6)
+# Additional downward tilt half-way on the camera's path to the overview of a town [rad]: houses
+# hide less of the robot.
+_INTO_STREETS = 0.5
 
 # Largest distance of the camera of a shot, as a share of the overview's.
 _SHARE = 0.75
@@ -62,9 +62,6 @@ _RAYS = (12, 7)
 
 # Distance up to which light is sampled [m]; haze hides what is beyond.
 _FARTHEST = 300.0
-
-# Share of the rise in which the map next to the picture leaves.
-_LEAVES = 0.4
 
 # Weights of the rating, in which a fully lit picture counts 1. Penalty for a picture of which less
 # than half is lit.
@@ -114,7 +111,7 @@ class _Rigs(NamedTuple):
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
-    "opening": _Rigs((22.0, 31.0, 44.0), (62.0,)),
+    "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
     "chase": _Rigs((5.0, 9.0), (20.0, 30.0)),
     "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
 }
@@ -123,6 +120,23 @@ _ROOMS = {
     "chase": _Rigs((3.5, 5.5), (32.0, 44.0, 62.0)),
     "close": _Rigs((6.0, 9.0), (40.0, 54.0, 66.0)),
 }
+
+# The same in rooms whose walls are not cut, between which the camera then stands.
+_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0))
+
+# How far these pictures are moved up, in halves of their height: more of the walls is seen.
+_UP = -0.25
+
+# Share of the rise in which walls sink to where they are cut.
+_SINKS = 0.5
+
+
+class _Take(NamedTuple):
+    """A camera path, what it is worth, and how much higher than usual walls are cut before it."""
+
+    track: CameraPath
+    worth: float = 0.0
+    above: float = 0.0
 
 
 class Story:
@@ -141,12 +155,14 @@ class Story:
         self._subject = subject_of(timeline.run, timeline.playback)
         self._timeline = timeline
         self._structures = structures
+        # By how much walls are higher than where those of rooms are cut [m].
+        self._above = max(float(structures.heights.max(initial=0.0)) - SECTION, 0.0)
         self._exposure = exposure
-        self._into_streets = _INTO_STREETS[: 1 if structures.indoor else None]
         self._path = SmoothPath.of(timeline)
-        # At the end the camera circles the world, starting from its best side.
+        # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=middle, drift=_END_DRIFT)
+        self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
         self._track = cache(self._made)
@@ -160,7 +176,7 @@ class Story:
         # Times are rounded, so adjacent shots may leave a gap shorter than a frame.
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
-        track = self._track(number, aspect)
+        track, _, above = self._track(number, aspect)
         said = self._said(number, time)
         if shot.name == "opening":
             share = max(time - self._timeline.start, 0.0) / max(
@@ -168,15 +184,15 @@ class Story:
             )
             dusk = _DUSK * float(_eased(share))
             return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
-        if shot.name == "end":
-            return track.look(time, cuts=True, dusk=1.0, inset=0.0, shot="end")
         # The rise shows the whole world: the map next to it leaves, and the dark with it.
-        rises = (time - shot.start) / max(shot.end - shot.start, TINY) * (shot.name == "rise")
+        passed = (time - shot.start) / max(shot.end - shot.start, TINY)
+        share = float(_eased({"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)))
         return track.look(
             time,
             cuts=True,
-            dusk=_DUSK + (1.0 - _DUSK) * float(_eased(rises)),
-            inset=1.0 - float(_eased(rises / _LEAVES)),
+            above=above * max(1.0 - share / _SINKS, 0.0),
+            dusk=_DUSK + (1.0 - _DUSK) * share,
+            inset=1.0 - share,
             shot=shot.name,
             said=said,
         )
@@ -190,7 +206,8 @@ class Story:
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
         if shot.name == "proof":
-            return (subject.proof, *told) if time < subject.until else ()
+            proof = subject.proof if time < subject.until else subject.after
+            return (proof, *told) if proof else ()
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         return ("Fast forward",) if self.leaps and shot.name == "rise" and rushes else told
@@ -201,23 +218,26 @@ class Story:
         noticed = self.leaps and leap > max(self._timeline.playback, 0.5)
         return (f"{lasting(leap)} later",) * noticed
 
-    def _made(self, number: int, aspect: float) -> CameraPath:
+    def _made(self, number: int, aspect: float) -> _Take:
         """The camera path of a shot by its number."""
         shot = self.shots[number]
         count = int(np.ceil(shot.length / STEP)) + 1
         times = np.linspace(shot.start, shot.end, count)
         if shot.name == "opening":
-            return self._opening(times, aspect)
-        whole = self._whole.track(aspect).at(times)
-        if shot.name == "end":
-            return whole
+            return _Take(self._opening(times, aspect))
+        # The turn about the whole is even, however fast the run is played.
+        turned = self._begins[number] - self._begins[-3] + np.linspace(0.0, shot.length, count)
+        turned = self._timeline.end + self._timeline.playback * turned
+        whole = self._whole.track(aspect).at(turned)._replace(times=times)
+        if shot.name in ("whole", "end"):
+            return _Take(whole)
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
-            held = self._held(before, times)
-            rises = [self._between(held, whole, share, steep) for steep in self._into_streets]
-            eyes = np.array([track.eyes() for track in rises])
-            return rises[int(np.argmin(self._hides(times, eyes, _NEAR_ROBOT)))]
+            held = self._held(before.track, times)
+            streets = 0.0 if self._structures.indoor else _INTO_STREETS
+            # Walls that were not cut before sink.
+            return _Take(self._between(held, whole, share, streets), above=before.above)
         places = interpolated(times, self._path.times, self._path.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
         if shot.name == "proof":
@@ -239,7 +259,8 @@ class Story:
         path = SmoothPath(times, places, turns)
         dark = CameraPath.along(path, turns, _DARK).past_walls(self._structures, places)
         # What the first scan has lit is best seen when its wave has passed, and from far away.
-        above = self._best("opening", path, np.linspace(timeline.start, times[-1], _JUDGED), aspect)
+        moments = np.linspace(timeline.start, times[-1], _JUDGED)
+        above = self._best("opening", path, moments, aspect).track
         risen = _eased((passed - _RISES * begin) / (_RISEN * end - _RISES * begin))
         return self._between(dark, above, risen)
 
@@ -249,7 +270,7 @@ class Story:
         places = interpolated(times, self._path.times, self._path.places)
         return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
 
-    def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> CameraPath:
+    def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> _Take:
         """The camera path of the shot that proves the subject: that and the robot fill it."""
         around = (places[:, None] + _ROOM * _AROUND).reshape(-1, 2)
         there = np.concatenate([around, self._subject.places - self._timeline.origin])
@@ -262,64 +283,82 @@ class Story:
             tracks.append(track._replace(turns=track.turns + sway))
         return self._seen(tracks, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
-    def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> CameraPath:
+    def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> _Take:
         """The best camera path of a shot from the sides of the robot's path.
 
         The candidates look at a path from each side, and turn as its headings do.
         """
-        rigs = (_ROOMS if self._structures.indoor else _TOWN)[shot]
-        farthest = float(self._whole.track(aspect).aways.min())
-        tracks = [
-            CameraPath.along(
-                path, path.headings + turn, Rig(min(away, _SHARE * farthest), steep, shift=0.1)
-            )
-            for turn, away, steep in product(
-                2.0 * np.pi * np.arange(_SIDES) / _SIDES, rigs.aways, rigs.steeps
-            )
-        ]
-        return self._seen(tracks, moments, aspect, shot == "opening")
+        indoor = self._structures.indoor
+        most = _SHARE * float(self._whole.track(aspect).aways.min())
+
+        def seen(rigs: _Rigs, shift: float = 0.1, **how: Any) -> _Take:
+            sides = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+            tracks = [
+                CameraPath.along(
+                    path,
+                    path.headings + turn,
+                    Rig(min(away, most), steep, shift=shift),
+                )
+                for turn, away, steep in product(sides, rigs.aways, rigs.steeps)
+            ]
+            if not indoor and shot != "opening":
+                # In narrow streets the only one that sees the robot.
+                behind = self._chase.track(aspect).at(path.times)
+                tracks.append(behind._replace(shifts=tracks[0].shifts))
+            return self._seen(tracks, moments, aspect, **how)
+
+        best = seen((_ROOMS if indoor else _TOWN)[shot], far=shot == "opening")
+        if not indoor or shot == "opening":
+            return best
+        return max(best, seen(_BETWEEN_WALLS, _UP, above=self._above), key=lambda take: take.worth)
 
     def _seen(
-        self, tracks: list[CameraPath], moments: Float, aspect: float, far: bool = False
-    ) -> CameraPath:
+        self,
+        tracks: list[CameraPath],
+        moments: Float,
+        aspect: float,
+        far: bool = False,
+        above: float = 0.0,
+    ) -> _Take:
         """The best of camera paths: the robot is visible, and most of the picture is lit.
 
-        Near ones are favoured, or far ones.
+        Near ones are favoured, or far ones. Walls are cut higher than usual by some metres.
         """
+        tops = self._structures.heights if above else self._structures.tops
         aways = np.array([track.aways[0] for track in tracks])
         favoured = aways / aways.max() if far else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
-        hidden = self._hides(moments, eyes)
+        hidden = self._hides(moments, eyes, tops)
         # Of those that show the robot the most.
         chosen = np.flatnonzero(hidden == hidden.min())
-        lit = np.array([self._lit(tracks[k], moments[::2], aspect) for k in chosen.tolist()])
+        lit = np.array([self._lit(tracks[k], moments[::2], aspect, tops) for k in chosen.tolist()])
         worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
-        worth -= self._hides(moments, eyes[chosen], _NEAR_ROBOT)
-        return tracks[int(chosen[np.argmax(worth)])]
+        worth -= self._hides(moments, eyes[chosen], tops, _NEAR_ROBOT)
+        best = int(np.argmax(worth))
+        return _Take(tracks[int(chosen[best])], float(worth[best] - hidden.min()), above)
 
-    def _hides(self, moments: Float, eyes: Float, wide: float = 1.0) -> Float:
+    def _hides(self, moments: Float, eyes: Float, tops: Float, wide: float = 1.0) -> Float:
         """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average.
 
-        ``wide`` is the width of what is checked, in widths of the robot.
+        The walls have tops (w,). ``wide`` is the width of what is checked, in widths of the robot.
         """
         robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
         around = wide * self._timeline.run.radius * _AROUND
         feet = np.insert(robots[:, None] + around, 2, 0.0, axis=2)
         ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
-        number, _ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends)
+        number, *_ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends, tops)
         return np.bincount(number // (len(ends) // len(eyes)), minlength=len(eyes)) / len(ends)
 
-    def _blocked(self, eyes: Float, ends: Float) -> tuple[Int, Float]:
-        """Which lines of sight from eyes to ends (n, 3) walls block, and at which share of each."""
+    def _blocked(self, eyes: Float, ends: Float, tops: Float) -> tuple[Int, Int, Float]:
+        """Which lines of sight from eyes to ends (n, 3) which walls block, and at which shares."""
         number, wall, share = self._structures.crossed(eyes[:, :2], ends[:, :2])
-        blocks = self._structures.tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
-        number = number[blocks]
-        share = share[blocks]
+        blocks = tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
+        number, wall, share = number[blocks], wall[blocks], share[blocks]
         nearest = np.lexsort([share, number])
         number, first = np.unique(number[nearest], return_index=True)
-        return number, share[nearest][first]
+        return number, wall[nearest][first], share[nearest][first]
 
-    def _lit(self, track: CameraPath, moments: Float, aspect: float) -> float:
+    def _lit(self, track: CameraPath, moments: Float, aspect: float, tops: Float) -> float:
         """Mean share of the picture that is lit at moments (m,), with a bonus for mapped walls."""
         views = [track.look(time) for time in moments.tolist()]
         ways = np.array([_rays(view, aspect) for view in views])
@@ -329,16 +368,20 @@ class Story:
         down = ways[:, 2] < -TINY
         share = np.where(down, -eyes[:, 2] / np.where(down, ways[:, 2], -1.0), 0.0)
         ends = eyes + np.minimum(share, _FARTHEST)[:, None] * ways
-        number, part = self._blocked(eyes, ends)
+        number, wall, part = self._blocked(eyes, ends, tops)
         places = ends.copy()
         # Sample in front of a wall, on its visible side, not inside the house.
         ahead = ends[number] - eyes[number]
         before = self._structures.setting.before * self._exposure.cell
         part -= before / np.maximum(np.linalg.norm(ahead, axis=1), TINY)
         places[number] = eyes[number] + part[:, None] * ahead
+        # What comes out of a house came in through its roof, which is dark in towns.
+        turned = cross(directions(self._structures.segments[wall]), ahead[:, :2]) < 0.0
+        roofs = number[turned & self._structures.closed[wall] & (not self._structures.indoor)]
         found = self._exposure.sampled(places[:, :2])
         now, _ = self._exposure.clock(moments, 1.0)
         seen = (found["sure"] > 0.5) & (found["seen"] <= np.repeat(now, count))
+        seen[roofs] = False
         mapped = np.zeros(len(seen), bool)
         mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
         return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())

@@ -41,8 +41,15 @@ class Subject(NamedTuple):
     places: Float = np.zeros((0, 2))
     # What is said of it.
     proof: str = ""
-    # When that is over [s of the run].
+    # When that is over [s of the run], and what is said then.
     until: float = np.inf
+    after: str = ""
+    # Where a mirror makes a laser see a wall (2,), in the world [m].
+    aim: Float | None = None
+
+    def aim_at(self, time: float) -> Float | None:
+        """That place, as long as the map holds the wall."""
+        return self.aim if time < self.until else None
 
 
 # The subjects of the runs that were asked for last: up to eight may be side by side.
@@ -98,7 +105,10 @@ def _false_room(run: Shown, since: float) -> Subject | None:
     title = "In a mirror, a laser sees a false room"
     places = false[last].reshape(-1, 3)[:, :2] + structures.origin
     near = _nearest(run, held - 1, places)
-    return Subject(title, known, near, "The red room is only a reflection", known)
+    aim = near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))]
+    knows = "mirror" in run.maps[min(numbers[last] + 1, len(run.maps) - 1)].kinds
+    after = "The laser knows the mirror: the red room leaves" * knows
+    return Subject(title, known, near, "The red room is only a reflection", known, after, aim)
 
 
 def _nearest(run: Shown, scan: int, places: Float) -> Float:
@@ -132,7 +142,7 @@ def _fleet(run: Shown, since: float) -> Subject | None:
     count = "Two" if len(paths) == 1 else str(len(paths) + 1)
     near = times[when] + run.playback * np.array([-1.0, 0.0, 1.0])
     return Subject(
-        f"{count} robots drive, robot 1 maps",
+        f"{count} robots drive; each maps what it sees",
         float(times[when]),
         paths[which].at(near)[:, :2],
         f"Robot {which + 2} comes within {apart[which, when]:.0f} m",

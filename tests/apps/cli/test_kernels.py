@@ -42,7 +42,7 @@ def test_nothing_is_started_where_kernels_are_kept_or_cannot_be(tmp_path, monkey
 
 
 def test_a_command_waits_until_all_is_compiled():
-    code = "print(1, 2, flush=True); print(2, 2, flush=True)"
+    code = "import os; os.write(1, b'1 2\\n'); os.write(1, b'2 2\\n')"
     steps = []
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
         kernels.wait_for(process, lambda done, total: steps.append((done, total)))

@@ -1,14 +1,17 @@
 """How a story frames what it shows: not in the dark, the robot in the middle, the map beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_estimate import estimated
-from test_render import city_run, room_run
+from test_render import city_run, needs_gl, room_run
 
 import lrf3d
 from lrf3d.studio.render.film import Film, frame
 from lrf3d.studio.scene.look import PLAN_BACK
 from lrf3d.studio.scene.moments import LAYERS
+from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.views import film_times
 
 # Brightness below which a pixel is black, 0…255.
@@ -72,3 +75,23 @@ def test_the_map_is_beside_the_picture_and_no_text_lies_over_it(size):
     strip = np.flatnonzero((without[-3:] == PLAN_BACK).all(axis=(0, 2)))
     assert len(strip) > 0.15 * size[0] and strip[-1] == size[0] - 1
     assert 0 < len(differ) and differ[-1] < strip[0]
+
+
+@needs_gl
+def test_each_robot_has_a_map_of_its_own_to_the_end_and_missed_walls_are_red():
+    room = lrf3d.load_world("paper_room")
+    drives = [[(x, 1.0 + 0.2 * k, 0.5 * k) for k in range(3)] for x in (1.0, 3.5)]
+    first, second = lrf3d.simulate_fleet(room, drives, rng=0)
+    less = [
+        lrf3d.LineMap(each.segments[1:], each.objects[1:], each.points[1:]) for each in second.maps
+    ]
+    bare = replace(second, maps=less)
+    stages = {id(run): stage_of(run) for run in (first, second)}
+    reds = []
+    for other in (second, bare):
+        maps = {"one": (first, stages[id(first)]), "two": (other, stages[id(second)])}
+        film = Film(first, size=(320, 240), samples=0, maps=maps)
+        strip = film.draw(film.timeline.end + 3.0)[:, -film._strip :].astype(int)
+        film.close()
+        reds.append(int(((strip[..., 0] > 200) & (strip[..., 1] < 90)).sum()))
+    assert reds[1] > reds[0]

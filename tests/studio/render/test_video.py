@@ -53,14 +53,14 @@ def test_runs_stand_side_by_side_each_under_its_name(tmp_path):
     columns = {"one": run, "another name": run}
     path = tmp_path / "both.mp4"
     video.render_video(
-        run, path, size=(260, 120), fps=1, view="top", workers=1, columns=columns, part=(1.0, 1.0)
+        run, path, size=(520, 240), fps=1, view="top", workers=1, columns=columns, part=(1.0, 1.0)
     )
     (picture,) = read(path)[2]
-    assert picture.shape == (120, 260, 3)
-    one, other = picture.astype(int).reshape(120, 2, 130, 3).swapaxes(0, 1)
+    assert picture.shape == (240, 520, 3)
+    one, other = picture[19:].astype(int).reshape(221, 2, 260, 3).swapaxes(0, 1)
     off = np.abs(one - other).max(axis=2)
     # All but the names are the same.
-    assert off[:60].mean() < 5.0 and off[60:].max() > 80 and one.max() > 150
+    assert off[20:].mean() < 5.0 and off[:20].max() > 80 and one.max() > 150
 
 
 def film_by(worker, path, monkeypatch):

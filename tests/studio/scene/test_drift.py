@@ -10,7 +10,7 @@ import lrf3d
 from lrf3d.geometry.pose import compose
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import Drift
-from lrf3d.studio.scene.glass import Panes, at_glass
+from lrf3d.studio.scene.glass import Panes, at_glass, bounced
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
@@ -56,9 +56,8 @@ def test_beams_go_through_glass_or_come_back_from_it_and_panes_are_seen_at_a_sla
     walls = [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0], [2, 1, 2, 3]]
     world = lrf3d.World(walls, [0, 0, 0, 0, 1], materials=[None, "glass"])
     structures = Structures.from_world(world)
-    starts = np.tile(np.array([1.0, 2.0]) - structures.origin, (3, 1))
-    ends = np.array([[4.0, 2.0], [2.01, 2.0], [1.0, 4.0]]) - structures.origin
-    through, back = at_glass(structures, starts, ends)
+    ends = np.array([[4.0, 2.0], [2.01, 2.0], [1.0, 4.0]])
+    through, back = at_glass(world, np.tile([1.0, 2.0], (3, 1)), ends)
     assert through.tolist() == [True, False, False] and back.tolist() == [False, True, False]
     panes = Panes.of(structures, 0.8)
     x, y = np.array([2.0, 2.0]) - structures.origin
@@ -67,3 +66,15 @@ def test_beams_go_through_glass_or_come_back_from_it_and_panes_are_seen_at_a_sla
         for dx, dy in ((-5.0, 0.0), (-0.2, -5.0))
     )
     assert along > 1.5 * ahead
+
+
+def test_a_beam_that_a_mirror_turns_goes_back_and_the_laser_takes_it_to_go_on():
+    walls = [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0], [2, 1, 2, 3]]
+    world = lrf3d.World(walls, [0, 0, 0, 0, 1], materials=[None, "mirror"])
+    run = lrf3d.simulate(world, [(1.0, 2.0, 0.0)], noise=None, rng=0)
+    (scan,) = run.scans_at(0)
+    place, aim = np.array([1.0, 2.0]), np.array([4.0, 2.0])
+    lines = bounced(scan, np.array(walls[4:], float), place, aim, 0.3)
+    ways = np.hstack([lines.starts[:, :2], lines.ends[:, :2]])
+    assert ways == pytest.approx(np.array([[1, 2, 2, 2], [2, 2, 0, 2], [2, 2, 4, 2]]), abs=0.05)
+    assert bounced(scan, np.zeros((0, 4)), place, aim, 0.3) is None

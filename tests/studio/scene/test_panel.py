@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_estimate import estimated
 from test_render import SIZE, city_run, room_run
 
 from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
-from lrf3d.mapping import LineMap
 from lrf3d.scoring.map_score import found_words, score_run
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.panel import panel
@@ -23,33 +23,26 @@ def said(run, shot="chase", *, time=1.0, playback=1.0, full=False):
 
 def test_a_short_panel_says_what_is_shown_when_and_what_is_found_and_a_full_one_all():
     short, full = (said(city_run(), full=full) for full in (False, True))
-    assert len(short) == 2 and " segments" in short[0] and "1 s" in short[1]
+    assert len(short) == 2 and " walls found" in short[0] and "1 s" in short[1]
     assert len(full) > 3 and full[0] == short[0] and any("beams hit" in line for line in full)
 
 
 def test_a_number_is_said_once_and_a_film_that_runs_faster_says_so():
     run = city_run()
     head, passed = said(run, "whole", playback=0.3)
-    assert head == f"{len(run.map)} segments in the map" and passed == "1 s"
+    score = score_run(run)
+    found = f"{score.found_segments} of {score.visible_segments} walls found"
+    assert head == found and passed == "1 s"
     assert "1 s at 3 × speed" in said(run, playback=3.0)[1]
 
 
-def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
+def test_while_a_map_grows_the_walls_found_are_counted_and_without_the_truth_its_segments():
     run = city_run()
-    kinds = np.array(["mirror"] + ["wall"] * (len(run.map) - 1))
-    known, plain = replace(run.map, kinds=kinds), run.map
-    left, few = (
-        LineMap(one.segments[:2], np.arange(2), one.points[:2], one.kinds[:2])
-        for one in (known, plain)
-    )
-    dropped = f"The laser knows the mirror: {len(plain) - 2} segments dropped"
-    for maps, words in (
-        ((known, left), dropped),
-        ((known,) * 2, "16 segments"),
-        ((plain, few), "2 segments"),
-    ):
-        head, *_ = said(replace(run, maps=maps, snapshot_scans=(0, 3)))
-        assert head.startswith(words)
+    maps = (replace(run.map, segments=run.map.segments + 9.0), run.map)
+    grows = replace(run, maps=maps, snapshot_scans=(0, len(run) - 1))
+    assert said(grows)[0] == "0 of 14 walls found"
+    recorded = said(estimated(run, (0.0, 0.0, 0.0)))
+    assert recorded[0] == f"{len(run.map)} segments mapped"
 
 
 @pytest.mark.parametrize("make", [city_run, room_run])

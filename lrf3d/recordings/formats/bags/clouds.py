@@ -30,6 +30,9 @@ from lrf3d.recordings.formats.units import NANO, TIMES
 RINGS = ("ring", "channel", "laser_id", "line")
 STAMPS = ("time", "t", "timestamp", "offset_time", "time_offset", "timestamps", "time_stamp")
 
+# Floats that are rings: lidars have up to 300.
+POSSIBLE_RINGS = np.arange(1000)
+
 # [s] The longest revolution: lidars make three or more in a second.
 LONGEST_SWEEP = 0.35
 
@@ -76,11 +79,16 @@ def cloud_points(message: Any) -> CloudPoints:
         there = one_line(", ".join(names), 80)
         raise InputError(f"a cloud without x, y and z as floats; its fields are {there or 'none'}")
     places = np.column_stack([rows[name].astype(np.float64) for name in "xyz"])
-    rings = _first(rows, RINGS)
-    if rings is not None:
-        rings = rings.astype(np.int64) if rings.dtype.kind in "iu" else None
     times = _first(rows, STAMPS)
-    return CloudPoints(places, rings, None if times is None else times.astype(np.float64))
+    return CloudPoints(places, _rings(rows), None if times is None else times.astype(np.float64))
+
+
+def _rings(rows: Records) -> Int | None:
+    """The rings of points, which programs that convert clouds may write as floats."""
+    found = _first(rows, RINGS)
+    if found is None or not (found.dtype.kind in "iu" or np.isin(found, POSSIBLE_RINGS).all()):
+        return None
+    return np.asarray(found, dtype=np.int64)
 
 
 def _first(rows: Records, known: Sequence[str]) -> Any:
@@ -109,10 +117,13 @@ def _rows(message: Any) -> Records:
 
 
 def _record_of(message: Any) -> np.dtype[Any]:
-    """The layout of the points of a message; of fields with the same name the first counts."""
+    """The layout of the points of a message; of fields with the same name the first counts.
+
+    Some drivers write names in capitals.
+    """
     order = ">" if message.is_bigendian else "<"
     step = int(message.point_step)
-    fields = {each.name: each for each in reversed(message.fields) if each.name}
+    fields = {each.name.lower(): each for each in reversed(message.fields) if each.name}
     formats = []
     for name, each in fields.items():
         if each.datatype not in POINT_FIELDS:

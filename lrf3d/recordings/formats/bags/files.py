@@ -165,40 +165,28 @@ def _of_sqlite(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
                 yield topics[number], int(received or 0), data
 
 
-# Code of MCAP records that hold the name of a type of messages.
-SCHEMA = 3
-
-# Code of MCAP records that hold a topic.
-CHANNEL = 4
-
-# Code of MCAP records that hold a message.
-MESSAGE = 5
-
-# Code of MCAP records that hold packed records.
-CHUNK = 6
-
-# Code of the MCAP record that ends the data.
-DATA_END = 15
+# What the records of MCAP hold, by their codes.
+RECORDS = {3: "schema", 4: "channel", 5: "message", 6: "chunk", 15: "end"}
 
 
 def _of_mcap(stream: Any, schemas: dict[int, str], topics: dict[int, BagTopic]) -> Iterator[Packet]:
-    while len(head := stream.read(9)) == 9 and head[0] != DATA_END:
+    while len(head := stream.read(9)) == 9 and (kind := RECORDS.get(head[0])) != "end":
         size = int.from_bytes(head[1:], "little")
-        if head[0] not in (SCHEMA, CHANNEL, MESSAGE, CHUNK):
+        if kind is None:
             stream.seek(size, 1)
             continue
         _check_size(size)
         data = stream.read(size)
-        if head[0] == CHUNK:
+        if kind == "chunk":
             packing, place = _text(data, 28)
             yield from _of_mcap(io.BytesIO(unpacked(packing, data[place + 8 :])), schemas, topics)
             continue
         if len(data) < size:
             continue
         own, other = (int.from_bytes(data[k : k + 2], "little") for k in (0, 2))
-        if head[0] == SCHEMA:
+        if kind == "schema":
             schemas[own] = _text(data, 2)[0]
-        elif head[0] == CHANNEL:
+        elif kind == "channel":
             name, place = _text(data, 4)
             topics[own] = BagTopic.of(name, schemas.get(other, ""), _text(data, place)[0])
             yield topics[own], 0, None
@@ -212,46 +200,37 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
     return data[place + 4 : end].decode("utf-8", "replace"), end
 
 
-# Code of ROS 1 records that hold a message.
-OLD_MESSAGE = 2
-
-# Opcode of index records in ROS 1 bags, whose length recorders of 2010 wrote wrongly.
-OLD_INDEX = 4
+# What the records of ROS 1 hold, by their codes; recorders of 2010 wrote a wrong length of indices.
+OLD_RECORDS = {2: "message", 4: "index", 5: "chunk", 7: "connection"}
 
 # Size of an entry of such an index [bytes], by its version.
 INDEX_ENTRY = {0: 16, 1: 12}
-
-# Code of ROS 1 records that hold packed records.
-OLD_CHUNK = 5
-
-# Code of ROS 1 records that hold a topic.
-OLD_CONNECTION = 7
 
 
 def _of_ros1(stream: Any, topics: dict[bytes, BagTopic]) -> Iterator[Packet]:
     while header := _block(stream):
         fields = _fields(header)
-        kind = int.from_bytes(fields.get(b"op", b""), "little")
-        if kind == OLD_CHUNK:
+        kind = OLD_RECORDS.get(int.from_bytes(fields.get(b"op", b""), "little"))
+        if kind == "chunk":
             inner = io.BytesIO(unpacked(fields[b"compression"].decode(), _block(stream)))
             yield from _of_ros1(inner, topics)
             continue
-        if kind == OLD_INDEX:
+        if kind == "index":
             version, count = (int.from_bytes(fields[name], "little") for name in (b"ver", b"count"))
             stream.seek(4 + INDEX_ENTRY[version] * count, 1)
             continue
         data = _block(stream)
-        if kind == OLD_MESSAGE and b"conn" not in fields:
+        if kind == "message" and b"conn" not in fields:
             # Version 1.2 names the topic in each message.
             topic = BagTopic.of(fields[b"topic"].decode(), fields[b"type"].decode(), "ros1")
             sec, nanosec = (int.from_bytes(fields[name], "little") for name in (b"sec", b"nsec"))
             yield topic, sec * 1_000_000_000 + nanosec, data
-        elif kind == OLD_CONNECTION:
+        elif kind == "connection":
             of_type = _fields(data)[b"type"].decode()
             name = fields[b"topic"].decode("utf-8", "replace")
             topics[fields[b"conn"]] = BagTopic.of(name, of_type, "ros1")
             yield topics[fields[b"conn"]], 0, None
-        elif kind == OLD_MESSAGE:
+        elif kind == "message":
             sec, nanosec = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
             yield topics[fields[b"conn"]], sec * 1_000_000_000 + nanosec, data
 

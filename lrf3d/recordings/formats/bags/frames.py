@@ -21,10 +21,7 @@ BACK = 1_000_000_000
 # How far the norm of a quaternion may be from 1: people type mounts as 0.7 0.7.
 UNEVEN = 0.02
 
-# Poses are unknown in a gap that is longer than this [ns] and than `GAPS` usual intervals.
-GAP = BACK
-
-# Length of such a gap, in usual intervals.
+# Poses are unknown in a gap that is longer than `BACK` and than this many usual intervals.
 GAPS = 5
 
 
@@ -157,7 +154,7 @@ class FrameMotion:
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
             # Poses at a stamp are known, also at the ends of a gap.
             known = self.times[np.minimum(np.searchsorted(self.times, times), len(steps))] == times
-            lost = steps[place] > max(GAP, GAPS * float(np.median(steps)))
+            lost = steps[place] > max(BACK, GAPS * float(np.median(steps)))
             matrices[lost & ~known] = np.nan
         return matrices
 

@@ -131,19 +131,21 @@ class _Robot:
         self.there = [name for name, found in sources.items() if found]
         name = self.there[0] if wanted == "auto" and self.there else wanted
         self.source = sources.get(name, "")
-        self._unused = further if self.source == sources["odom"] else []
+        drifts = self.source == sources["odom"] or basename(self.source) == DRIFTING
+        self._unused = further if drifts else []
         self._base, self.words = self._carrier()
 
     def _sources(self) -> tuple[dict[str, str], list[str]]:
-        """The topic or the frame of each source, "" if there is none, and further odometry."""
+        """The topic or the frame of each source, "" if there is none, and further poses."""
         topics = [topic for topic in self._own() if len(self._tracks[topic]) > 1]
         truths = [topic for topic in topics if "ground_truth" in topic]
         drives = [topic for topic in topics if topic not in truths]
         driven = [topic for topic in drives if self._children[topic]]
         chain = self._frames.chain(self._stream.frame)
         drifting = [frame for frame in chain if basename(frame) == DRIFTING]
-        odom, *further = driven or self._moving(drifting[:1]) or drives or [""]
+        odom = [*driven, *self._moving(drifting[:1]), *drives, ""][0]
         tree = "".join(self._moving(chain[-1:]))
+        further = [topic for topic in drives if topic != odom]
         return {"truth": "".join(truths[:1]), "tf": tree, "odom": odom}, further
 
     def _moving(self, frames: Sequence[str]) -> list[str]:
@@ -220,10 +222,10 @@ class _Robot:
 
     @property
     def others(self) -> str:
-        """A note on odometry that is not used; "" if all is."""
+        """A note on poses that are not used; "" if all are."""
         if not self._unused:
             return ""
-        return f"odometry from {self.source}, not from {one_line(', '.join(self._unused), 90)}"
+        return f"poses from {self.source}, not from {one_line(', '.join(self._unused), 90)}"
 
     @property
     def coarse(self) -> str:

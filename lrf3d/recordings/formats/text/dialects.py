@@ -11,9 +11,6 @@ from functools import partial
 
 from lrf3d.recordings.formats.text.words import SHORT, is_number
 
-# Most columns that ``range0 … range681`` in a sentence may name.
-MOST_COLUMNS = 100_000
-
 # Brackets and quotes, which lists of numbers stand in.
 BRACKETS = re.compile(r"""["'(){}\[\]]""")
 
@@ -81,7 +78,7 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 def _series(ends: re.Match[str]) -> str:
     base, first, last = ends.groups()
-    numbers = range(int(first), min(int(last) + 1, int(first) + MOST_COLUMNS))
+    numbers = range(int(first), int(last) + 1)
     return " ".join(f"{base}{number}" for number in numbers)
 
 
@@ -120,7 +117,7 @@ def _have_commas(lines: Sequence[str]) -> bool:
 def _separated(mark: str | None, text: str) -> list[Words]:
     """The words between the marks, or between spaces; commas that are no marks are decimal ones."""
     bare = JOINTS.sub(mark or " ", QUOTED.sub(r"\1.\2", text))
-    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).lstrip().lstrip("#% ")
+    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).lstrip("#% ")
     words = bare.split(mark)
     if mark != ",":
         words = [word.replace(",", ".") for word in words]

@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float
-from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
+from lrf3d.recordings.formats.table import CUT, VARIED, WHOLE, meaning
 from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.fans import FANS
 from lrf3d.recordings.formats.text.form import Form
@@ -23,7 +23,7 @@ from lrf3d.recordings.log import Intake
 
 # Matches one of a series of columns: its name, its number, and a unit.
 SERIES = re.compile(
-    r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
+    r"(.*?)[\s\[(;._]*(?<!\d)(?<!\d\.)(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
 ).fullmatch
 
 # Largest number of words before the number of ranges.
@@ -61,9 +61,6 @@ FIRST_COLUMNS = 40
 
 # Least factor between numbers that only rise and ranges, from which they are not beams.
 OTHER_SCALE = 5.0
-
-# A column of readings has more different numbers than this.
-VARIED = 10
 
 # Largest quality of a reading, which is a byte.
 LARGEST_QUALITY = 255
@@ -121,9 +118,9 @@ def formats_for(form: Form) -> list[str]:
     ends = [form.length - beams + 1 for beams in FANS if beams <= form.length + 1 - begin]
     # A scan does not begin with a column of zeros.
     usual = [at for at in ends if any(words[at - 1].strip("0.") for words in form.sample)]
-    fan = "" if usual else ", first=-90deg, last=90deg"
-    whole = f"{stamp}ranges@{min(usual, default=begin)}{fan}"
-    specs = [whole] if form.length > SHORT else ["angles@1, ranges@2", "angles@2, ranges@1"]
+    specs = [f"{stamp}ranges@{at}" for at in sorted(usual)[:1]]
+    if form.length <= SHORT:
+        specs = ["angles@1, ranges@2", "angles@2, ranges@1"]
     return [spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm")]
 
 
@@ -131,14 +128,16 @@ def by_names(form: Form) -> Layout:
     """The columns that the names in a header give; there may be no ranges among them."""
     layout = Layout()
     series = dict[str, list[int]]()
+    named = dict[str, str]()
     for place, name in enumerate(form.header):
         role, unit = meaning(name)
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
         # "Scan" next to a column of distances numbers the scans.
-        elif role and (role not in layout.columns or form.header[layout.columns[role]] == "scan"):
+        elif role and (role not in layout.columns or named[role].endswith("scan")):
             layout.name(role, place, unit)
+            named[role] = name
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
     if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from datetime import date
+from datetime import datetime
 
 from lrf3d.recordings.log import Intake
 
@@ -11,18 +11,13 @@ LONGEST_LIST = 500
 
 # Times of day, with or without a date before them and a zone after them.
 CLOCK = re.compile(
-    r"(?<![\w.:-])(?:(\d{4})[-/](\d\d)[-/](\d\d)[T/ ]+)?(\d\d):(\d\d):(\d\d(?:\.\d*)?)"
+    r"(?<![\w.:-])(?:(?:(\d{4})[-/](\d\d)[-/](\d\d)|(\d\d)\.(\d\d)\.(\d{4}))[T/ ]+)?"
+    r"(\d\d):(\d\d):(\d\d(?:\.\d*|,\d+(?=[;\t]))?)"
     r"(?: ?Z| ?UTC|[-+]\d\d:?\d\d)?"
 )
 
-# Length of a minute [s].
-MINUTE = 60
-
-# Length of an hour [s].
-HOUR = 60 * MINUTE
-
-# Length of a day [s].
-DAY = 24 * HOUR
+# Numbers as Python prints those of NumPy.
+NUMPY = re.compile(r"np\.\w+\(([^()]*)\)")
 
 
 def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
@@ -46,20 +41,26 @@ def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
 
 
 def _text(line: bytes) -> str:
-    # Tabs at the end of a line are cells without a number.
-    text = line.decode("utf-8-sig", "replace").lstrip().rstrip(" \r\n")
+    # Tabs at the ends of a line are cells without a number.
+    text = line.decode("utf-8-sig", "replace").strip(" \r\n")
     if text.startswith("//"):
         return ""
-    return CLOCK.sub(_seconds, text) if ":" in text else text
+    return plain(text)
+
+
+def plain(text: str) -> str:
+    """A text with seconds for times of day, and without the types of NumPy's numbers."""
+    text = CLOCK.sub(_seconds, text) if ":" in text else text
+    return NUMPY.sub(r"\1", text) if "np." in text else text
 
 
 def _seconds(time: re.Match[str]) -> str:
     """A time of day in seconds, since 1970 if it has a date."""
-    year, month, day, hours, minutes, seconds = time.groups()
-    days = 0
-    if year:
-        try:
-            days = (date(int(year), int(month), int(day)) - date(1970, 1, 1)).days
-        except ValueError:
-            return time[0]
-    return f"{float(DAY * days + HOUR * int(hours) + MINUTE * int(minutes)) + float(seconds):.6f}"
+    *date_first, day_last, month_last, year_last, hours, minutes, seconds = time.groups()
+    date_last = (year_last or "1970", month_last or "01", day_last or "01")
+    date = "-".join(date_first if date_first[0] else date_last)
+    try:
+        minute = datetime.fromisoformat(f"{date}T{hours}:{minutes}Z")
+    except ValueError:
+        return time[0]
+    return f"{minute.timestamp() + float(seconds.replace(',', '.')):.6f}"

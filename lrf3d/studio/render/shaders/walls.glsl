@@ -137,7 +137,8 @@ void main() {
     vec4 when = texture(times, foot.xy);
     float since = age(when, clock);
     // Walls that are cut are filled, as architects draw them, once what is beside them is seen.
-    float on = mix(TOP_LIT, 1.0, paint.a) * lit(when, since);
+    float most = mix(TOP_LIT, 1.0, paint.a);
+    float on = most * lit(when, since);
     float keeps = 1.0;      // How far it takes the colour of the map.
     vec3 day = on > 0.0 ? dressed(paint.rgb, keeps) : paint.rgb;
     vec3 seen = exposed(day, paint.rgb, on, since, height);
@@ -145,7 +146,7 @@ void main() {
     vec4 map = texture(tints, foot.zw);
     float climbed = (clock.x - when.b) * clock.y * CLIMB - height;
     float found = clamp(1.5 * climbed + 0.5, 0.0, 1.0) * mix(1.0, min(2.0 * when.g, 1.0), paint.a);
-    float share = keeps * found * mix(ROOF_SHARE, MAP_SHARE, paint.a);
+    float share = keeps * found * most * MAP_SHARE;
     float front = 0.5 * paint.a * found * clamp(1.0 - climbed / FRONT, 0.0, 1.0);
     seen += map.rgb * (share * (MAP_LIGHT.x + MAP_LIGHT.y * grey(day)) + front) - seen * (share * map.a);
     seen = hazed(seen);

@@ -57,6 +57,9 @@ _NEVER = 9.0
 # Least length of a run [s]: a single scan takes no time.
 _LEAST_LENGTH = 1e-3
 
+# How surely what is seen is seen at the least.
+_SEEN = 0.5
+
 # Standard deviation by which times are smoothed [cells].
 _SOFT = 1.3
 
@@ -137,6 +140,16 @@ class Exposure:
     def tolerance(self) -> float:
         """How far from a wall a segment of the map may lie to be that wall [m]."""
         return _TOLERANCE * self.cell
+
+    def joined(self, other: "Exposure") -> "Exposure":
+        """With the light of another one of the same cells, where that is first or surer."""
+        times = self.times.copy()
+        mine, theirs = (one["sure"] > _SEEN for one in (times, other.times))
+        taken = theirs & (~mine | (other.times["seen"] < times["seen"]))
+        taken |= ~mine & (other.times["sure"] > times["sure"])
+        for name in ("seen", "sure", "delay"):
+            times[name][taken] = other.times[name][taken]
+        return replace(self, times=times)
 
     def clock(self, time: Any, playback: float) -> tuple[Any, float]:
         """A time of the run [s] in lengths of it, and the film's seconds in one length."""

@@ -1,0 +1,104 @@
+"""The map beside a picture: from straight above, with its name, a legend and a scale."""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from lrf3d.base.latest import Latest
+from lrf3d.mapping.tints import object_tints
+from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
+from lrf3d.studio.render.text import LINE, row_of
+from lrf3d.studio.scene import look
+from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
+
+# Height of letters [pixels of 720 lines].
+LETTER = 25.0
+
+# Half the thickness of the scale, in letters.
+_BAR = 0.04
+
+# Colour of the frame of a map, 0…255.
+_FRAME_COLOUR = (38, 50, 72)
+
+# Colour of the first row, 0…255.
+INK = (236, 240, 247)
+
+# Colour of the other rows, 0…255.
+_PALE = (184, 196, 216)
+
+
+class MapBeside:
+    """The map of a scene's run as it grows.
+
+    It takes at most a room, width and height [pixels]. One with a name says how many walls it has
+    found, and shows those that it lacks in the end. Its walls and its robot may have colours.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        room: tuple[int, int],
+        letter: float,
+        name: str = "",
+        colours: Sequence[look.Colour] = (),
+    ) -> None:
+        run: Any = scene.run
+        wide, high = room
+        self._scene = scene
+        self.name = name
+        self._colours = colours if name else ()
+        self._letter = letter
+        self.window = scene.inset_view(high / wide, turns=True)
+        self.size = wide, min(high, round(wide * self.window.aspect))
+        known = bool(name and run.knows_truth and len(run.maps) and len(run.world.segments))
+        self._walls = visible_walls(judged_part(run))[0] if known else look.NOTHING
+        self._found = Latest()
+
+    def rows(
+        self, time: float, draw: Callable[[Inset, tuple[int, int]], Pixels]
+    ) -> list[Image.Image]:
+        """The name, the map and its number at a time [s], with what draws it."""
+        run: Any = self._scene.run
+        moment = self._scene.timeline.moment(time)
+        line_map = run.map_after(moment.mapped)
+        number = run.snapshot_after(moment.mapped)
+        found = self._found.of(number, partial(found_walls, line_map, self._walls))
+        lost = self._walls[~found & (moment.mapped == len(run.trajectory.times) - 1)]
+        plan = draw(self._scene.inset(moment, self.window, self._colours, lost), self.size)
+        plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
+        tint, *_ = *self._colours, look.PALE_OBJECT
+        rows = [self._row((self.name or "The map so far", _ink(tint))), Image.fromarray(plan)]
+        counts: list[Any] = [(f"{found.sum()} of {len(found)} walls found", INK)]
+        counts += [(f"· {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
+        return [*rows, *[self._row(*counts)] * bool(len(found))]
+
+    def legend(self) -> list[Image.Image]:
+        """What is seen in maps, and their scale."""
+        own = self._colours[:1]
+        segments = [(NAMED, _ink(tint)) for tint in own or object_tints(np.arange(3), dark=True)]
+        seen = ("■", tuple(2 * part for part in _ink(look.EXPLORED)))
+        robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", _PALE))] * (not own)
+        long = round(self.window.bar / self.window.width * self.size[0])
+        scale = Image.new("RGB", (self.size[0], round(LINE * self._letter)), look.PLAN_BACK)
+        middle = scale.height // 2
+        scale.paste(_PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
+        words = row_of(((f" {self.window.bar:g} m", _PALE),), self._letter, self.size[0] - long)
+        scale.paste(words, (long, 0), words)
+        return [
+            self._row(*segments, ("walls in the map", _PALE)),
+            self._row(seen, ("seen by the laser", _PALE)),
+            *robot,
+            scale,
+        ]
+
+    def _row(self, *words: Any) -> Image.Image:
+        return row_of(words, self._letter, self.size[0])
+
+
+def _ink(colour: Iterable[float]) -> tuple[int, ...]:
+    """A colour for text in whole numbers."""
+    return tuple(round(look.WHITE * part) for part in colour)

@@ -1,0 +1,140 @@
+"""Text in pictures: rows of words in their colours, over a picture or on the ground of maps."""
+
+from functools import cache, lru_cache
+from importlib.util import find_spec
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from lrf3d.studio.scene.look import PLAN_BACK, TINY, WHITE, scale
+from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
+from lrf3d.studio.scene.timeline import smoothed
+
+# Height of a line in letters.
+LINE = 1.36
+
+# What stands between texts of a row.
+_APART = "   "
+
+# Size of all lines but the first, in that of the first.
+_LESSER = 0.64
+
+# Free border round text and maps [pixels of 720 lines].
+_GAP = 16
+
+# Least number of times its size at 720 lines that text has.
+_LEAST_SCALE = 0.47
+
+# Height of letters from which on text is legible; smaller text is left out [pixels].
+_LEAST_LETTER = 6.5
+
+# Largest share of the height of a picture that text may cover; more is left out.
+_MOST_COVERED = 0.5
+
+# Share of the picture's light that is taken in the corner under text.
+_DARKEST = 0.74
+
+# Size of the darkened corner, in the text's.
+_SHADED = 1.6
+
+# Words and their colours, 0…255.
+Words = tuple[tuple[str, tuple[int, ...]], ...]
+
+
+def scale_of(size: tuple[int, int]) -> float:
+    """How many times its size at 720 lines text is in a picture of a size [pixels]."""
+    return scale(size, _LEAST_SCALE)
+
+
+def gap_of(size: tuple[int, int]) -> int:
+    """The free border round text in a picture of a size [pixels]."""
+    return round(_GAP * scale_of(size))
+
+
+@cache
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """The sans face of the page, which comes with matplotlib; that is not imported."""
+    spec = find_spec("matplotlib")
+    assert spec is not None and spec.origin is not None
+    folder = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf"
+    return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
+
+
+@lru_cache(maxsize=64)
+def row_of(words: Words, letter: float, wide: float, apart: str = " ") -> Image.Image:
+    """A row on a clear ground, in letters that fit in a width; empty where they are too small."""
+    length = max(_font(100).getlength(apart.join(text for text, _ in words)) / 100, 1.0)
+    fitting = min(letter, wide / length)
+    high = round(LINE * min(letter, int(fitting))) * (fitting >= _LEAST_LETTER)
+    picture = Image.new("RGBA", (round(length * fitting) + 1, high))
+    font = _font(int(fitting))
+    place = 0
+    for text, colour in words:
+        ImageDraw.Draw(picture).text((place, 0), text, font=font, fill=(*colour, 255))
+        place += round(font.getlength(text + apart))
+    return picture
+
+
+def stacked(rows: list[Image.Image], size: tuple[int, int], gap: int) -> Pixels:
+    """Rows one under the other on the ground of maps, of a size, with a gap [pixels]."""
+    picture = Image.new("RGB", size, PLAN_BACK)
+    top = gap // 2
+    for row in rows:
+        picture.paste(row, (gap, top), row if row.mode == "RGBA" else None)
+        top += row.height
+    return np.asarray(picture)
+
+
+def _rows(label: Label) -> list[Words]:
+    """The rows of a label: what names colours stands in one row."""
+    lines = enumerate(zip(label.text, label.colours, strict=True))
+    groups = groupby(lines, lambda each: -1 if each[1][0].startswith(NAMED) else each[0])
+    return [tuple(line for _, line in group) for _, group in groups]
+
+
+@lru_cache(maxsize=16)
+def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Image] | None:
+    """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
+
+    Its colours, and how much of the picture under it they cover; None if there is no room.
+    """
+    gap = gap_of(size)
+    rows = _rows(label)
+    letters = scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
+    drawn = [
+        row_of(words, letter, size[0] - 2 * gap, _APART)
+        for words, letter in zip(rows, letters.tolist(), strict=True)
+    ]
+    high = sum(row.height for row in drawn)
+    if not 0 < high <= _MOST_COVERED * size[1]:
+        return None
+    wide = max(row.width for row in drawn)
+    shape = round(_SHADED * wide), round(_SHADED * high) + gap
+    x, y = (np.arange(side) / side for side in shape)
+    shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
+    # The fourth channel is how much of a pixel the letters cover.
+    picture = Image.new("RGBA", shape)
+    top = shape[1] - gap - high
+    for row in drawn:
+        picture.paste(row, (gap, top))
+        top += row.height
+    *colours, letter = np.moveaxis(np.asarray(picture)[-size[1] :, : size[0]] / WHITE, 2, 0)
+    share = 1.0 - (1.0 - shade[-size[1] :, : size[0]]) * (1.0 - letter)
+    tints = np.dstack(colours) * (letter / np.maximum(share, TINY))[..., None]
+    tint, cover = (
+        Image.fromarray(np.rint(WHITE * each).astype(np.uint8)) for each in (tints, share)
+    )
+    return tint, cover
+
+
+def lay_label(picture: Pixels, label: Label) -> None:
+    """Lay text over the lower left corner of a picture, on a soft gradient."""
+    laid = _label(label, picture.shape[1::-1])
+    if laid is not None:
+        tint, cover = laid
+        part = picture[-tint.height :, : tint.width]
+        under = Image.fromarray(part)
+        under.paste(tint, mask=cover)
+        part[:] = np.asarray(under)
