@@ -83,9 +83,14 @@ FORMATS: list[Format] = [
         write="lrf3d.world.toml_file:write_toml",
     ),
     Format(
-        kind="world", endings=(".geojson", ".json", ".geojsonl", ".geojsonseq"),
+        kind="world", endings=(".geojson", ".geojsonl", ".geojsonseq"),
         read="lrf3d.world.towns.geojson:read_geojson", options=("level",),
         write="lrf3d.world.towns.geojson:write_geojson", apart=True,
+    ),
+    # GeoJSON, or what Overpass answers.
+    Format(
+        kind="world", endings=(".json",), read="lrf3d.world.towns.geojson:read_geojson",
+        options=("trees", "level"), apart=True,
     ),
     Format(
         kind="world", endings=(".osm",), read="lrf3d.world.towns.osm:read_osm",

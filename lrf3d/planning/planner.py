@@ -262,7 +262,8 @@ def _closed_in(world: World, start: Float) -> list[Note]:
     walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))
     shapes = shapely.get_parts(shapely.polygonize([shapely.union_all(walls)]))
     for shape in shapes[shapely.contains(shapes, shapely.Point(start))]:
-        others = int(np.count_nonzero(~shapely.intersects(walls, shape)))
+        # What is in the box around it may be another room of the same plan.
+        others = int(np.count_nonzero(~shapely.intersects(walls, shape.envelope)))
         if not len(shape.interiors) and others:
             x1, y1, x2, y2 = shape.bounds
             size = f"{x2 - x1:.1f} m by {y2 - y1:.1f} m"

@@ -162,6 +162,12 @@ class Class(Decision):
     key = "class"
 
     def _change(self, plan: Plan) -> Plan | None:
+        if self.as_ in ("glass", "mirror") and "inside" in self.select:
+            # Only the part of a wall that is inside gets the material.
+            edge = shapely.LinearRing(np.asarray(self.select["inside"]) * plan.unit)
+            others = {name: held for name, held in self.select.items() if name != "inside"}
+            fits = plan.parts.stands & selected(plan.parts, others, plan.unit)
+            plan = _without(plan, edge, fits) or plan
         chosen = selected(plan.parts, self.select, plan.unit)
         if not chosen.any():
             return None

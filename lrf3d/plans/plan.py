@@ -40,7 +40,7 @@ from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared, gaps_in
 from lrf3d.plans.rules.enclosure import THICKEST_SOLID
 from lrf3d.plans.rules.layers import role_of
-from lrf3d.plans.rules.sheet import THICKEST_WALL
+from lrf3d.plans.rules.sheet import THICKEST_WALL, box_area
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
 from lrf3d.plans.scale import size_doubt
 from lrf3d.world.model import World
@@ -121,6 +121,8 @@ class Plan(NamedTuple):
     balance: Balance = Balance("item")
     # Unit of the drawing [m].
     unit: float = 1.0
+    # Thickness [m] of the lines that outline walls; 0 where walls are solid, or lines themselves.
+    pen: float = 0.0
     # The tables of the robot and the dynamic obstacles from decisions.
     tables: Mapping[str, Any] = {}
     obstacles: tuple[Mapping[str, Any], ...] = ()
@@ -144,7 +146,7 @@ class Plan(NamedTuple):
         """The openings (k, 2, 2) [m] of its doors; in a picture they are gaps in walls."""
         if self.doors:
             return np.array([door.opening for door in self.doors])
-        return gaps_in(self.segments)
+        return gaps_in(self.segments, self.pen)
 
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
@@ -153,6 +155,7 @@ class Plan(NamedTuple):
             removed={name: strokes * factor for name, strokes in self.removed.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,
+            pen=self.pen * factor,
             unit=self.unit * factor,
         )
 
@@ -230,7 +233,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     if not large:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
-        doubts.append(of_outside(_box_area(outside), _box_area(walls)))
+        doubts.append(of_outside(box_area(outside), box_area(walls)))
     return Plan(
         parts,
         strokes.doors,
@@ -243,11 +246,6 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         scales=scales,
         unit=canvas.unit,
     )
-
-
-def _box_area(segments: Float) -> float:
-    """The area [m²] of the box around segments (n, 4)."""
-    return float(shapely.multipoints(segments.reshape(-1, 2)).envelope.area)
 
 
 def _balance(

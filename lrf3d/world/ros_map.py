@@ -144,8 +144,11 @@ def _described(path: Path) -> dict[str, Any]:
 
 
 def _picture_of(path: Path, image: str) -> Path:
-    """The picture of a description at a path, next to which it is."""
-    name = re.split(r"[/\\]", image)[-1]
+    """The picture of a description at a path: next to it, or in a folder there."""
+    *folders, name = re.split(r"[/\\]", image)
+    below = path.parent.joinpath(*folders, name)
+    if folders and ".." not in folders and folders[0] and below.is_file():
+        return below
     if name != image.removeprefix("./") or not name.strip("."):
         elsewhere = f"image is {shown(image)}"
         if not (path.parent / name).is_file():
@@ -243,17 +246,22 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     """Write a map again with changed walls: (n, 4) before, and (m, 4) after the change.
 
-    The cells of removed walls become free, those of added walls occupied; other cells, the origin
-    and the other keys stay the same.
+    The cells of removed walls become what is nearest to them, free or unknown, those of added walls
+    occupied; other cells, the origin and the other keys stay the same.
     """
     import shapely
+    from scipy.ndimage import distance_transform_edt
 
     values = _values(_described(path))
     source = _picture_of(path, values["image"])
     frame = Pose(*values["origin"].tolist()).inverse()
 
+    # Most walls are as they were.
+    kept = set(map(tuple, before.tolist())) & set(map(tuple, after.tolist()))
+
     def lines_in_cells(segments: Float) -> Any:
-        ends = frame.apply(segments.reshape(-1, 2)).reshape(-1, 2, 2) / values["resolution"]
+        changed = np.array([row for row in segments.tolist() if tuple(row) not in kept])
+        ends = frame.apply(changed.reshape(-1, 2)).reshape(-1, 2, 2) / values["resolution"]
         return shapely.union_all(shapely.linestrings(ends))
 
     old = lines_in_cells(before)
@@ -272,7 +280,9 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     erased = shapely.contains_xy(area, columns + 0.5, rows + 0.5)
     grey = pixels_of(source)[::-1, :, 0].copy()
     free, full = (255 - FREE, 255 - OCCUPIED) if values["negate"] else (FREE, OCCUPIED)
-    grey[rows[erased], columns[erased]] = free
+    known = np.where(occupied.all(), np.uint8(free), grey)
+    near = distance_transform_edt(occupied, return_distances=False, return_indices=True)
+    grey[rows[erased], columns[erased]] = known[tuple(near[:, rows[erased], columns[erased]])]
     points, line = shapely.get_coordinates(shapely.get_parts(came), return_index=True)
     joined = line[1:] == line[:-1]
     row, column = _walled_cells(np.hstack([points[:-1][joined], points[1:][joined]]))

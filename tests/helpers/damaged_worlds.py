@@ -135,8 +135,8 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "city.geojson": ('{"type": "CityJSONFeature"}', "CityJSON, which is not read; make.*cjio"),
     "topology.geojson": ('{"type": "Topology"}', "TopoJSON, which is not read; make"),
     "overpass.json": (
-        '{"version": 0.6, "elements": []}',
-        "JSON of Overpass, which is not read; ask",
+        '{"version": 0.6, "elements": [{"type": "way", "id": 1, "nodes": 3}]}',
+        "expected the form of Overpass",
     ),
     "bare.geojson": ('{"type": "FeatureCollection"}', "without a list of features"),
     "empty.geojson": ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no"),

@@ -177,3 +177,24 @@ def test_what_fits_a_new_revision_is_kept_and_what_does_not_is_named(room):
     assert "room.svg has changed since it was edited" in read_plan(room).said[0].fact
     with pytest.warns(Lrf3dWarning, match=r"not found any more: class\[1\] .*sofa"):
         assert len(load_world(room).segments) == 4
+
+
+def test_glass_in_an_area_ends_at_its_edge(room):
+    area = [[200, 50], [450, 50], [450, 150], [200, 150]]
+    parts = read_plan(room, [Class({"inside": area}, "glass")]).parts
+    glass = parts.segments[parts.kinds == "glass"]
+    assert np.sort(glass, axis=1) == pytest.approx(np.array([[1.0, 1.0, 2.0, 4.5]]))
+
+
+def test_printed_lengths_correct_the_scale_of_a_drawing(tmp_path):
+    lines = "".join(
+        f'<path d="M{a} {y} H{b}"/><text x="{(a + b) / 2}" y="{y - 1}">{(b - a) / 10:.2f}</text>'
+        for a, b, y in ((10, 70, 5), (10, 30, 58), (30, 70, 58))
+    )
+    path = tmp_path / "a.svg"
+    sheet = '<svg width="80mm" height="60mm" viewBox="0 0 80 60" fill="none" stroke="black">'
+    path.write_text(f'{sheet}<rect x="10" y="10" width="60" height="40"/>{lines}</svg>')
+    plan = read_plan(path)
+    ((words, factor),) = plan.scales.items()
+    assert "as 3 printed lengths say" in words and factor == pytest.approx(100.0, rel=1e-6)
+    assert not read_plan(path, scale=100.0).doubts

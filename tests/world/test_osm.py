@@ -1,6 +1,8 @@
 """OpenStreetMap extracts: which buildings and trees are walls, where they stand, and how high."""
 
+import json
 from itertools import pairwise
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -37,9 +39,43 @@ def multipolygon(*members):
 
 def osm(folder, body, **how):
     nodes = "".join(node(number, place) for number, place in enumerate(NODES))
+    return both(folder, f"<osm>{nodes}{body}</osm>", **how)
+
+
+def both(folder, text, **how):
+    """The world of an extract, which is the same in XML and in JSON."""
     path = folder / "a.osm"
-    path.write_text(f"<osm>{nodes}{body}</osm>")
-    return load_world(path, **how)
+    path.write_text(text)
+    elements = [answer(each) for each in ElementTree.fromstring(text)]
+    (folder / "b").mkdir(exist_ok=True)
+    (folder / "b" / "a.json").write_text(json.dumps({"version": 0.6, "elements": elements}))
+    world = load_world(path, **how)
+    answered = load_world(folder / "b" / "a.json", **how)
+    assert answered.segments.tobytes() == world.segments.tobytes()
+    assert answered.heights.tolist() == world.heights.tolist()
+    return world
+
+
+def answer(element):
+    """An element of an extract as Overpass answers it in JSON."""
+    item = {"type": element.tag, **element.attrib, "id": int(element.get("id"))}
+    item |= {key: float(element.get(key)) for key in ("lon", "lat") if key in element.attrib}
+    item["tags"] = {tag.get("k"): tag.get("v") for tag in element.iter("tag")}
+    item["nodes"] = [int(each.get("ref")) for each in element.findall("nd") if "ref" in each.attrib]
+    item["geometry"] = places(element)
+    item["members"] = [
+        {**each.attrib, "ref": int(each.get("ref")), "geometry": places(each)}
+        for each in element.findall("member")
+    ]
+    return {key: value for key, value in item.items() if value not in ({}, [])}
+
+
+def places(element):
+    found = [
+        {key: float(value) for key, value in each.attrib.items() if key != "ref"} or None
+        for each in element.findall("nd")
+    ]
+    return found if any(found) else []
 
 
 HOUSE = way(1, 0, 1, 2, 3, 0, building="yes")
@@ -83,8 +119,7 @@ def test_places_within_ways_and_relations_are_read(tmp_path):
         f'</member><member type="way" ref="6" role="outer">{inline(2, 3, 0, named=False)}</member>'
         f"{of_tags({'type': 'multipolygon', 'building': 'yes'})}</relation>",
     ):
-        (tmp_path / "a.osm").write_text(f"<osm>{body}</osm>")
-        world = load_world(tmp_path / "a.osm")
+        world = both(tmp_path, f"<osm>{body}</osm>")
         assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
     cut = f'<way id="1">{inline(0, 1, 2)}<nd/><nd/>{tags}</way>'
     (tmp_path / "a.osm").write_text(f"<osm>{cut}{HOUSE}</osm>")
@@ -209,5 +244,5 @@ def test_a_tree_is_as_its_tags_say_or_as_most(tags, height, radius):
 
 def test_other_files_have_no_trees(tmp_path):
     save_world(World([[0, 0, 4, 0]]), tmp_path / "wall.toml")
-    with pytest.raises(WorldError, match=r"trees is for \.osm files alone"):
+    with pytest.raises(WorldError, match=r"trees is for \.json, \.osm files alone"):
         load_world(tmp_path / "wall.toml", trees=True)

@@ -136,6 +136,20 @@ def test_cells_are_as_for_the_map_server(mode, negate, high, low, occupied, free
             assert found.tolist() == expected.tolist()
 
 
+def test_the_picture_of_a_map_may_lie_in_a_folder_beside_it(tmp_path):
+    path = save_map(tmp_path, room())
+    expected = load_world(path).segments
+    (tmp_path / "images").mkdir()
+    (tmp_path / "map.png").rename(tmp_path / "images" / "map.png")
+    text = path.read_text()
+    path.write_text(text.replace("map.png", "images/map.png"))
+    assert load_world(path).segments.tobytes() == expected.tobytes()
+    for elsewhere in ("/images/map.png", "images/../images/map.png"):
+        path.write_text(text.replace("map.png", elsewhere))
+        with pytest.raises(WorldError, match="put the picture next to this file"):
+            load_world(path)
+
+
 @pytest.mark.parametrize("name", ["map.pgm", "map.png", "map.bmp"])
 @pytest.mark.parametrize("kind", ["L", "RGB", "RGBA", "P", "I;16"])
 def test_colours_and_formats_make_no_difference(name, kind, tmp_path):

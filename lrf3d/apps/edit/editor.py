@@ -134,8 +134,9 @@ class Editor:
         """The message with the plan for the page."""
         scale = self.edits.one(Scale)
         scaled = bool(scale) or "resolution" in self._options or not is_picture(self.path)
-        # A world is in metres.
-        doors = self.plan.openings if is_plan(self.path) else np.empty((0, 2, 2))
+        # Gaps between walls are doors in pictures, which show no leaves; a world is in metres.
+        known = is_picture(self.path) or bool(self.plan.doors)
+        doors = self.plan.openings if known and is_plan(self.path) else np.empty((0, 2, 2))
         source = self._source(self.edits)
         header = {
             "name": self.path.name,
@@ -147,7 +148,7 @@ class Editor:
             "rosMap": self.path.suffix.lower() in (".yaml", ".yml"),
             "sheet": self.sheet and [*self.sheet.size],
             "suggestions": [] if scale else suggestions(doors, self.plan.unit, scaled),
-            "check": checked_scale(self.plan, doors),
+            "check": checked_scale(self.plan, doors, source.scales),
             "gaps": doors.tolist() if is_picture(self.path) else [],
             "said": "; ".join(note.fact for note in self.plan.doubts + source.said),
             "grey": source.grey,
@@ -304,15 +305,23 @@ class Editor:
 
 
 def _too_narrow(space: FreeSpace, start: Float | None, bare: Ground, rooms: Int) -> dict[int, str]:
-    """Why the robot does not reach rooms that a narrower one reaches, by their numbers."""
-    why = dict[int, str]()
-    narrow = f"a door is too narrow for the robot of {2.0 * space.radius:.2f} m"
+    """Why the robot does not reach rooms that a narrower one, or one without furniture, reaches."""
+
+    def entered(ground: Ground, radius: float) -> list[int]:
+        with suppress(InputError):
+            found = find_free_space(ground, radius, start=start)
+            return [*map(int, entered_rooms(found, bare, rooms))]
+        return []
+
+    cause = dict.fromkeys(entered(bare, space.radius), "furniture is in the way of")
+    why = {room: f"{words} the robot" for room, words in cause.items()}
     # Of those that would fit, the widest comes last.
     for radius in sorted(each for each in USUAL_RADII if each < space.radius):
-        with suppress(InputError):
-            thin = find_free_space(space.ground, radius, start=start)
-            fits = f"{narrow}; one of {2.0 * radius:.2f} m would fit"
-            why |= dict.fromkeys(entered_rooms(thin, bare, rooms).tolist(), fits)
+        for room in entered(space.ground, radius):
+            narrow = f"{cause.get(room, 'a door is too narrow for')} the robot of"
+            why[room] = (
+                f"{narrow} {2.0 * space.radius:.2f} m; one of {2.0 * radius:.2f} m would fit"
+            )
     return why
 
 

@@ -9,6 +9,7 @@ import contextlib
 import json
 import socket
 from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,9 @@ class Desk:
         self.talks: Talks = {SOCKET: self.talk}
         self._writer: Any = None
         self._busy = asyncio.Lock()
+        # Plans one by one: what waits for its turn is dropped when a newer plan comes, and what is
+        # saved does not wait.
+        self._planner = ThreadPoolExecutor(1)
         # The actions of messages, by the name of each.
         self._acts: dict[str, Act] = {
             "scan": self._scan,
@@ -137,9 +141,10 @@ class Desk:
 
     async def _follow(self, page: Any) -> None:
         """Send the rooms and the route of the current plan."""
+        loop = asyncio.get_running_loop()
         for find in (self.editor.rooms, self.editor.route):
             try:
-                answer = await asyncio.to_thread(find)
+                answer = await loop.run_in_executor(self._planner, find)
             except (Lrf3dError, ValueError, IndexError) as error:
                 answer = packed({"kind": "none", "what": find.__name__, "text": str(error)})
             with contextlib.suppress(Exception):

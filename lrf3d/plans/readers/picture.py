@@ -24,7 +24,7 @@ from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.rules.enclosure import THICKEST_SOLID, closed_share, reduced
 from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
-from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, threshold_of
+from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, pen_of, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
 from lrf3d.world.grid_walls import (
     box_of,
@@ -163,6 +163,7 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         doubts=notes(*doubts),
         grey=threshold,
         gap=0.5 * side,
+        pen=pen_of(walls, dark) * side,
         balance=balance,
         unit=resolution,
     )

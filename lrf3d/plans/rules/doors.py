@@ -153,8 +153,11 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
     return found
 
 
-def gaps_in(walls: Float) -> Float:
-    """The gaps (k, 2, 2) [m] in walls (n, 4) as wide as doors, between two ends of walls."""
+def gaps_in(walls: Float, pen: float = 0.0) -> Float:
+    """The gaps (k, 2, 2) [m] in walls (n, 4) as wide as doors, between two ends of walls.
+
+    Walls end in the middle of the pen [m] that outlines them.
+    """
     ends = walls[lengths(walls) < THICKEST_WALL]
     middles = ends.reshape(-1, 2, 2).mean(axis=1)
     thick = lengths(ends)
@@ -171,7 +174,9 @@ def gaps_in(walls: Float) -> Float:
     areas = shapely.buffer(shapely.linestrings(inner), 0.55 * thick[one[fits]], cap_style="flat")
     lines = shapely.linestrings(walls.reshape(-1, 2, 2))
     crossed, _ = shapely.STRtree(lines).query(areas, predicate="intersects")
-    return np.delete(found, np.unique(crossed), axis=0)
+    found = np.delete(found, np.unique(crossed), axis=0)
+    ahead = 0.5 * pen * directions(found.reshape(-1, 4))[:, None]
+    return np.asarray(found + ahead * [[-1.0], [1.0]])
 
 
 def cleared(segments: Float, doors: list[Door]) -> tuple[Float, Int, Int, Any]:

@@ -10,8 +10,11 @@ import numpy as np
 from PIL import Image
 from scipy.ndimage import gaussian_filter, grey_closing
 
-from lrf3d.geometry.lines import Int, Single
+from lrf3d.geometry.lines import Bool, Int, Single
 from lrf3d.plans.canvas import WHITE
+
+# Share of the pixels of walls that are dark below which walls are drawn as outlines.
+HOLLOW = 0.7
 
 
 def on_paper(pixels: Any, paper: float = WHITE) -> Any:
@@ -97,3 +100,12 @@ def _separated(counts: Int) -> tuple[int, float]:
     variance = np.nan_to_num((counts.sum() - below) * below.astype(np.float64) * apart**2)
     best = round(float(np.flatnonzero(variance == variance.max()).mean()))
     return best + 1, float(np.nan_to_num(apart)[best])
+
+
+def pen_of(walls: Bool, dark: Bool) -> float:
+    """The thickness [pixels] of the lines that outline walls; 0 where most of a wall is dark."""
+    ink = walls & dark
+    if not 0 < ink.sum() < HOLLOW * walls.sum():
+        return 0.0
+    edges = sum(int(np.diff(ink.astype(np.int8), axis=axis).astype(bool).sum()) for axis in (0, 1))
+    return 2.0 * float(ink.sum()) / edges

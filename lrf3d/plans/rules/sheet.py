@@ -111,6 +111,11 @@ def as_lines(segments: Float) -> Any:
     return shapely.linestrings(segments.reshape(-1, 2, 2))
 
 
+def box_area(segments: Float) -> float:
+    """The area [m²] of the box around segments (n, 4)."""
+    return float(shapely.multipoints(segments.reshape(-1, 2)).envelope.area)
+
+
 def is_alone(line: Int) -> Bool:
     """Which segments are isolated: no other is of the same line (n,)."""
     return np.asarray(np.bincount(line, minlength=1)[line] == 1) if len(line) else line > 0

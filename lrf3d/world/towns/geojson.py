@@ -47,6 +47,7 @@ from lrf3d.world.towns.features import (
     with_rooms,
     world_of_features,
 )
+from lrf3d.world.towns.osm import read_overpass
 
 # EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart.
 DEGREES = {"4326", "4258", "4269"}
@@ -55,7 +56,7 @@ DEGREES = {"4326", "4258", "4269"}
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
 
 
-def read_geojson(path: Path, level: str | None = None) -> World:
+def read_geojson(path: Path, trees: bool = False, level: str | None = None) -> World:
     """Read a world: Polygons are dissolved into blocks, each an object; lines follow after them.
 
     A wall of a block has the height of its footprint. Each feature of lines is an object; if all
@@ -63,6 +64,10 @@ def read_geojson(path: Path, level: str | None = None) -> World:
     IMDF are not dissolved: their outlines are walls, on one level.
     """
     data = _parse(path)
+    if isinstance(data.get("elements"), list):
+        return read_overpass(path, data, trees, level)
+    if trees:
+        raise WorldError("trees are read from OpenStreetMap's extracts alone")
     features = list(_features(data))
     balance = Balance("feature", len(features))
     for feature in features:
@@ -146,7 +151,7 @@ def _parse(path: Path) -> dict[str, Any]:
             raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):
         raise WorldError(f"expected a GeoJSON object, found a JSON {type(data).__name__}")
-    kind = data.get("type", "elements" if "elements" in data else None)
+    kind = data.get("type")
     if isinstance(kind, str) and kind in _FOREIGN:
         raise WorldError(_FOREIGN[kind])
     return data
@@ -178,7 +183,6 @@ _FOREIGN = {
         ("CityJSON", "CityJSONFeature"),
         "CityJSON, which is not read; make a mesh of it, as by `cjio FILE export obj city.obj`",
     ),
-    "elements": "JSON of Overpass, which is not read; ask it for [out:xml], and name that .osm",
     "Topology": "TopoJSON, which is not read; make GeoJSON of it, as by `topo2geo`",
 }
 

@@ -1,4 +1,4 @@
-"""Worlds from OpenStreetMap extracts (``.osm``): buildings become blocks, laid flat in metres.
+"""Worlds from OpenStreetMap extracts (XML, Overpass's JSON): buildings become blocks, in metres.
 
 The point (0, 0) is the middle of the buildings; ``place`` is where on Earth that is. Buildings are
 closed ways and relations with a tag ``building``; their height is ``height``, or three metres for
@@ -12,7 +12,7 @@ counts as not given. An element with tags is used, or left out and counted.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby
+from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,7 +22,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.balance import Balance
-from lrf3d.base.errors import WorldError
+from lrf3d.base.errors import WorldError, shown
 from lrf3d.base.files import own_name
 from lrf3d.geometry.lines import Float
 from lrf3d.world.materials import BUILT_IN, material_of
@@ -53,6 +53,9 @@ from lrf3d.world.towns.tags import (
 # Height [m] of a tree of which nothing is given: one along a street, some decades old.
 DEFAULT_TREE = 8.0
 
+# The kinds of elements.
+ELEMENTS = ("node", "way", "relation")
+
 # The tags of an element, by their keys.
 Tags = dict[str, str]
 
@@ -69,7 +72,45 @@ def read_osm(path: Path, *, trees: bool = False, level: str | None = None) -> Wo
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
     """
-    extract = _read(path)
+    return _world(path, _read(path), trees, level)
+
+
+def read_overpass(path: Path, data: dict[str, Any], trees: bool, level: str | None) -> World:
+    """Read what Overpass answers in JSON as `read_osm` reads it in XML."""
+    extract = _Extract()
+    extract.remark = data.get("remark")
+    for item in data["elements"]:
+        if not isinstance(item, dict) or item.get("type") not in ELEMENTS:
+            raise WorldError(f"element {shown(item)}, expected a {', a '.join(ELEMENTS)}")
+        try:
+            element = _element(item)
+        except (AttributeError, TypeError):
+            raise WorldError(f"element {shown(item)}: expected the form of Overpass") from None
+        _add(extract, element)
+    return _world(path, extract, trees, level)
+
+
+def _element(item: dict[str, Any]) -> Element:
+    """An element of Overpass' JSON as the XML has it; what is nested may have places of its own."""
+    plain = {key: str(value) for key, value in item.items() if type(value) in (int, float, str)}
+    element = Element(item["type"], plain)
+    for key, value in item.get("tags", {}).items():
+        element.append(Element("tag", {"k": key, "v": str(value)}))
+    nodes = item.get("nodes", [])
+    places = item.get("geometry") or [None] * len(nodes)
+    for node, place in zip_longest(nodes, places):
+        number = {} if node is None else {"ref": str(node)}
+        known = {key: str(value) for key, value in (place or {}).items()}
+        element.append(Element("nd", number | known))
+    for member in item.get("members", []):
+        inner = _element({"geometry": member.get("geometry", []), **member})
+        inner.tag = "member"
+        element.append(inner)
+    return element
+
+
+def _world(path: Path, extract: "_Extract", trees: bool, level: str | None) -> World:
+    """The world of an extract."""
     fates = dict[int, str]()
     features = [each for each in _buildings(extract, fates) if each.shapes]
     features += [*_lines(extract, fates), *_rooms(extract, fates)]
@@ -85,7 +126,8 @@ def read_osm(path: Path, *, trees: bool = False, level: str | None = None) -> Wo
         features += trunks(lay_flat(np.array(places), centre), tags, shapes_of(features))
     balance = _balance(extract, fates, trees)
     features, said = with_rooms(features, level, balance)
-    balance.note(path, said)
+    cut_short = f"the extract may be cut short: {extract.remark}" if extract.remark else ""
+    balance.note(path, said, cut_short)
     return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
 
 
@@ -101,6 +143,8 @@ class _Extract:
         self.held = set[tuple[str, str]]()
         self.ways = dict[int, tuple[list[Node], Tags]]()
         self.relations = dict[int, tuple[list[tuple[int, str]], Tags]]()
+        # What the server says of an answer that it did not finish.
+        self.remark: str | None = None
 
     def add(self, element: Element) -> None:
         """Add an element to what is known of it."""
@@ -162,7 +206,9 @@ def _read(path: Path) -> _Extract:
         if root.tag != "osm":
             raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
         for event, element in elements:
-            if event == "end" and element.tag in ("node", "way", "relation"):
+            if event == "end" and element.tag == "remark":
+                extract.remark = (element.text or "").strip()
+            if event == "end" and element.tag in ELEMENTS:
                 _add(extract, element)
                 root.clear()
     except WorldError:

@@ -74,6 +74,16 @@ def test_goals_and_rooms_that_are_not_reached_are_named_with_the_reason(tmp_path
     assert np.ptp(editor.scenario.obstacles[0].path.at([0, 9]), axis=0).max() == 0.0
 
 
+def test_furniture_in_the_way_is_no_narrow_door(tmp_path):
+    editor = Editor(tmp_path / "new.toml")
+    box = {"points": [[4.3, 1], [5, 1], [5, 4], [4.3, 4]], "closed": True, "height": 0.8}
+    robot = {"start": [1, 1, 0], "radius": 0.35}
+    editor.decide({**ROOMS, "wall": [*ROOMS["wall"], box], "robot": robot})
+    header, _ = unpacked(editor.rooms())
+    here, beyond = (room["why"] for room in header["rooms"])
+    assert not here and beyond.startswith("furniture is in the way of the robot")
+
+
 def test_a_low_box_stands_against_a_wall_that_stays(tmp_path):
     editor = Editor(tmp_path / "new.toml")
     box = {"points": [[0, 2], [1, 2], [1, 3], [0, 3]], "closed": True, "height": 0.8}
@@ -131,7 +141,8 @@ def test_a_ros_map_is_cleaned_and_drawn_on_in_its_own_cells(tmp_path):
     cells = np.full((60, 80), 254, np.uint8)
     cells[5:55, [5, 74]] = cells[[5, 54], 5:75] = 0
     cells[20:24, 30:34] = 0
-    cells[:, 78:] = 205
+    cells[:, 75:] = 205
+    cells[40:43, 76:79] = 0
     Image.fromarray(cells).save(tmp_path / "map.pgm")
     described = "image: map.pgm\nresolution: 0.1\norigin: [-1.2345678901234567, 7e-1, 0]\n"
     described += "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
@@ -139,15 +150,17 @@ def test_a_ros_map_is_cleaned_and_drawn_on_in_its_own_cells(tmp_path):
     editor = Editor(tmp_path / "map.yaml")
     x, y = -1.2345678901234567, 0.7
     speck = [[x + 2.8, y + 3.4], [x + 3.6, y + 3.4], [x + 3.6, y + 4.2], [x + 2.8, y + 4.2]]
+    outside = [[x + 7.5, y + 1.6], [x + 8.0, y + 1.6], [x + 8.0, y + 2.1], [x + 7.5, y + 2.1]]
     wall = [[x + 0.55, y + 2.05], [x + 3.05, y + 2.05]]
     editor.decide({
-        "class": [{"select": {"inside": speck}, "as": "nothing"}], "wall": [{"points": wall}],
+        "class": [{"select": {"inside": each}, "as": "nothing"} for each in (speck, outside)],
+        "wall": [{"points": wall}],
     })  # fmt: skip
     assert editor.save_map().read_text() == described.replace("map.pgm", '"map_edited.pgm"')
     new = np.asarray(Image.open(tmp_path / "map_edited.pgm"))
     changed = np.argwhere(new != cells)
-    assert (new[20:24, 30:34] == 254).all()
-    assert len(changed) == 16 + 25 and (new[39, 6:31] == 0).all()
+    assert (new[20:24, 30:34] == 254).all() and (new[40:43, 76:79] == 205).all()
+    assert len(changed) == 16 + 9 + 25 and (new[39, 6:31] == 0).all()
     # Commands obey the decisions about the map, too.
     assert len(load_world(tmp_path / "map.yaml").segments) == len(editor.plan.segments)
 

@@ -118,27 +118,49 @@ const editor = {
         return { near: [(one[0] + two[0]) / 2 / plan.unit, (one[1] + two[1]) / 2 / plan.unit].map((each) => Math.round(1e4 * each) / 1e4) };
       });
     }
-    this.change(takenFor(as), (edits) => (edits.class ??= []).push(...selects.map((select) => ({ select, as }))));
+    this.change(takenFor(as), (edits) => (edits.class = reclassed(edits.class, selects, as)));
     this.pick(null);
   },
 
-  // A solid box instead of the strokes in an area: around them, if it is a rectangle.
+  // A solid box instead of what is drawn in an area: around it, if that is a rectangle. It replaces one that is there already.
   fill() {
     const { area, lasso } = this.picked;
-    const ends = lasso ? [] : this.finder.looseIn(area);
-    const xs = ends.map(([x]) => x);
-    const ys = ends.map(([, y]) => y);
-    const [x1, y1, x2, y2] = [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
-    const points = ends.length ? [[x1, y1], [x2, y1], [x2, y2], [x1, y2]] : area;
-    this.change("a box of furniture", (edits) => (edits.wall ??= []).push({ points: points.map(rounded), closed: true, height: this.boxHeight }));
+    const points = ((!lasso && sheet.inkIn(area)) || area).map(rounded);
+    this.change("a box of furniture", (edits) => {
+      const others = (edits.wall ?? []).filter((each) => !(each.closed && each.height < LOW && overlap(each.points, points) > 0.5));
+      edits.wall = [...others, { points, closed: true, height: this.boxHeight }];
+    });
     this.pick(null);
+  },
+
+  // The wall that is picked gets a material. One side of several gets a wall of its own on top, so that the whole stays one.
+  madeOf(material) {
+    const { number, piece } = this.picked.one;
+    const wall = sheet.plan.edits.wall[number];
+    const { points, height } = wall;
+    if (points.length === 2 || piece === undefined) return this.change("changed", (edits) => Object.assign(edits.wall[number], { material }));
+    const ends = [points[piece], points[(piece + 1) % points.length]];
+    this.change("changed", (edits) => edits.wall.splice(number + 1, 0, { points: ends, ...(height && { height }), material }));
+    this.pick({ one: { table: "wall", number: number + 1, piece: 0 } });
+  },
+
+  // The wall that is picked becomes something else, by the keys that say what strokes are.
+  make(kind) {
+    const { one } = this.picked;
+    if (kind === "nothing") {
+      this.change("deleted", (edits) => tools.select.drop(edits, one));
+      return this.pick(null);
+    }
+    if (kind === "door") return note("D cuts a doorway into a wall");
+    if (kind === "glass" || kind === "mirror") return this.madeOf(kind);
+    this.change(takenFor(kind), (edits) => {
+      const { material, height, ...rest } = edits.wall[one.number];
+      edits.wall[one.number] = kind === "furniture" ? { ...rest, height: this.boxHeight } : { ...rest, ...(height >= LOW && { height }) };
+    });
   },
 
   classifyBy(select, as) {
-    this.change(takenFor(as), (edits) => {
-      edits.class = (edits.class ?? []).filter((each) => JSON.stringify(each.select) !== JSON.stringify(select));
-      edits.class.push({ select, as });
-    });
+    this.change(takenFor(as), (edits) => (edits.class = reclassed(edits.class, [select], as)));
   },
 
   // Ask whether a length is right: places in units of the drawing.
@@ -187,8 +209,25 @@ const send = (values) => socket.send(JSON.stringify(values));
 const note = (text) => (part("note").textContent = text);
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
 const apart = ([[x1, y1], [x2, y2]]) => Math.hypot(x2 - x1, y2 - y1);
+// The classes with new ones of some selectors, instead of those that were there.
+function reclassed(before = [], selects, as) {
+  const names = selects.map((select) => JSON.stringify(select));
+  return [...before.filter(({ select }) => !names.includes(JSON.stringify(select))), ...selects.map((select) => ({ select, as }))];
+}
+
+// The share of the boxes around two outlines that they have in common.
+function overlap(one, two) {
+  const common = [0, 1].map((axis) => {
+    const [a, b] = [one, two].map((points) => points.map((point) => point[axis]));
+    const both = Math.min(Math.max(...a), Math.max(...b)) - Math.max(Math.min(...a), Math.min(...b));
+    return Math.max(0, both) / (Math.max(...a, ...b) - Math.min(...a, ...b) || 1);
+  });
+  return common[0] * common[1];
+}
+
 const word = (kind) => (kind === "nothing" ? "left out" : kind);
 const takenFor = (as) => (as === "nothing" ? "left out" : `taken for ${as}`);
+const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const RULES = { "dark part": "thin or loose marks" };
 
 // Place a card where it hides no end of a line, in units of the drawing.
@@ -206,7 +245,7 @@ function tell() {
   const missed = (rooms?.rooms ?? []).map(({ why }, place) => why && `R${place + 1} is not reached: ${why}`);
   const goals = doubts.map((why, place) => why && `goal ${place + 1}: ${why}`);
   const lost = plan.lost.length ? [`not found any more: ${plan.lost.join(", ")}`] : [];
-  note([...lost, ...missed, ...goals, ...(plan.notes ?? [])].filter(Boolean).join("; "));
+  note([...lost, ...missed, ...goals, ...(plan.notes ?? []), plan.said].filter(Boolean).join("; "));
 }
 
 // What was decided in metres stays where it is on a drawing that gets another scale.
@@ -279,7 +318,7 @@ const TAKE = {
     part("picture").hidden = !grey;
     if (grey && !part("threshold").matches(":active")) part("threshold").value = part("grey").textContent = grey;
     tell();
-    part("over").textContent = header.said || tool.hint;
+    part("over").textContent = tool.hint;
     if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
@@ -332,6 +371,7 @@ const TAKE = {
   },
   error(header) {
     editor.scanning = 0;
+    for (const what of ["world", "map"]) document.querySelector(`[data-do=${what}]`).disabled = false;
     if (editor.pending) {
       editor.pending -= 1;
       sheet.plan.edits = editor.past.pop() ?? sheet.plan.edits;
@@ -345,6 +385,7 @@ const TAKE = {
     sheet.stale();
   },
   said(header) {
+    for (const what of ["world", "map"]) document.querySelector(`[data-do=${what}]`).disabled = false;
     if (header.text.endsWith(".toml is written")) part("old").textContent = "";
     notice(header.text);
   },
@@ -483,7 +524,7 @@ function panelOf(one) {
     editor.pick(null);
   };
   const parts = {
-    wall: () => wallPanel(one, set, size),
+    wall: () => wallPanel(one, size),
     doorway: () => [size("width [m]", "width", 0.9)],
     obstacle: () => [size("radius [m]", "radius", 0.3), ...(!tools.select.stays(edits.obstacle[one.number]) ? [size("speed [m/s]", "speed", 0.5)] : [])],
     "robot.start": () => [field("heading [°]", edits.robot.start[2], (value) => set({ start: [...edits.robot.start.slice(0, 2), Number(value) || 0] }))],
@@ -492,18 +533,11 @@ function panelOf(one) {
   return [paragraph(tools.select.named(one)), ...(parts[one.table]?.() ?? []), button("Delete", drop), paragraph(moved, "small")];
 }
 
-function wallPanel({ number, piece }, set, size) {
+function wallPanel({ number, piece }, size) {
   const wall = sheet.plan.edits.wall[number];
   const several = wall.points.length > 2;
   const whole = () => editor.pick({ one: { table: "wall", number } });
-  // One side of several gets a wall of its own on top, so that the whole stays one.
-  const make = (material) => {
-    if (!several || piece === undefined) return set({ material });
-    const ends = [wall.points[piece], wall.points[(piece + 1) % wall.points.length]];
-    editor.change("changed", (now) => now.wall.splice(number + 1, 0, { points: ends, ...(wall.height && { height: wall.height }), material }));
-    return editor.pick({ one: { table: "wall", number: number + 1, piece: 0 } });
-  };
-  const found = [materials(wall.material, make)];
+  const found = [materials(wall.material, (material) => editor.madeOf(material))];
   if (!several || piece === undefined) found.unshift(size("height [m]", "height", 2.5));
   if (piece !== undefined) {
     found.push(button("Add a corner here", () => editor.change("a corner added", (now) => now.wall[number].points.splice(piece + 1, 0, rounded(editor.picked.point)))));
@@ -527,6 +561,14 @@ function showPicked() {
     );
   } else if (tool === tools.box) {
     card.append(field("height [m]", editor.boxHeight, (value) => (editor.boxHeight = Number(value) || 0.8)));
+  } else if (tool === tools.robot && plan) {
+    const radius = plan.edits.robot?.radius ?? plan.radius;
+    card.append(field("radius [m]", radius && Number(radius.toFixed(3)), (value) => editor.change("the radius set", (edits) => {
+      edits.robot = { ...edits.robot, radius: Number(value) };
+      if (!(Number(value) > 0)) delete edits.robot.radius;
+      if (!Object.keys(edits.robot).length) delete edits.robot;
+    })));
+    card.append(paragraph("empty: as wide as its doors let it be", "small"));
   } else if (tool === tools.obstacle) {
     for (const [text, key] of [["radius [m]", "radius"], ["speed [m/s]", "speed"]]) card.append(field(text, editor.obstacle[key], (value) => (editor.obstacle[key] = Number(value) || editor.obstacle[key])));
   } else if (picked?.one && tools.select.exists(picked.one)) {
@@ -599,13 +641,22 @@ function film() {
   send({ do: "drive" });
 }
 
+// The button waits for the answer: a large map takes its time.
+function save(what) {
+  const pressed = document.querySelector(`[data-do=${what}]`);
+  if (pressed.disabled) return;
+  pressed.disabled = true;
+  notice("saving …");
+  send({ do: what });
+}
+
 const ACTIONS = {
   undo: () => editor.undo(),
   redo: () => editor.redo(),
   fit: () => sheet.fit(),
   list: () => (part("keys").hidden = !part("keys").hidden),
-  world: () => send({ do: "world" }),
-  map: () => send({ do: "map" }),
+  world: () => save("world"),
+  map: () => save("map"),
   drive() {
     const missed = sheet.doubts.map((why, place) => why && `goal ${place + 1}: ${why}`).filter(Boolean);
     if (missed.length) notice(`${missed.join("; ")}. Drive anyway?`, [["Drive", film]]);
@@ -694,13 +745,14 @@ function connect() {
     else if (ctrlKey || metaKey) return;
     else if (code === "Space" && !target.matches("button")) space = true;
     else if (key === "Escape") {
+      tool.leave?.();
       tool.start?.();
       editor.pick(null);
       part("keys").hidden = true;
     } else if (tool.key?.(event)) sheet.stale();
     else if (TOOL_KEYS[code]) choose(TOOL_KEYS[code]);
     else if (code === "KeyF") sheet.fit();
-    else if (code === "KeyH") ACTIONS.list();
+    else if (code === "KeyH" || key === "?") ACTIONS.list();
     else return;
     event.preventDefault();
   };

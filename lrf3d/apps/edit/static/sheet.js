@@ -9,6 +9,8 @@ export const RED = "#e03131"; // Of what is not reached.
 const MANY = 3000; // Strokes above which a moving view shows the last picture, moved.
 const CALM = 140; // Time until it is drawn again [ms].
 const PEN = { willReadFrequently: true }; // Drawn by the processor: graphics cards are slow at long lists of strokes.
+const MOST_PLACED = 60; // Rooms whose names avoid what is drawn: it takes time.
+const INK = 30; // Difference of grey from the paper, from 0 to 255, from which something is drawn there.
 const CHUNK = 1000; // Strokes of a path: software draws long paths slowly.
 const NEAR = 25; // Pixels a metre from which many strokes are as wide as few; fine ones are drawn much faster.
 
@@ -59,6 +61,49 @@ export class Sheet {
     const room = Math.min(this.width / (x2 - x1 || 1), (this.height - 40) / (y2 - y1 || 1));
     this.view = { x: (x1 + x2) / 2, y: (y1 + y2) / 2, scale: 0.86 * room };
     this.stale(true);
+  }
+
+  // The corners of the box around what is drawn in a rectangle [m], without what leads out of it, such as walls; nothing, where that is small.
+  inkIn(area) {
+    const { plan, picture } = this;
+    if (!plan.sheet || !picture) return null;
+    const step = (plan.sheet[0] * plan.unit) / picture.width; // Metres a pixel.
+    const top = plan.sheet[1] * plan.unit;
+    const xs = area.map(([x]) => Math.round(x / step));
+    const ys = area.map(([, y]) => Math.round((top - y) / step));
+    const [left, high] = [Math.min(...xs), Math.min(...ys)];
+    const [wide, tall] = [Math.max(...xs) - left, Math.max(...ys) - high];
+    if (Math.min(wide, tall) < 4) return null;
+    const canvas = document.createElement("canvas");
+    Object.assign(canvas, { width: wide, height: tall });
+    const context = canvas.getContext("2d", PEN);
+    context.drawImage(picture, left, high, wide, tall, 0, 0, wide, tall);
+    const { data } = context.getImageData(0, 0, wide, tall);
+    const grey = new Uint8Array(wide * tall).map((_, cell) => (data[4 * cell] + data[4 * cell + 1] + data[4 * cell + 2]) / 3);
+    const paper = [...grey].sort((a, b) => a - b)[Math.floor(0.8 * grey.length)];
+    const ink = grey.map((each) => Math.abs(each - paper) > INK);
+    // What is joined to the rim of the rectangle leads out of it.
+    const stack = [];
+    const drop = (x, y) => {
+      if (x < 0 || y < 0 || x >= wide || y >= tall || !ink[y * wide + x]) return;
+      ink[y * wide + x] = 0;
+      stack.push([x, y]);
+    };
+    for (let x = 0; x < wide; x += 1) [0, tall - 1].forEach((y) => drop(x, y));
+    for (let y = 0; y < tall; y += 1) [0, wide - 1].forEach((x) => drop(x, y));
+    while (stack.length) {
+      const [x, y] = stack.pop();
+      for (const [dx, dy] of [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]]) drop(x + dx, y + dy);
+    }
+    let [x1, y1, x2, y2] = [wide, tall, 0, 0];
+    ink.forEach((on, cell) => {
+      if (!on) return;
+      const [x, y] = [cell % wide, Math.floor(cell / wide)];
+      [x1, y1, x2, y2] = [Math.min(x1, x), Math.min(y1, y), Math.max(x2, x + 1), Math.max(y2, y + 1)];
+    });
+    if (x2 - x1 < wide / 2 || y2 - y1 < tall / 2) return null;
+    const corner = (x, y) => [(left + x) * step, top - (high + y) * step];
+    return [corner(x1, y2), corner(x2, y2), corner(x2, y1), corner(x1, y1)];
   }
 
   toScreen([x, y]) {
@@ -160,7 +205,9 @@ export class Sheet {
     }
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     for (const opening of [...plan.doors, ...plan.gaps]) this.line(context, opening, { colour: COLOURS.door, width: 2, dash: [5, 4] });
-    this.rooms?.rooms.forEach(({ at, area, why }, place) => this.name(context, at, `R${place + 1}`, `${area.toFixed(1)} m²`, why && RED));
+    // All are placed before the first is drawn: none is in the way of another.
+    const names = (this.rooms?.rooms ?? []).map((room, place) => [place < MOST_PLACED ? this.bareNear(context, room) : this.toScreen(room.at), room, `R${place + 1}`]);
+    for (const [at, { area, why }, name] of names) this.name(context, at, name, `${area.toFixed(1)} m²`, why && RED);
     if (many) {
       const picture = document.createElement("canvas");
       Object.assign(picture, { width: this.base.width, height: this.base.height });
@@ -248,9 +295,33 @@ export class Sheet {
     context.stroke();
   }
 
+  // Where the name of a room is drawn: of some places on the screen near its middle, the first where least is drawn.
+  bareNear(context, room) {
+    const [x, y] = this.toScreen(room.at);
+    const inside = x > 90 && y > 70 && x < this.width - 90 && y < this.height - 70;
+    if (inside && room.scale !== this.view.scale) Object.assign(room, { scale: this.view.scale, by: this.bareBy(context, x, y) });
+    const [dx, dy] = room.by ?? [0, 0];
+    return [x + dx, y + dy];
+  }
+
+  bareBy(context, x, y) {
+    const darkness = ([dx, dy]) => {
+      const { data } = context.getImageData((x + dx - 24) * this.ratio, (y + dy - 14) * this.ratio, 48 * this.ratio, 32 * this.ratio);
+      let [high, sum] = [0, 0];
+      for (let cell = 0; cell < data.length; cell += 4) {
+        const grey = data[cell] + data[cell + 1] + data[cell + 2];
+        high = Math.max(high, grey);
+        sum += grey;
+      }
+      return high - (4 * sum) / data.length;
+    };
+    const places = [0, 22, -22, 44, -44].flatMap((dy) => [0, 30, -30, 60, -60].map((dx) => [dx, dy]));
+    // A place further off must be clearly better.
+    return places.map((by) => [darkness(by) + 0.05 * Math.hypot(...by), by]).reduce((one, two) => (two[0] < one[0] - 3 ? two : one))[1];
+  }
+
   // The name of a room, and its area below.
-  name(context, point, name, area, colour) {
-    const [x, y] = this.toScreen(point);
+  name(context, [x, y], name, area, colour) {
     Object.assign(context, { fillStyle: colour || "rgba(122, 78, 12, 0.8)", textAlign: "center" });
     Object.assign(context, { strokeStyle: "rgba(255, 248, 235, 0.8)", lineWidth: 3, lineJoin: "round" });
     for (const [text, size, down] of [[name, "bold 12px", 0], [area, "10px", 13]]) {

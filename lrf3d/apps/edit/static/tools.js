@@ -2,6 +2,7 @@
 
 import { COLOURS } from "./sheet.js";
 
+const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const REACH = 9; // Distance within which something is pointed at [pixels].
 const away = ([x1, y1], [x2, y2]) => Math.hypot(x2 - x1, y2 - y1);
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
@@ -19,16 +20,6 @@ function crossing([[x1, y1], [x2, y2]], [[x3, y3], [x4, y4]]) {
   const turn = (x2 - x1) * (y4 - y3) - (y2 - y1) * (x4 - x3);
   const share = ((x3 - x1) * (y4 - y3) - (y3 - y1) * (x4 - x3)) / turn;
   return Math.abs(turn) > 1e-9 ? [x1 + share * (x2 - x1), y1 + share * (y2 - y1)] : null;
-}
-
-// Whether a point is in a polygon.
-function isInside([x, y], area) {
-  let inside = false;
-  area.forEach(([x1, y1], place) => {
-    const [x2, y2] = area[(place + 1) % area.length];
-    if (y1 > y !== y2 > y && x < x1 + ((y - y1) / (y2 - y1)) * (x2 - x1)) inside = !inside;
-  });
-  return inside;
 }
 
 // Lines of the plan and of what is drawn, by their rows.
@@ -58,18 +49,6 @@ export class Finder {
       if (off <= least && fits(row)) [best, least] = [row, off];
     }
     return best;
-  }
-
-  // The ends of strokes inside a polygon that are no walls.
-  looseIn(area) {
-    const { kinds, classes } = this.sheet.plan;
-    const found = [];
-    for (let row = 0; row < kinds.length; row += 1) {
-      if (!["nothing", "furniture", "door"].includes(classes[kinds[row]])) continue;
-      const ends = this.ends(row);
-      if (ends.every((end) => isInside(end, area))) found.push(...ends);
-    }
-    return found;
   }
 
   // The nearest point of the grid: decimetres, centimetres where those are wide.
@@ -166,6 +145,10 @@ export function makeTools(editor) {
     return edits[table][number][table === "obstacle" ? "route" : "points"];
   };
 
+  // A side of a box means all of it.
+  const isBox = ({ closed, height }) => closed && height < LOW;
+  const whole = (one) => (one?.table === "wall" && isBox(sheet.plan.edits.wall[one.number]) ? { table: "wall", number: one.number } : one);
+
   const exists = (one) => {
     const { edits } = sheet.plan;
     if (one.table === "robot.start") return Boolean(edits.robot?.start);
@@ -178,7 +161,7 @@ export function makeTools(editor) {
     const { edits } = sheet.plan;
     if (one.table === "wall") {
       const { points, material, height, closed } = edits.wall[one.number];
-      const kind = height < 1.25 ? `box or low wall of ${height} m` : material ?? "wall";
+      const kind = height < LOW ? `box or low wall of ${height} m` : material ?? "wall";
       if (one.piece === undefined) return `${closed ? "all sides" : "the whole"}: ${kind}`;
       return `${points.length > 2 ? "one side, " : ""}${metres(away(...pieceOf(one)))}: ${kind} (drawn)`;
     }
@@ -242,13 +225,16 @@ export function makeTools(editor) {
     else edits.wall.splice(number, 1, ...parts.map((part) => ({ ...wall, points: part })));
   }
 
-  // Tools that take points until Enter, or until a line comes back to its beginning.
-  const polyline = (keep, least, closes, word, alone = "") => ({
+  // Tools that take points until Enter, or until a line comes back to its beginning. Some keep what is drawn when they are left.
+  const polyline = (keep, least, closes, word, { alone = "", keeps = false }) => ({
     points: [],
     typed: "",
     start() {
       this.points = [];
       this.typed = "";
+    },
+    leave() {
+      if (keeps) this.finish(false);
     },
     at(event) {
       const last = this.points.at(-1);
@@ -378,8 +364,8 @@ export function makeTools(editor) {
         const whole = one?.table === "wall" && event.twice && { one: { table: "wall", number: one.number } };
         if (whole) return editor.pick(whole);
         if (one && one.place !== undefined) return (this.drag = { one, edits: structuredClone(sheet.plan.edits) });
-        if (one) return editor.pick({ one, point: one.point });
-        if (row >= 0) {
+        if (one) editor.pick({ one, point: one.point });
+        else if (row >= 0) {
           const end = finder.ends(row).find((each) => away(each, event.point) < REACH / sheet.view.scale);
           const picked = event.shiftKey && editor.picked?.rows ? [...editor.picked.rows, row] : [row];
           editor.pick({ rows: picked });
@@ -432,6 +418,7 @@ export function makeTools(editor) {
       key({ key }) {
         const classes = ["wall", "furniture", "glass", "mirror", "door", "nothing"];
         if (classes[key - 1] && editor.picked && !editor.picked.one) editor.classify(classes[key - 1]);
+        else if (classes[key - 1] && editor.picked?.one.table === "wall") editor.make(classes[key - 1]);
         else if (["Delete", "Backspace"].includes(key) && editor.picked?.one) {
           const { one } = editor.picked;
           editor.change("deleted", (edits) => deleteDecided(edits, one));
@@ -454,6 +441,15 @@ export function makeTools(editor) {
       down(event) {
         this.move(event);
         if (this.ends.length > 1) this.ends = [];
+        this.pressed = event.at;
+        this.take();
+      },
+      // Released elsewhere, it was a drag from end to end.
+      up(event) {
+        this.move(event);
+        if (this.ends.length === 1 && away(event.at, this.pressed) > 6) this.take();
+      },
+      take() {
         this.ends.push(this.now);
         // An empty sheet is in metres: there it only measures.
         if (this.ends.length === 2 && !sheet.plan.empty) editor.ask({ between: this.ends.map(inUnits), why: "the length of this", metres: null });
@@ -468,7 +464,7 @@ export function makeTools(editor) {
     wall: {
       cursor: "crosshair",
       hint: "click the corners; digits set a length; Enter ends, the first corner closes",
-      ...polyline((edits, points, closed) => (edits.wall ??= []).push({ points, ...(closed && { closed: true }), ...editor.style }), 2, false, "a wall"),
+      ...polyline((edits, points, closed) => (edits.wall ??= []).push({ points, ...(closed && { closed: true }), ...editor.style }), 2, false, "a wall", { keeps: true }),
     },
     room: {
       cursor: "crosshair",
@@ -520,7 +516,7 @@ export function makeTools(editor) {
       move(event) {
         const { from } = this;
         const row = from ? -1 : finder.stroke(event.point, stands);
-        this.one = from ? null : decided(event.point, row);
+        this.one = from ? null : whole(decided(event.point, row));
         this.over = this.one ? -1 : row;
         if (from) this.to = foot(event.point, ...from.ends);
       },
@@ -598,12 +594,12 @@ export function makeTools(editor) {
     keep: {
       cursor: "crosshair",
       hint: "click the corners of an area that routes avoid; Enter ends",
-      ...polyline((edits, points) => (edits.keep_out ??= []).push({ points }), 3, true, "an area to keep out of"),
+      ...polyline((edits, points) => (edits.keep_out ??= []).push({ points }), 3, true, "an area to keep out of", {}),
     },
     obstacle: {
       cursor: "crosshair",
       hint: "click where it stands and press Enter, or click all of its way there and back",
-      ...polyline((edits, points) => (edits.obstacle ??= []).push(points.length > 1 ? { route: points, ...editor.obstacle } : { route: [points[0], points[0]], radius: editor.obstacle.radius }), 1, false, "an obstacle", "Enter: it stands here"),
+      ...polyline((edits, points) => (edits.obstacle ??= []).push(points.length > 1 ? { route: points, ...editor.obstacle } : { route: [points[0], points[0]], radius: editor.obstacle.radius }), 1, false, "an obstacle", { alone: "Enter: it stands here" }),
     },
   };
 }

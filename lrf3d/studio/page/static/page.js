@@ -83,7 +83,10 @@ function take(header, block) {
   if (!header) return;
   scene.take(header, block);
   for (const [name, words] of Object.entries(header.words)) part(name).textContent = words;
-  part("failure")?.remove();
+  if (part("failure")) {
+    part("failure").remove();
+    if (plays) play(true);
+  }
   // A robot that has moved moves on, however slowly this page draws: the same question is asked again.
   if (!plays) asked = "";
   ask();
@@ -234,7 +237,6 @@ async function start() {
   // A story shows where most happens.
   choose(views[0]);
   move(limits()[0]);
-  if (plays) play(true);
   requestAnimationFrame(frame);
 }
 
