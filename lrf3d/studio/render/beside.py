@@ -8,6 +8,7 @@ import numpy as np
 from PIL import Image
 
 from lrf3d.base.latest import Latest
+from lrf3d.geometry.lines import Int
 from lrf3d.mapping.tints import object_tints
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.studio.render.text import LINE, row_of
@@ -28,7 +29,7 @@ _FRAME_COLOUR = (38, 50, 72)
 INK = (236, 240, 247)
 
 # Colour of the other rows, 0…255.
-_PALE = (184, 196, 216)
+PALE = (184, 196, 216)
 
 
 class MapBeside:
@@ -54,9 +55,15 @@ class MapBeside:
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True)
         self.size = wide, min(high, round(wide * self.window.aspect))
-        known = bool(name and run.knows_truth and len(run.maps) and len(run.world.segments))
-        self._walls = visible_walls(judged_part(run))[0] if known else look.NOTHING
+        known = bool(run.knows_truth and len(run.maps) and len(run.world.segments))
+        nothing = look.NOTHING, np.zeros(0, dtype=np.int64)
+        self._walls, self._numbers = visible_walls(judged_part(run)) if known else nothing
         self._found = Latest()
+
+    def found(self) -> tuple[Int, Int]:
+        """The walls of the world that the whole map has, and those that its robot could see."""
+        run: Any = self._scene.run
+        return self._numbers[found_walls(run.map, self._walls)], self._numbers
 
     def rows(
         self, time: float, draw: Callable[[Inset, tuple[int, int]], Pixels]
@@ -66,37 +73,55 @@ class MapBeside:
         moment = self._scene.timeline.moment(time)
         line_map = run.map_after(moment.mapped)
         number = run.snapshot_after(moment.mapped)
-        found = self._found.of(number, partial(found_walls, line_map, self._walls))
-        lost = self._walls[~found & (moment.mapped == len(run.trajectory.times) - 1)]
+        ended = moment.mapped == len(run.trajectory.times) - 1
+        judged = self._walls if self.name or ended else look.NOTHING
+        found = self._found.of((number, ended), partial(found_walls, line_map, judged))
+        lost = judged[~found & ended]
         plan = draw(self._scene.inset(moment, self.window, self._colours, lost), self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_OBJECT
-        rows = [self._row((self.name or "The map so far", _ink(tint))), Image.fromarray(plan)]
-        counts: list[Any] = [(f"{found.sum()} of {len(found)} walls found", INK)]
-        counts += [(f"· {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
-        return [*rows, *[self._row(*counts)] * bool(len(found))]
+        name = self.name or ("The map" if ended else "The map so far"), _ink(tint)
+        missed = [(f"·  {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
+        if not self.name:
+            return [self._row(name, *missed), Image.fromarray(plan)]
+        counts = (f"{found.sum()} of {len(found)} walls found", INK), *missed
+        return [self._row(name), Image.fromarray(plan), *[self._row(*counts)] * bool(len(found))]
 
     def legend(self) -> list[Image.Image]:
         """What is seen in maps, and their scale."""
         own = self._colours[:1]
         segments = [(NAMED, _ink(tint)) for tint in own or object_tints(np.arange(3), dark=True)]
         seen = ("■", tuple(2 * part for part in _ink(look.EXPLORED)))
-        robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", _PALE))] * (not own)
+        robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not own)
         long = round(self.window.bar / self.window.width * self.size[0])
         scale = Image.new("RGB", (self.size[0], round(LINE * self._letter)), look.PLAN_BACK)
         middle = scale.height // 2
-        scale.paste(_PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
-        words = row_of(((f" {self.window.bar:g} m", _PALE),), self._letter, self.size[0] - long)
+        scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
+        words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
         return [
-            self._row(*segments, ("walls in the map", _PALE)),
-            self._row(seen, ("seen by the laser", _PALE)),
+            self._row(*segments, ("walls in the map", PALE)),
+            self._row(seen, ("seen by the laser", PALE)),
             *robot,
             scale,
         ]
 
     def _row(self, *words: Any) -> Image.Image:
         return row_of(words, self._letter, self.size[0])
+
+
+def together(maps: Sequence[MapBeside]) -> tuple[str, str]:
+    """What the maps of several robots hold, in words: together, and each of what it could see."""
+    found, visible = zip(*(each.found() for each in maps), strict=True)
+    count = len(np.unique(np.concatenate(visible)))
+    all_found = len(np.unique(np.concatenate(found)))
+    each_found = (
+        f"{each.name}: {len(own)} of the {len(seen)} that it could see"
+        for each, own, seen in zip(maps, found, visible, strict=True)
+    )
+    return f"{len(maps)} maps together: {all_found} of {count} walls found", "  ·  ".join(
+        each_found
+    )
 
 
 def _ink(colour: Iterable[float]) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import LETTER, MapBeside
+from lrf3d.studio.render.beside import INK, LETTER, PALE, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
@@ -229,9 +229,8 @@ class Film:
         picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
             label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
-            if self._scenes and view.shot == "end":
-                head, *others = label.text
-                label = label._replace(text=(f"{self._maps[0].name}: {head}", *others))
+            if self._scenes and self._maps and view.shot == "end":
+                label = label._replace(text=together(self._maps), colours=(INK, PALE))
             lay_label(picture, label)
         return picture if columns == width and not self._below else self._beside(picture, time)
 
@@ -250,16 +249,12 @@ class Film:
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""
         width, height = self._size
-        view = self.camera.look(time, width / height)
-        # Several maps stay to the end.
-        stays = len(self._maps) > 1
-        if not (self._strip and (view.inset or stays)):
+        view = self.camera.look(time, (width - self._strip) / height)
+        if not self._strip:
             return view
-        # A story frames the robot and has the same path whether there is a strip or not.
-        if stays or not isinstance(self.camera, Story):
-            view = self.camera.look(time, (width - self._strip) / height)
-        inset = 1.0 if stays else view.inset
-        return replace(view, inset=inset, aside=inset * self._strip / width)
+        if not view.inset:
+            return self.camera.look(time, width / height)
+        return replace(view, aside=self._strip / width)
 
     def close(self) -> None:
         """Free what the driver holds."""

@@ -123,7 +123,8 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
     # A last stop is shown for a while.
     if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
         return _CARDS.of(run, partial(_card, run, playback))
-    head, *said = view.said or [_caption(run, moment, view.shot, playback)]
+    head, *said = view.said or [""]
+    head = head or _caption(run, moment, view.shot, playback)
     if full:
         said = _numbers(run, moment, playback)
         said += [run.map_after(moment.mapped).counts] * bool(run.maps)

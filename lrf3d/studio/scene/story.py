@@ -91,9 +91,6 @@ _ROOM = 1.5
 # Angle of view of that camera [rad].
 _FIELD = float(np.radians(46.0))
 
-# Share of the picture's width that the map next to it leaves.
-_BESIDE = 0.78
-
 # Share of the picture's height below it that text takes.
 _TEXT = 0.3
 
@@ -184,7 +181,7 @@ class Story:
             )
             dusk = _DUSK * float(_eased(share))
             return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
-        # The rise shows the whole world: the map next to it leaves, and the dark with it.
+        # The rise shows the whole world: the dark leaves.
         passed = (time - shot.start) / max(shot.end - shot.start, TINY)
         share = float(_eased({"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)))
         return track.look(
@@ -192,7 +189,6 @@ class Story:
             cuts=True,
             above=above * max(1.0 - share / _SINKS, 0.0),
             dusk=_DUSK + (1.0 - _DUSK) * share,
-            inset=1.0 - share,
             shot=shot.name,
             said=said,
         )
@@ -210,7 +206,9 @@ class Story:
             return (proof, *told) if proof else ()
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
-        return ("Fast forward",) if self.leaps and shot.name == "rise" and rushes else told
+        if self.leaps and shot.name == "rise" and rushes:
+            told = ("fast forward",)
+        return ("", *told) if told else ()
 
     def _leap(self, number: int) -> tuple[str, ...]:
         """How much of the run is left out before a shot by its number, if that is noticed."""
@@ -273,13 +271,12 @@ class Story:
     def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> _Take:
         """The camera path of the shot that proves the subject: that and the robot fill it."""
         around = (places[:, None] + _ROOM * _AROUND).reshape(-1, 2)
-        there = np.concatenate([around, self._subject.places - self._timeline.origin])
-        corners = np.concatenate([np.insert(there, 2, high, axis=1) for high in (0.0, SECTION)])
+        shown = np.concatenate([around, self._subject.places - self._timeline.origin])
+        corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
         for turn, steep in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES):
-            track = fitted(
-                corners, times[:1], np.array([turn]), steep, _FIELD, _BESIDE * aspect, _TEXT
-            ).at(times)
+            there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
+            track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
         return self._seen(tracks, np.linspace(times[0], times[-1], _JUDGED), aspect)
 

@@ -27,7 +27,7 @@ _COMPARED = 120
 _FALSE = 0.5
 
 # Share of the false pieces, or of the hits at glass, that the picture shows: the nearest.
-_NEAR = 0.6
+_NEAR = 0.8
 
 
 class Subject(NamedTuple):
@@ -107,7 +107,7 @@ def _false_room(run: Shown, since: float) -> Subject | None:
     near = _nearest(run, held - 1, places)
     aim = near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))]
     knows = "mirror" in run.maps[min(numbers[last] + 1, len(run.maps) - 1)].kinds
-    after = "The laser knows the mirror: the red room leaves" * knows
+    after = "The same room, mirrored: so this is a mirror" * knows
     return Subject(title, known, near, "The red room is only a reflection", known, after, aim)
 
 
