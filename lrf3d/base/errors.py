@@ -143,8 +143,8 @@ class MissingLibraryError(Lrf3dError):
 
 def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> None:
     """Check that names are known; for one that is not, the nearest known one, or all, are named."""
+    known = list(known)
     plain = {name.lstrip("-").lower(): name for name in known}
-    known = list(plain.values())
     for name in given:
         if not isinstance(name, str) or name not in known:
             from difflib import get_close_matches

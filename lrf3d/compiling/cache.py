@@ -36,7 +36,7 @@ VERSIONS = (numba.__version__, np.__version__.rpartition(".")[0])
 
 # Kernels that a release brings. Where there are none for this version of numba, or the processor is
 # older than theirs, kernels are compiled.
-RELEASED = Path(__file__).with_name("released") / numba.__version__
+RELEASED = Path(__file__).with_name("released") / "-".join(VERSIONS)
 
 # Processor, by LLVM's name and without other features, that kernels are released for.
 PROCESSOR = ("x86-64-v3", "")
@@ -271,8 +271,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 @cache
 def _has_released() -> bool:
-    """Whether there are released kernels that this processor runs."""
-    return RELEASED.is_dir() and all(map(get_host_cpu_features().get, NEEDED))
+    """Whether there are released kernels that this processor runs, and no other is asked for."""
+    runs = all(map(get_host_cpu_features().get, NEEDED))
+    return RELEASED.is_dir() and runs and not numba.config.CPU_NAME
 
 
 @cache

@@ -33,13 +33,16 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     caches = (
         package / "mapping/robust/__pycache__",
         Path(given or home / ".cache/numba"),
-        package / "compiling/released" / version("numba"),
     )
+    released = package / "compiling/released"
+    versions = f"{version('numba')}-{version('numpy').rpartition('.')[0]}"
+    own = f"{FILES.removesuffix('.nbc')}py{sys.version_info[0]}{sys.version_info[1]}*"
     reasons_against = (
         "NUMBA_DISABLE_JIT" in os.environ,
         core_count() < 2,
         os.name != "posix",
         any(next(cache.rglob(FILES), None) for cache in caches),
+        any((released / versions).glob(own)),
         not any(
             os.access(folder, os.W_OK)
             for folder in ([Path(given).parent] if given else [package, home])

@@ -116,7 +116,7 @@ def with_more_jumps(recording: Recording, poses: Float, doubted: Sequence[int]) 
     """
     increments = recording.path.increments(recording.taken_at)
     slips = [between(increments[k], between(poses[k - 1], poses[k])) for k in doubted]
-    number = sum(max(np.hypot(x, y), abs(turn)) > OUT for x, y, turn in slips)
+    number = sum(bool(max(np.hypot(x, y), abs(turn)) > OUT) for x, y, turn in slips)
     number += recording.found[JUMPS.name].finding.number if JUMPS.name in recording.found else 0
     jumps = {JUMPS.name: Applied(JUMPS, Jumps(recording.poses, number))}
     return replace(recording, found={**recording.found, **jumps}) if number else recording
