@@ -97,8 +97,6 @@ class Canvas:
         self.said = ""
         # Share of the sheet that pictures cover.
         self.pictured = 0.0
-        # Its texts, each with its place (2,) [m], or with the length [m] of its dimension.
-        self.texts = list[tuple[str, Any]]()
         # Unit of the drawing [m], after scaling.
         self.unit = 1.0
         # The scale of the drawing, and factors that may correct it, with their reasons.

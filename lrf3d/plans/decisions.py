@@ -18,7 +18,7 @@ from lrf3d.plans.canvas import PerUnit
 from lrf3d.plans.parts import KINDS, TOUCHED, Parts
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.rules.doors import Door
-from lrf3d.plans.rules.sheet import THICKEST_WALL
+from lrf3d.plans.rules.sheet import THICKEST_WALL, as_lines
 from lrf3d.simulation.tables import ROBOT
 from lrf3d.world import schema
 from lrf3d.world.model import DEFAULT_HEIGHT
@@ -155,6 +155,7 @@ class Class(Decision):
 
     A selector has a ``layer`` (a pattern), a ``colour``, a ``rule``, ``near`` (the middle of a
     stroke) or ``inside`` (a polygon), in units of the drawing; if it has several, all must hold.
+    Glass and mirrors in a polygon end at its edge, unless ``near`` says which stroke is meant.
     """
 
     select: Annotated[Any, table(SELECT)]
@@ -162,12 +163,10 @@ class Class(Decision):
     key = "class"
 
     def _change(self, plan: Plan) -> Plan | None:
-        if self.as_ in ("glass", "mirror") and "inside" in self.select:
+        by_area = "inside" in self.select and "near" not in self.select
+        if self.as_ in ("glass", "mirror") and by_area:
             # Only the part of a wall that is inside gets the material.
-            edge = shapely.LinearRing(np.asarray(self.select["inside"]) * plan.unit)
-            others = {name: held for name, held in self.select.items() if name != "inside"}
-            fits = plan.parts.stands & selected(plan.parts, others, plan.unit)
-            plan = _without(plan, edge, fits) or plan
+            plan = _cut(plan, self.select)
         chosen = selected(plan.parts, self.select, plan.unit)
         if not chosen.any():
             return None
@@ -175,6 +174,23 @@ class Class(Decision):
         names = ("kinds", "heights", "materials")
         new = {n: np.where(chosen, getattr(made, n), getattr(plan.parts, n)) for n in names}
         return plan._replace(parts=plan.parts._replace(**new))
+
+
+def _cut(plan: Plan, select: Mapping[str, Any]) -> Plan:
+    """The plan with the walls that a selector may select cut where they cross its area."""
+    area = _area(select, plan.unit)
+    others = {name: held for name, held in select.items() if name != "inside"}
+    lines = as_lines(plan.parts.segments)
+    # A wall along the edge of the area does not cross it.
+    chosen = shapely.crosses(lines, area) & plan.parts.stands
+    chosen &= selected(plan.parts, others, plan.unit)
+    halves = [cut(lines[chosen], area) for cut in (shapely.intersection, shapely.difference)]
+    return _replaced(plan, chosen, np.concatenate(halves)) if chosen.any() else plan
+
+
+def _area(select: Mapping[str, Any], unit: float) -> Any:
+    """The area [m] of a selector, for a unit of the drawing [m]."""
+    return shapely.Polygon(np.asarray(select["inside"]) * unit).buffer(0.0)
 
 
 def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
@@ -185,12 +201,12 @@ def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
             chosen &= _fits(getattr(parts, column), select[name])
     if "rule" in select:
         chosen &= _fits(parts.rules, select["rule"]) | _fits(parts.rules, _rule(select["rule"]))
-    middles = parts.segments.reshape(-1, 2, 2).mean(axis=1)
     if "inside" in select:
-        area = shapely.Polygon(np.asarray(select["inside"]) * unit)
-        chosen &= shapely.contains_xy(area.buffer(0.0), middles)
+        chosen &= shapely.contains_xy(_area(select, unit), parts.middles)
     if "near" in select:
-        away = np.hypot(*(middles - np.asarray(select["near"]) * unit).T)
+        # What was cut is still found where its middle was.
+        place = np.asarray(select["near"]) * unit
+        away = np.fmin(*(np.hypot(*(each - place).T) for each in (parts.middles, parts.wholes)))
         away[~chosen] = np.inf
         least = away.min(initial=np.inf)
         chosen &= (away <= least + SAME) & (away <= NEAR)
@@ -255,15 +271,21 @@ def _bared(plan: Plan, pieces: Float) -> Plan:
 
 def _without(plan: Plan, area: Any, chosen: Bool) -> Plan | None:
     """The plan with chosen strokes (n,) cut away inside an area; None if none are chosen."""
-    parts = plan.parts
     if not chosen.any():
         return None
+    lines = as_lines(plan.parts.segments[chosen])
+    return _replaced(plan, chosen, shapely.difference(lines, area))
+
+
+def _replaced(plan: Plan, chosen: Bool, left: Any) -> Plan:
+    """The plan with chosen strokes (n,) replaced by what is left of each, once or several times."""
+    parts = plan.parts
+    pieces, place = shapely.get_parts(left, return_index=True)
+    long = shapely.length(pieces) > SAME
     rows = np.flatnonzero(chosen)
-    lines = shapely.linestrings(parts.segments[rows].reshape(-1, 2, 2))
-    left, owner = shapely.get_parts(shapely.difference(lines, area), return_index=True)
-    long = shapely.length(left) > SAME
-    pieces = shapely.get_coordinates(left[long]).reshape(-1, 4)
-    cut = parts.at(rows[owner[long]])._replace(segments=pieces)
+    cut = parts.at(rows[place[long] % len(rows)])
+    wholes = np.where(np.isnan(cut.wholes), cut.middles, cut.wholes)
+    cut = cut._replace(segments=shapely.get_coordinates(pieces[long]).reshape(-1, 4), wholes=wholes)
     return plan._replace(parts=parts.at(~chosen).joined(cut))
 
 

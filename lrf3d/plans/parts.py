@@ -48,6 +48,8 @@ class Parts(NamedTuple):
     colours: Any
     # The object of a world; `TOUCHED` otherwise.
     objects: Int
+    # The middles (n, 2) [m] of the strokes that these were cut from; NaN for uncut ones.
+    wholes: Float
 
     @classmethod
     def of(cls, segments: Float, kind: str, **columns: Any) -> "Parts":
@@ -65,7 +67,13 @@ class Parts(NamedTuple):
         filled = {name: np.empty(len(segments), kinds.get(name, object)) for name in usual}
         for name, column in filled.items():
             column[:] = columns.get(name, usual[name])
-        return cls(np.asarray(segments, dtype=np.float64).reshape(-1, 4), **filled)
+        wholes = np.full((len(segments), 2), np.nan)
+        return cls(np.asarray(segments, dtype=np.float64).reshape(-1, 4), **filled, wholes=wholes)
+
+    @property
+    def middles(self) -> Float:
+        """The middles (n, 2) [m] of the strokes."""
+        return np.asarray(self.segments.reshape(-1, 2, 2).mean(axis=1))
 
     @classmethod
     def of_world(cls, world: World) -> "Parts":

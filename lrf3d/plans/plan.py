@@ -151,7 +151,9 @@ class Plan(NamedTuple):
     def scaled(self, factor: float) -> "Plan":
         """The plan enlarged by a factor; heights stay the same."""
         return self._replace(
-            parts=self.parts._replace(segments=self.parts.segments * factor),
+            parts=self.parts._replace(
+                segments=self.parts.segments * factor, wholes=self.parts.wholes * factor
+            ),
             removed={name: strokes * factor for name, strokes in self.removed.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
             gap=self.gap * factor,

@@ -5,7 +5,6 @@ drawing as large as a building, and its doors, if it has any, as wide as doors.
 """
 
 import re
-from typing import Any
 
 import numpy as np
 
@@ -31,24 +30,11 @@ UNITS = {
     "feet": 0.3048,
 }
 
-# The units of printed lengths [m].
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-
 # Usual scales of sheets: 1 to each of these.
 SHEETS = (20, 25, 50, 75, 100, 125, 150, 200, 250, 500, 1000)
 
 # Matches a scale of a sheet, such as 1:125.
 RATIO = re.compile(r"(?<![\d.:/])1\s?[:/]\s?(\d{1,4})(?![\d.:/])")
-
-
-# Matches a printed length and its unit.
-PRINTED = re.compile(r"(\d{1,6}(?:[.,]\d{1,3})?)\s?(m|cm|mm)?")
-
-# Largest distance of a printed length from the middle of its line, as a share of the line.
-BESIDE = 0.25
-
-# Share within which printed lengths agree: a dimension's line may go on beyond its marks.
-AGREE = 0.02
 
 
 def sheet_scales(texts: str, scale: float = 1.0) -> dict[float, str]:
@@ -83,16 +69,6 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
         return (), {}
     points = drawn.reshape(-1, 2)
     long = lengths(drawn)
-    wide, high = np.ptp(points, axis=0)
-    factor, count = printed_scale(canvas.texts, strokes.segments)
-    if count and abs(factor - 1.0) < 2.0 * AGREE:
-        return (), {}
-    if count:
-        words = (
-            f"as {count} printed lengths say ({metres(factor * wide)} by {metres(factor * high)})"
-        )
-        way = f"--scale {canvas.scale * factor:.4g} {words}"
-        return (Note(f"a plan of {metres(wide)} by {metres(high)}?", way),), {words: factor}
     usual = _quantile(long, long, 0.5)
     # A single long line does not make a large plan.
     weights = np.repeat(long, 2)
@@ -107,6 +83,7 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
     chosen = [each for each, count in zip(fits, doors, strict=True) if count == most]
     # Without doors, the scale that makes the walls as long as most is in the middle.
     chosen.sort(key=lambda factor: abs(np.log(factor * usual / 4.0)))
+    wide, high = np.ptp(points, axis=0)
     wider = f", {most} doors as wide as doors" if most else ""
     scales = {
         f"{canvas.scales[each]} ({metres(each * wide)} by {metres(each * high)}{wider})": each
@@ -115,53 +92,6 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
     ways = [f"--scale {canvas.scale * factor:g} {words}" for words, factor in scales.items()]
     found = f"a plan of {metres(wide)} by {metres(high)}, with walls of {metres(usual)}?"
     return (Note(found, "; ".join(ways) or "--scale corrects it"),), scales
-
-
-def printed_scale(texts: list[tuple[str, Any]], segments: Float) -> tuple[float, int]:
-    """The factor of a scale that half of the printed lengths agree on, and how many do; else 0.
-
-    Args:
-        texts: Each with its place (2,) [m], or with the length [m] of its dimension.
-        segments: Lines (n, 4) [m]: one whose middle is near a text may be its dimension.
-    """
-    votes = _votes(texts, segments)
-    factors = np.array([factor for factor, _ in votes])
-    ends = np.searchsorted(factors, factors * (1.0 + AGREE), "right")
-    agreed = [len({text for _, text in votes[n:end]}) for n, end in enumerate(ends)]
-    most = max(agreed, default=0)
-    if most < max(2.0, 0.5 * len({text for _, text in votes})):
-        return 0.0, 0
-    # Of several units, the one that makes it as large as a building, by the least change.
-    size = np.ptp(segments.reshape(-1, 2), axis=0).max()
-    chosen = [
-        float(np.median(factors[n : ends[n]])) for n, count in enumerate(agreed) if count == most
-    ]
-    fits = [each for each in chosen if EXTENT[0] <= each * size <= EXTENT[1]] or chosen
-    return min(fits, key=lambda factor: abs(np.log(factor))), most
-
-
-def _votes(texts: list[tuple[str, Any]], segments: Float) -> list[tuple[float, str]]:
-    """The factors by which each text may correct its lines, in their order, each with its text."""
-    middles = segments.reshape(-1, 2, 2).mean(axis=1)
-    long = lengths(segments)
-    votes = list[tuple[float, str]]()
-    for text, place in texts:
-        drawn = np.atleast_1d(place)
-        shown = _lengths_of(text.strip())
-        if shown and len(drawn) == 2:
-            drawn = long[np.hypot(*(middles - drawn).T) < BESIDE * long]
-        votes += [(each / line, text) for each in shown for line in drawn if line > 0.0]
-    return sorted(votes)
-
-
-def _lengths_of(text: str) -> list[float]:
-    """The lengths [m] that a text may mean; without a unit, one with decimals is in metres."""
-    found = PRINTED.fullmatch(text)
-    if not found:
-        return []
-    value = float(found[1].replace(",", "."))
-    units = [found[2]] if found[2] else ["m"] if re.search("[.,]", text) else METRES
-    return [value * METRES[unit] for unit in units if value]
 
 
 def metres(length: float) -> str:

@@ -53,6 +53,10 @@ _ROUNDING = 1e-3
 # thick they are half a cell away.
 _HALF_WALL = 0.8
 
+# Distance [cells] from the line of a wall that stays within which its cells stay, too; the outline
+# of a thick wall runs half a cell beside their middles.
+_STAYS = 0.4
+
 # Side of a cell [m] above which it may be given in millimetres: robots' maps have centimetres.
 COARSE = 2.0
 
@@ -256,16 +260,14 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     source = _picture_of(path, values["image"])
     frame = Pose(*values["origin"].tolist()).inverse()
 
+    def lines_in_cells(rows: set[tuple[float, ...]]) -> Any:
+        ends = frame.apply(np.array(sorted(rows)).reshape(-1, 2)).reshape(-1, 2, 2)
+        return shapely.linestrings(ends / values["resolution"])
+
     # Most walls are as they were.
-    kept = set(map(tuple, before.tolist())) & set(map(tuple, after.tolist()))
-
-    def lines_in_cells(segments: Float) -> Any:
-        changed = np.array([row for row in segments.tolist() if tuple(row) not in kept])
-        ends = frame.apply(changed.reshape(-1, 2)).reshape(-1, 2, 2) / values["resolution"]
-        return shapely.union_all(shapely.linestrings(ends))
-
-    old = lines_in_cells(before)
-    new = lines_in_cells(after)
+    were, are = (set(map(tuple, each.tolist())) for each in (before, after))
+    old = shapely.union_all(lines_in_cells(were - are))
+    new = shapely.union_all(lines_in_cells(are - were))
     gone = old.difference(new.buffer(_ROUNDING))
     came = new.difference(old.buffer(_ROUNDING))
     # Removed outlines enclose the cells of a wall; at a doorway its jambs close them.
@@ -277,7 +279,10 @@ def rewrite_map(path: Path, before: Float, after: Float, to: Path) -> None:
     area = shapely.union_all([gone.buffer(_HALF_WALL, cap_style="flat"), *filled])
     occupied, _ = _cells(source, values)
     rows, columns = np.nonzero(occupied)
-    erased = shapely.contains_xy(area, columns + 0.5, rows + 0.5)
+    erased = np.flatnonzero(shapely.contains_xy(area, columns + 0.5, rows + 0.5))
+    middles = shapely.points(columns[erased] + 0.5, rows[erased] + 0.5)
+    staying = shapely.STRtree(lines_in_cells(were & are))
+    erased = np.delete(erased, staying.query(middles, predicate="dwithin", distance=_STAYS)[0])
     grey = pixels_of(source)[::-1, :, 0].copy()
     free, full = (255 - FREE, 255 - OCCUPIED) if values["negate"] else (FREE, OCCUPIED)
     known = np.where(occupied.all(), np.uint8(free), grey)

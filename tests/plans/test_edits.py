@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from lrf3d.base.errors import Lrf3dWarning, WorldError
+from lrf3d.geometry.lines import lengths
 from lrf3d.plans.decisions import (
     Class,
     Doorway,
@@ -186,15 +187,32 @@ def test_glass_in_an_area_ends_at_its_edge(room):
     assert np.sort(glass, axis=1) == pytest.approx(np.array([[1.0, 1.0, 2.0, 4.5]]))
 
 
-def test_printed_lengths_correct_the_scale_of_a_drawing(tmp_path):
-    lines = "".join(
-        f'<path d="M{a} {y} H{b}"/><text x="{(a + b) / 2}" y="{y - 1}">{(b - a) / 10:.2f}</text>'
-        for a, b, y in ((10, 70, 5), (10, 30, 58), (30, 70, 58))
+@pytest.mark.parametrize(
+    ("box", "glass"), [((3, 1, 7, 3), 2.0), ((-1, 2, 3, 4), 2.0), ((3, 0, 7, 5), 7.0)]
+)
+def test_a_wall_along_the_edge_of_an_area_of_glass_stays(box, glass, tmp_path):
+    walls = [[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0], [3, 0, 3, 4]]
+    save_world(World(walls), tmp_path / "w.geojson")
+    x1, y1, x2, y2 = box
+    area = [[x1, y1], [x2, y1], [x2, y2], [x1, y2]]
+    parts = read_plan(tmp_path / "w.geojson", [Class({"inside": area}, "glass")]).parts
+    assert lengths(parts.segments).sum() == pytest.approx(24.0)
+    assert lengths(parts.segments[parts.kinds == "glass"]).sum() == pytest.approx(glass)
+
+
+@pytest.mark.parametrize(
+    ("place", "gone"), [([400, 100], 6.0), ([300, 100], 4.0), ([600, 100], 2.0)]
+)
+def test_a_place_finds_a_wall_that_glass_has_cut_as_a_whole_or_its_pieces(place, gone, room):
+    glass = Class({"inside": [[50, 50], [500, 50], [500, 150], [50, 150]]}, "glass")
+    walls, left = (
+        read_plan(room, edits) for edits in ([glass], [glass, Class({"near": place}, "nothing")])
     )
-    path = tmp_path / "a.svg"
-    sheet = '<svg width="80mm" height="60mm" viewBox="0 0 80 60" fill="none" stroke="black">'
-    path.write_text(f'{sheet}<rect x="10" y="10" width="60" height="40"/>{lines}</svg>')
-    plan = read_plan(path)
-    ((words, factor),) = plan.scales.items()
-    assert "as 3 printed lengths say" in words and factor == pytest.approx(100.0, rel=1e-6)
-    assert not read_plan(path, scale=100.0).doubts
+    assert not left.lost
+    assert lengths(walls.segments).sum() - lengths(left.segments).sum() == pytest.approx(gone)
+
+
+def test_glass_at_a_place_in_an_area_is_the_whole_stroke(room):
+    select = {"near": [400, 100], "inside": [[300, 50], [450, 50], [450, 150], [300, 150]]}
+    parts = read_plan(room, [Class(select, "glass")]).parts
+    assert lengths(parts.segments[parts.kinds == "glass"]).tolist() == pytest.approx([6.0])

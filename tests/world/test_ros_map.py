@@ -9,8 +9,9 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from lrf3d import Pose, World, WorldError, load_world, save_world
+from lrf3d.geometry.lines import lengths
 from lrf3d.world.grid_walls import walls_of_grid
-from lrf3d.world.ros_map import write_ros_map
+from lrf3d.world.ros_map import rewrite_map, write_ros_map
 
 
 def save_map(folder, pixels, name="map.png", **values):
@@ -249,3 +250,14 @@ def test_a_picture_of_another_size_than_its_header_is_refused(size, tmp_path):
         load_world(path)
     (tmp_path / "map.pgm").write_bytes(data + b"\n")
     assert len(load_world(path).segments) == 4
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("gone", [[0], [1], [0, 2]])
+def test_the_walls_that_stay_keep_their_lengths_when_others_are_erased(gone, yaw, tmp_path):
+    path = save_map(tmp_path, room(), origin=[-1.25, 0.7, yaw])
+    before = load_world(path).segments
+    after = np.delete(before, gone, axis=0)
+    rewrite_map(path, before, after, tmp_path / "new.yaml")
+    found = load_world(tmp_path / "new.yaml").segments
+    assert sorted(lengths(found)) == pytest.approx(sorted(lengths(after)))

@@ -148,7 +148,7 @@ class Editor:
             "rosMap": self.path.suffix.lower() in (".yaml", ".yml"),
             "sheet": self.sheet and [*self.sheet.size],
             "suggestions": [] if scale else suggestions(doors, self.plan.unit, scaled),
-            "check": checked_scale(self.plan, doors, source.scales),
+            "check": checked_scale(self.plan, doors),
             "gaps": doors.tolist() if is_picture(self.path) else [],
             "said": "; ".join(note.fact for note in self.plan.doubts + source.said),
             "grey": source.grey,

@@ -1,6 +1,5 @@
 """Sources of plans for display: a picture of the sheet, its size, and a first scale."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -95,13 +94,10 @@ def suggestions(openings: Float, unit: float, scaled: bool) -> list[dict[str, An
     ]
 
 
-def checked_scale(plan: Plan, openings: Float, scales: Mapping[str, float]) -> dict[str, Any]:
-    """How wide doors become with the scale of a plan, and other scales, by what they are called.
-
-    Of those that may correct it, printed lengths are offered.
-    """
+def checked_scale(plan: Plan, openings: Float) -> dict[str, Any]:
+    """How wide doors become with the scale of a plan, and other scales, by what they are called."""
     widths = np.sort(np.hypot(*(openings[:, 1] - openings[:, 0]).T))
-    offers = [(words, factor) for words, factor in scales.items() if "printed" in words]
+    offers = list[tuple[str, float]]()
     if not len(widths):
         return {"text": "", "offers": offers}
     middle = float(np.median(widths))

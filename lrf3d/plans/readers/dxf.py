@@ -155,7 +155,6 @@ class _EntityFilter(Frontend):
         if self.in_parts:
             super().draw_entity(entity, properties)
             return
-        canvas.texts += _texts(entity, self.painter.scale)
         if kind in LEFT_OUT or (kind in PATTERNED and not entity.has_solid_fill):
             canvas.leave(_kind(entity), _source(entity))
             return
@@ -195,18 +194,6 @@ class _EntityFilter(Frontend):
         reason = "hidden part" if msg == "invisible" else _kind(entity)
         for each in _items([_source(entity)], {}):
             self.canvas.leave(reason, each)
-
-
-def _texts(entity: Any, scale: float) -> list[tuple[str, Any]]:
-    """What an entity says, with its place (2,) [m], or with the length [m] that it measures."""
-    if entity.dxftype() in ("TEXT", "MTEXT"):
-        place = entity.dxf.get("align_point") or entity.dxf.insert
-        return [(entity.plain_text(), scale * np.array([place.x, place.y]))]
-    block = entity.get_geometry_block() if entity.dxftype() == "DIMENSION" else None
-    if block is None:
-        return []
-    long = scale * entity.get_measurement()
-    return [(each.plain_text(), long) for each in block.query("TEXT MTEXT")]
 
 
 def _kind(entity: Any) -> str:

@@ -92,13 +92,7 @@ def draw(
     canvas.pictured = share = painter.pictured / float(size.prod())
     few = lines <= MOST_ON_SCAN
     canvas.scale = scale
-    texts = handle.get_textpage()
-    canvas.scales = sheet_scales(texts.get_text_bounded(), scale)
-    boxes = [texts.get_rect(number) for number in range(texts.count_rects())]
-    middles = np.reshape(boxes, (-1, 2, 2)).mean(axis=1) @ matrix[:2, :2].T + matrix[:2, 2]
-    canvas.texts = [
-        (texts.get_text_bounded(*box), place) for box, place in zip(boxes, middles, strict=True)
-    ]
+    canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
         which = f"page {page} of {len(document)}"
         plan = _scanned(handle, which, unit, size, threshold)

@@ -199,8 +199,6 @@ class _ElementPainter(NamedTuple):
         if name not in SHAPES and name not in GROUPS:
             if name == "image":
                 self._picture(element, self.state(element, outer))
-            elif name == "text":
-                self._text(element, self.state(element, outer))
             if name not in DEFINITIONS:
                 self.leave([element], COUNTED.get(name, name))
             return
@@ -221,13 +219,6 @@ class _ElementPainter(NamedTuple):
         wide, high = state.size
         sides = _length(element, "width", wide) * _length(element, "height", high)
         self.canvas.pictured += abs(sides * np.linalg.det(state.matrix[:2, :2]))
-
-    def _text(self, element: Element, state: State) -> None:
-        """Note what a text says, and where: programs may give the place to its first part."""
-        places = [e for e in element.iter() if e.get("x")][:1] or [element]
-        x, y = (_length(places[0], *each) for each in zip("xy", state.size, strict=True))
-        place = state.matrix @ [x, y, 1.0]
-        self.canvas.texts.append(("".join(element.itertext()), place[:2]))
 
     def _use(self, element: Element, state: State) -> None:
         target = self.target(element)
