@@ -64,7 +64,8 @@ def read_geojson(path: Path, trees: bool = False, level: str | None = None) -> W
     IMDF are not dissolved: their outlines are walls, on one level.
     """
     data = _parse(path)
-    if isinstance(data.get("elements"), list):
+    # Overpass' answers have no type, and GeoJSON may have members of others.
+    if data.get("type") is None and isinstance(data.get("elements"), list):
         return read_overpass(path, data, trees, level)
     if trees:
         raise WorldError("trees are read from OpenStreetMap's extracts alone")
