@@ -93,9 +93,9 @@ class MapBeside:
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
-        walls = [self._row(*segments, ("walls in the map", PALE))]
+        walls = [self._row(*segments, ("walls in the map", PALE))] * bool(len(run.maps))
         return [
-            *walls * bool(len(run.maps)),
+            *walls,
             self._row(seen, ("seen by the laser", PALE)),
             *robot,
             scale,

@@ -95,17 +95,19 @@ def read_overpass(path: Path, data: dict[str, Any], trees: bool, level: str | No
 
 def _element(item: dict[str, Any]) -> Element:
     """An element of Overpass' JSON as the XML has it; what is nested may have places of its own."""
+    # What is null is not given.
+    item = {key: value for key, value in item.items() if value is not None}
     plain = {key: str(value) for key, value in item.items() if type(value) in (int, float, str)}
     element = Element(item["type"], plain)
-    for key, value in (item.get("tags") or {}).items():
+    for key, value in item.get("tags", {}).items():
         element.append(Element("tag", {"k": key, "v": str(value)}))
-    nodes = item.get("nodes") or []
+    nodes = item.get("nodes", [])
     places = item.get("geometry") or [None] * len(nodes)
     for node, place in zip_longest(nodes, places):
         number = {} if node is None else {"ref": str(node)}
         known = {key: str(value) for key, value in (place or {}).items()}
         element.append(Element("nd", number | known))
-    for member in item.get("members") or []:
+    for member in item.get("members", []):
         inner = _element({"geometry": member.get("geometry", []), **member})
         inner.tag = "member"
         element.append(inner)
