@@ -112,7 +112,7 @@ class StandingWalls:
     def standings(self, poses: Float, z: float) -> Iterator[tuple[Int, Plain]]:
         """The walls for sensors at poses (k, 3), and the numbers of the poses that share them."""
         around = self._around(poses, z)
-        if not self._lowest < z:
+        if around and not self._lowest < z:
             yield np.arange(len(poses)), self._outside_of(around[0], z)
             return
         groups: dict[bytes, list[int]] = {}

@@ -275,17 +275,24 @@ def tops_of(triangles: Float, segments: Float, faces: Int, cut: float) -> Float:
     """Heights [m] up to which walls (m,) stand upright, given their cuts and faces of `level_cut`.
 
     Triangles (n, 3, 3) end at the edges of a mesh, walls at the first level of a few above the cut
-    at which nothing stands on them.
+    at which nothing stands on them. What stands on a wall runs along it, and begins at its top.
     """
     tops: Float = triangles[faces, :, 2].max(axis=1)
-    middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
+    begin, end = np.hsplit(segments, 2)
+    quarters = [shapely.points(begin + share * (end - begin)) for share in (0.25, 0.75)]
     rising = np.arange(len(tops))
     for level in np.linspace(cut, triangles[..., 2].max(), STEPS, endpoint=False) + UPRIGHT_WITHIN:
         lower = rising[tops[rising] < level]
         standing, own = level_cut(triangles, level)
         tree = shapely.STRtree(shapely.linestrings(standing.reshape(-1, 2, 2)))
-        wall, on = tree.query(middles[lower], predicate="dwithin", distance=UPRIGHT_WITHIN)
-        np.maximum.at(tops, lower[wall], triangles[own[on], :, 2].max(axis=1))
+        heights = triangles[own, :, 2]
+        low, high = heights.min(axis=1), heights.max(axis=1)
+        found = np.full((2, len(lower)), -np.inf)
+        for raised, points in zip(found, quarters, strict=True):
+            wall, on = tree.query(points[lower], predicate="dwithin", distance=UPRIGHT_WITHIN)
+            stands = low[on] <= tops[lower[wall]] + UPRIGHT_WITHIN
+            np.maximum.at(raised, wall[stands], high[on[stands]])
+        tops[lower] = np.maximum(tops[lower], found.min(axis=0))
         rising = rising[tops[rising] >= level]
     return tops
 

@@ -212,3 +212,10 @@ def test_beams_go_on_behind_a_mirror() -> None:
     scan = PlanarCaster(world).cast_lidar(lidar, (0, 0, 0))
     assert scan.ranges[:, 2] == pytest.approx([1 / math.sin(0.2), 5.0, 5.0 / math.cos(0.1)])
     assert scan.walls[:, 2].tolist() == [-1, 1, 1]
+
+
+@pytest.mark.parametrize("height", [0.5, 3.0])
+def test_no_pose_has_no_cloud(height: float) -> None:
+    caster = PlanarCaster(World([[0, 0, 4, 0], [4, 0, 4, 4]], heights=[2.0, 2.0]))
+    lidar = Lidar([-0.1, 0.0], columns=8, mount=(0.0, 0.0, height))
+    assert list(caster.lidar_batches(lidar, np.zeros((0, 3)))) == []

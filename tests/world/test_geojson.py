@@ -291,3 +291,13 @@ def test_roads_water_and_land_are_no_walls(tmp_path):
     ]
     with pytest.warns(Lrf3dNote, match="3 features of roads, water and land"):
         assert len(read(tmp_path, *features, units="m").segments) == 5
+
+
+def test_a_foreign_member_elements_makes_no_answer_of_overpass(tmp_path):
+    ring = [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
+    shape = {"type": "Polygon", "coordinates": [ring]}
+    feature = {"type": "Feature", "properties": {}, "geometry": shape}
+    both = {"type": "FeatureCollection", "elements": [], "features": [feature]}
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps(both))
+    assert len(load_world(path).segments) == 4

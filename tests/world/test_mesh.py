@@ -132,3 +132,26 @@ def test_a_wall_is_as_high_as_what_stands_on_it(blocks, top, tmp_path):
     path = tmp_path / "wall.stl"
     trimesh.util.concatenate(boxes).export(path)
     assert load_world(path).heights == pytest.approx(top)
+
+
+@pytest.mark.parametrize(
+    ("panels", "top"),
+    [
+        # Both ends [m], lower and upper edge [m] of panels; the first one is asked for.
+        ([(0, 0, 4, 0, 0.0, 1.2), (0, 0, 4, 0, 1.7, 3.0)], 1.2),  # A window.
+        ([(0, 0, 10, 0, 0.0, 1.0), (0, 0, 10, 0, 14.0, 60.0)], 1.0),  # A house on posts.
+        ([(0, 0, 10, 0, 0.0, 1.0), (2.5, -5, 2.5, 5, 0.0, 3.0)], 1.0),  # A wall across a fence.
+        ([(0, 0, 4, 0, 0.0, 1.2), (0, 0, 4, 0, 1.2, 3.0)], 3.0),
+    ],
+)
+def test_no_wall_is_raised_through_air_or_by_what_crosses_it(panels, top, tmp_path):
+    corners = [
+        [[a, b, low], [c, d, low], [c, d, high], [a, b, high]] for a, b, c, d, low, high in panels
+    ]
+    parts = [trimesh.Trimesh(each, [[0, 1, 2], [0, 2, 3]], process=False) for each in corners]
+    floor = trimesh.creation.box((40.0, 40.0, 0.0))
+    path = tmp_path / "wall.stl"
+    trimesh.util.concatenate([floor, *parts]).export(path)
+    world = load_world(path)
+    first = (world.segments[:, [1, 3]] == 0.0).all(axis=1)
+    assert world.heights[first] == pytest.approx(top) and first.any()

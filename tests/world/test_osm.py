@@ -1,6 +1,7 @@
 """OpenStreetMap extracts: which buildings and trees are walls, where they stand, and how high."""
 
 import json
+from contextlib import nullcontext
 from itertools import pairwise
 from xml.etree import ElementTree
 
@@ -246,3 +247,34 @@ def test_other_files_have_no_trees(tmp_path):
     save_world(World([[0, 0, 4, 0]]), tmp_path / "wall.toml")
     with pytest.raises(WorldError, match=r"trees is for \.json, \.osm files alone"):
         load_world(tmp_path / "wall.toml", trees=True)
+
+
+SQUARE = [{"lat": 48.0 + a, "lon": 11.0 + b} for a, b in [(0, 0), (0, 2e-4), (2e-4, 2e-4), (0, 0)]]
+SQUARE_HOUSE = {"type": "way", "id": 9, "geometry": SQUARE, "tags": {"building": "yes"}}
+
+
+@pytest.mark.parametrize(
+    ("element", "note"),
+    [
+        ({"type": "count", "id": 0, "tags": {"total": "5"}}, "left out: 1 count"),
+        ({"type": "area", "id": 3600062422}, "left out: 1 area"),
+        (
+            {**SQUARE_HOUSE, "id": 8, "geometry": None, "nodes": None},
+            "left out: 1 incomplete building",
+        ),
+        ({"type": "relation", "id": 3, "tags": None, "members": None}, ""),
+    ],
+)
+def test_what_overpass_answers_besides_is_left_out_and_counted(element, note, tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"elements": [element, SQUARE_HOUSE]}))
+    with pytest.warns(Lrf3dNote, match=note) if note else nullcontext():
+        assert len(load_world(path).segments) == 3
+
+
+def test_a_member_without_a_type_is_refused_in_a_line(tmp_path):
+    members = {"type": "relation", "id": 3, "members": [{"ref": 9, "role": "outer"}]}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"elements": [SQUARE_HOUSE, members]}))
+    with pytest.raises(WorldError, match="expected the form of Overpass"):
+        load_world(path)

@@ -1,18 +1,16 @@
 """The map beside a picture: from straight above, with its name, a legend and a scale."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Int
 from lrf3d.mapping.tints import object_tints
-from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.found import found_after, visible_to
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
 
@@ -47,7 +45,6 @@ class MapBeside:
         name: str = "",
         colours: Sequence[look.Colour] = (),
     ) -> None:
-        run: Any = scene.run
         wide, high = room
         self._scene = scene
         self.name = name
@@ -55,15 +52,13 @@ class MapBeside:
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True)
         self.size = wide, min(high, round(wide * self.window.aspect))
-        known = bool(run.knows_truth and len(run.maps) and len(run.world.segments))
-        nothing = look.NOTHING, np.zeros(0, dtype=np.int64)
-        self._walls, self._numbers = visible_walls(judged_part(run)) if known else nothing
-        self._found = Latest()
+        run: Any = scene.run
+        self._walls, self._numbers = visible_to(run)
 
     def found(self) -> tuple[Int, Int]:
         """The walls of the world that the whole map has, and those that its robot could see."""
         run: Any = self._scene.run
-        return self._numbers[found_walls(run.map, self._walls)], self._numbers
+        return self._numbers[found_after(run, len(run) - 1)], self._numbers
 
     def rows(
         self, time: float, draw: Callable[[Inset, tuple[int, int]], Pixels]
@@ -71,16 +66,14 @@ class MapBeside:
         """The name, the map and its number at a time [s], with what draws it."""
         run: Any = self._scene.run
         moment = self._scene.timeline.moment(time)
-        line_map = run.map_after(moment.mapped)
-        number = run.snapshot_after(moment.mapped)
         ended = moment.mapped == len(run.trajectory.times) - 1
-        judged = self._walls if self.name or ended else look.NOTHING
-        found = self._found.of((number, ended), partial(found_walls, line_map, judged))
-        lost = judged[~found & ended]
+        found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
+        lost = self._walls[~found] if ended else look.NOTHING
         plan = draw(self._scene.inset(moment, self.window, self._colours, lost), self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_OBJECT
-        name = self.name or ("The map" if ended else "The map so far"), _ink(tint)
+        kind = "The map" if len(run.maps) else "Seen"
+        name = self.name or kind + " so far" * (not ended), _ink(tint)
         missed = [(f"·  {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
         if not self.name:
             return [self._row(name, *missed), Image.fromarray(plan)]
@@ -89,6 +82,7 @@ class MapBeside:
 
     def legend(self) -> list[Image.Image]:
         """What is seen in maps, and their scale."""
+        run: Any = self._scene.run
         own = self._colours[:1]
         segments = [(NAMED, _ink(tint)) for tint in own or object_tints(np.arange(3), dark=True)]
         seen = ("■", tuple(2 * part for part in _ink(look.EXPLORED)))
@@ -99,8 +93,9 @@ class MapBeside:
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
+        walls = [self._row(*segments, ("walls in the map", PALE))] * bool(len(run.maps))
         return [
-            self._row(*segments, ("walls in the map", PALE)),
+            *walls,
             self._row(seen, ("seen by the laser", PALE)),
             *robot,
             scale,

@@ -68,7 +68,9 @@ def row_of(words: Words, letter: float, wide: float, apart: str = " ") -> Image.
     length = max(_font(100).getlength(apart.join(text for text, _ in words)) / 100, 1.0)
     fitting = min(letter, wide / length)
     high = round(LINE * min(letter, int(fitting))) * (fitting >= _LEAST_LETTER)
-    picture = Image.new("RGBA", (round(length * fitting) + 1, high))
+    picture = Image.new("RGBA", (max(round(length * fitting), 0) + 1, high))
+    if not high:
+        return picture
     font = _font(int(fitting))
     place = 0
     for text, colour in words:

@@ -99,8 +99,12 @@ def render_video(
     _ = run.lasting_objects
     stage = stage_of(run)
     others = {name: (each, stage_of(each)) for name, each in (maps or {}).items()}
-    # Robots that drive at the same time light one world.
-    light = reduce(Exposure.joined, [one.exposure for _, one in others.values()], stage.exposure)
+    # Robots that drive at the same time light one world, whose frame goes with what each sees.
+    frames = [(one.exposure, one.structures.origin) for _, one in others.values()]
+    lights = [
+        replace(one, corner=one.corner + origin - stage.structures.origin) for one, origin in frames
+    ]
+    light = reduce(Exposure.joined, lights, stage.exposure)
     drawn = [(run, chosen, stage._replace(exposure=light))]
     heading = np.zeros((0, chosen.size[0], 3), np.uint8)
     if columns:

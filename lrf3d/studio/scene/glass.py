@@ -48,7 +48,7 @@ _GLEAM = 0.14
 # Share of the opacity that panes have in the dark.
 _UNLIT = 0.3
 
-# Number of beams at glass that are drawn of a scan, at most.
+# Number of beams at glass that are drawn of a scan, about: of more, some are chosen evenly.
 _DRAWN = 20
 
 # Opacity of these beams.
@@ -146,7 +146,7 @@ def _panes(world: World) -> shapely.Geometry:
 def met_glass(run: Shown, number: int) -> tuple[Float, Bool]:
     """Where beams of a scan that met glass ended (n, 2) [m], and which came back (n,).
 
-    Of many, some are chosen evenly; the others than those that came back went through.
+    The others than those that came back went through.
     """
     return _SHOWN.of((run, number), partial(_met, run, number))
 
@@ -155,13 +155,14 @@ def _met(run: Shown, number: int) -> tuple[Float, Bool]:
     scan = unrolled(run.scans_at(number)[0])
     ends = scan.points()
     through, back = at_glass(run.world, np.broadcast_to(scan.pose[:2], ends.shape), ends)
-    met = np.flatnonzero(through | back)
-    met = met[:: 1 + len(met) // _DRAWN]
+    met = through | back
     return ends[met], back[met]
 
 
 def glass_beams(apex: Float, ends: Float, back: Bool, height: float) -> Lines:
-    """Beams from an apex (2,) to ends (n, 2) in the film's frame, some of which came back."""
+    """Some beams from an apex (2,) to ends (n, 2) in the film's frame, of which some came back."""
+    step = 1 + len(ends) // _DRAWN
+    ends, back = ends[::step], back[::step]
     colours = np.where(back[:, None], BACK_COLOUR, THROUGH_COLOUR)
     begins = np.broadcast_to(apex, ends.shape)
     return level_lines(height, begins, ends, colours, np.full(ends.shape, _BEAM), _WIDE)

@@ -9,20 +9,14 @@ import numpy as np
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import Float
-from lrf3d.mapping.line_map import GLASS, LineMap
-from lrf3d.scoring.map_score import (
-    found_walls,
-    found_words,
-    judged_part,
-    score_run,
-    visible_walls,
-)
+from lrf3d.mapping.line_map import GLASS
+from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
+from lrf3d.studio.scene.found import found_after
 from lrf3d.studio.scene.glass import (
     BACK_COLOUR,
     THROUGH_COLOUR,
@@ -53,15 +47,6 @@ _PALE = (184, 196, 216)
 # All shots of the film's own cameras.
 _SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
 
-# Number of maps of a run of which the walls found are counted, at most.
-_SCORED = 16
-
-# The walls that the run asked for last could see.
-_WALLS = Latest()
-
-# Which of them its maps have found.
-_FOUND = Latest(2 * _SCORED)
-
 # The card of the run that was asked for last.
 _CARDS = Latest()
 
@@ -81,21 +66,10 @@ def _mapped(run: Run, scan: int) -> str:
     """What the map holds after a scan: walls found, if they are known, or else its segments."""
     if not run.maps:
         return counted(run.ranges.shape[1], "laser beam")
-    visible = _WALLS.of(run, partial(_visible, run))
-    if not len(visible):
+    found = found_after(run, scan)
+    if not len(found):
         return f"{counted(len(run.map_after(scan)), 'segment')} mapped"
-    number = run.snapshot_after(scan)
-    # Not each map is scored, but the last one is.
-    if number < len(run.maps) - 1:
-        number -= number % (1 + len(run.maps) // _SCORED)
-    line_map = run.maps[number] if number >= 0 else LineMap.empty()
-    found = _FOUND.of((run, number), partial(found_walls, line_map, visible))
-    return f"{found.sum()} of {counted(len(visible), 'wall')} found"
-
-
-def _visible(run: Run) -> Float:
-    """The parts of walls that a run could see; none where the true walls are not known."""
-    return visible_walls(judged_part(run))[0] if run.knows_truth else np.zeros((0, 4))
+    return f"{found.sum()} of {counted(len(found), 'wall')} found"
 
 
 def _closing(run: Run, moment: Moment, playback: float) -> str:

@@ -80,11 +80,14 @@ def read_overpass(path: Path, data: dict[str, Any], trees: bool, level: str | No
     extract = _Extract()
     extract.remark = data.get("remark")
     for item in data["elements"]:
-        if not isinstance(item, dict) or item.get("type") not in ELEMENTS:
+        if not isinstance(item, dict) or not isinstance(item.get("type"), str):
             raise WorldError(f"element {shown(item)}, expected a {', a '.join(ELEMENTS)}")
+        if item["type"] not in ELEMENTS:
+            extract.others.append(item["type"])
+            continue
         try:
             element = _element(item)
-        except (AttributeError, TypeError):
+        except (AttributeError, KeyError, TypeError):
             raise WorldError(f"element {shown(item)}: expected the form of Overpass") from None
         _add(extract, element)
     return _world(path, extract, trees, level)
@@ -92,6 +95,8 @@ def read_overpass(path: Path, data: dict[str, Any], trees: bool, level: str | No
 
 def _element(item: dict[str, Any]) -> Element:
     """An element of Overpass' JSON as the XML has it; what is nested may have places of its own."""
+    # What is null is not given.
+    item = {key: value for key, value in item.items() if value is not None}
     plain = {key: str(value) for key, value in item.items() if type(value) in (int, float, str)}
     element = Element(item["type"], plain)
     for key, value in item.get("tags", {}).items():
@@ -143,6 +148,8 @@ class _Extract:
         self.held = set[tuple[str, str]]()
         self.ways = dict[int, tuple[list[Node], Tags]]()
         self.relations = dict[int, tuple[list[tuple[int, str]], Tags]]()
+        # The kinds of elements that are no part of a map, as a count or an area that was asked for.
+        self.others = list[str]()
         # What the server says of an answer that it did not finish.
         self.remark: str | None = None
 
@@ -241,7 +248,9 @@ def _place(element: Element) -> Place:
 
 def _balance(extract: _Extract, fates: dict[int, str], trees: bool) -> Balance:
     """The balance of the elements with tags; the total is counted in the file."""
-    balance = Balance("element", len(extract.held))
+    balance = Balance("element", len(extract.held) + len(extract.others))
+    for kind in extract.others:
+        balance.leave(kind)
     fates |= {id(tags): "" for _, tags in extract.trees.values() if trees}
     ways = (tags for _, tags in (*extract.ways.values(), *extract.relations.values()))
     for tags in filter(None, (*extract.points.values(), *ways)):

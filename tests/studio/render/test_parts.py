@@ -8,7 +8,9 @@ import pytest
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
 from lrf3d.base.errors import InputError
+from lrf3d.studio.render import beside
 from lrf3d.studio.render.film import Film, frame
+from lrf3d.studio.render.text import row_of
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city
@@ -139,3 +141,26 @@ def test_a_film_is_freed_where_its_context_is_not_current():
     film.close()
     make_current()
     assert not GL.glIsFramebuffer(target)
+
+
+@pytest.mark.parametrize("size", [(16, 16), (32, 18), (16, 600)])
+def test_a_picture_too_small_for_text_has_none(size):
+    assert room_run().frame(0.5, size=size, renderer="embree").shape == (*size[::-1], 3)
+    assert row_of((("words", (1, 2, 3)),), 20.0, size[0] - 30).height == 0
+
+
+def test_a_run_without_maps_shows_what_was_seen_and_names_no_walls(monkeypatch):
+    said = list[str]()
+    monkeypatch.setattr(
+        beside, "row_of", lambda words, *rest: said.append(words[0][0]) or row_of(words, *rest)
+    )
+    mapped = room_run()
+    options = {"size": (640, 360), "renderer": "embree", "view": "chase"}
+    for run, name, rows in (
+        (mapped, "The map so far", 4),
+        (replace(mapped, snapshot_scans=(), maps=()), "Seen so far", 3),
+    ):
+        film = Film(run, **options)
+        film.draw(1.0)
+        assert name in said and len(film._maps[0].legend()) == rows
+        said.clear()

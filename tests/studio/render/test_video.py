@@ -210,3 +210,12 @@ def test_a_film_that_is_no_story_has_a_given_length_too(view):
     plan = film.FilmOptions(view=view, length=6.0, renderer="embree").of(run)
     assert plan.playback == pytest.approx(run.trajectory.duration / 6.0)
     assert film.FilmOptions(view=view, renderer="embree").of(run).playback == run.playback
+
+
+def test_robots_whose_paths_have_other_extents_have_a_film(tmp_path):
+    run = city_run(seconds=1.0)
+    moved = run.trajectory.poses + np.array([41.3, 7.7, 0.0])
+    other = replace(run, trajectory=replace(run.trajectory, poses=moved))
+    small = {"size": (160, 90), "renderer": "embree", "workers": 1, "fps": 1, "part": (1.0, 1.0)}
+    video.render_video(run, tmp_path / "a.mp4", maps={"one": run, "two": other}, **small)
+    assert len(read(tmp_path / "a.mp4")[2]) == 1

@@ -10,7 +10,7 @@ import lrf3d
 from lrf3d.geometry.pose import compose
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import Drift
-from lrf3d.studio.scene.glass import Panes, at_glass, bounced
+from lrf3d.studio.scene.glass import Panes, at_glass, bounced, glass_beams, met_glass
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
@@ -78,3 +78,18 @@ def test_a_beam_that_a_mirror_turns_goes_back_and_the_laser_takes_it_to_go_on():
     ways = np.hstack([lines.starts[:, :2], lines.ends[:, :2]])
     assert ways == pytest.approx(np.array([[1, 2, 2, 2], [2, 2, 0, 2], [2, 2, 4, 2]]), abs=0.05)
     assert bounced(scan, np.zeros((0, 4)), place, aim, 0.3) is None
+
+
+def test_the_legend_counts_all_beams_at_glass_of_which_some_are_drawn():
+    walls = [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0], [2, 1, 2, 3]]
+    world = lrf3d.World(walls, [0, 0, 0, 0, 1], materials=[None, "glass"])
+    run = lrf3d.simulate(world, [(1.0, 2.0, 0.0), (1.5, 2.0, 0.0)], noise=None, rng=0)
+    (scan,) = run.scans_at(0)
+    starts = np.broadcast_to(scan.pose[:2], scan.points().shape)
+    through, back = (int(each.sum()) for each in at_glass(world, starts, scan.points()))
+    legend = " ".join(said(run, time=run.trajectory.times[0]))
+    assert through + back > 50
+    assert f"{through} beams through glass" in legend and f"{back} back from it" in legend
+    ends, came = met_glass(run, 0)
+    assert len(ends) == through + back and came.sum() == back
+    assert 10 < len(glass_beams(np.zeros(2), ends, came, 0.3).starts) <= 20

@@ -124,3 +124,26 @@ def test_between_two_beams_light_ends_at_the_nearer_unless_they_meet_one_place(a
     rows, columns = np.nonzero(np.asarray(picture))
     away = np.hypot(*((np.array([columns, rows]).T + 0.5) * exposure.cell + exposure.corner).T)
     assert away.max() == pytest.approx(reach, abs=0.2)
+
+
+def test_robots_light_one_world_each_where_and_when_it_was():
+    run = city_run()
+    # The other one starts later, elsewhere, for longer.
+    off = [41.3, 7.7, 0.0]
+    path = replace(run.trajectory, times=2.0 * run.trajectory.times + 3.0)
+    other = replace(run, trajectory=replace(path, poses=path.poses + off))
+    structures = Structures.from_run(run)
+    # Each lights a box around its own path.
+    one, two = (expose(each, structures, -HALF, HALF) for each in (run, other))
+    both = one.joined(two)
+    assert one.times.shape != two.times.shape != both.times.shape
+    assert (one.joined(one).times == one.times).all()
+    places = np.random.default_rng(1).uniform(-HALF, HALF, (9000, 2))
+    mine, theirs, joint = (each.sampled(places) for each in (one, two, both))
+    surely = np.maximum(mine["sure"], theirs["sure"])
+    # Cells are at most half of their size aside.
+    assert np.abs(joint["sure"] - surely).mean() < 0.01
+    alone = (theirs["sure"] > 0.9) & (mine["sure"] < 0.1)
+    seconds = two.start + two.length * theirs["seen"][alone]
+    off = joint["seen"][alone] * both.length + both.start - seconds
+    assert alone.sum() > 100 and np.abs(np.median(off)) < 0.05 and np.abs(off).mean() < 0.2

@@ -9,8 +9,13 @@ from test_render import SIZE, city_run, room_run
 
 from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
+from lrf3d.mapping import LineMap
 from lrf3d.scoring.map_score import found_words, score_run
+from lrf3d.studio.render import beside
+from lrf3d.studio.render.beside import MapBeside
+from lrf3d.studio.render.text import row_of
 from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.timeline import Timeline
 
@@ -57,3 +62,20 @@ def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
 def test_a_panel_of_another_kind_is_refused():
     with pytest.raises(InputError, match="expected one of full, short"):
         replace(city_run()).frame(1.0, size=SIZE, renderer="embree", panel="some")
+
+
+def test_the_caption_and_the_map_beside_count_the_same_walls(monkeypatch):
+    run = city_run()
+    empty, whole = LineMap.empty(), run.map
+    # More maps than are scored.
+    grows = replace(run, maps=(*[empty] * 9, *[whole] * 12), snapshot_scans=tuple(range(21)))
+    scene = Scene(Timeline(grows), None, None)
+    rows = []
+    monkeypatch.setattr(
+        beside, "row_of", lambda words, *rest: rows.append(words) or row_of(words, *rest)
+    )
+    plan = MapBeside(scene, (90, 60), 9.0, "one")
+    for time in grows.trajectory.times:
+        plan.rows(time, lambda _, size: np.zeros((*size[::-1], 3), np.uint8))
+        (number, *_), beside_it = said(grows, time=time)[0].split(), rows[-1][0][0]
+        assert beside_it.split()[0] == number

@@ -142,14 +142,23 @@ class Exposure:
         return _TOLERANCE * self.cell
 
     def joined(self, other: "Exposure") -> "Exposure":
-        """With the light of another one of the same cells, where that is first or surer."""
-        times = self.times.copy()
-        mine, theirs = (one["sure"] > _SEEN for one in (times, other.times))
-        taken = theirs & (~mine | (other.times["seen"] < times["seen"]))
-        taken |= ~mine & (other.times["sure"] > times["sure"])
+        """The places of both, with the light of another one where that is first or surer."""
+        low = np.minimum(self.corner, other.corner)
+        high = np.maximum(self.corner + self.size, other.corner + other.size)
+        cell = max(self.cell, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+        # Where the cells need not grow they stay where they are.
+        low = self.corner - cell * np.ceil((self.corner - low) / cell - TINY)
+        columns, rows = np.ceil((high - low) / cell - TINY).astype(int).tolist()
+        y, x = np.mgrid[:rows, :columns]
+        places = low + cell * (np.column_stack([x.ravel(), y.ravel()]) + 0.5)
+        times, others = (one.sampled(places) for one in (self, other))
+        others["seen"] = (other.start + other.length * others["seen"] - self.start) / self.length
+        mine, theirs = (one["sure"] > _SEEN for one in (times, others))
+        taken = theirs & (~mine | (others["seen"] < times["seen"]))
+        taken |= ~mine & (others["sure"] > times["sure"])
         for name in ("seen", "sure", "delay"):
-            times[name][taken] = other.times[name][taken]
-        return replace(self, times=times)
+            times[name][taken] = others[name][taken]
+        return replace(self, times=times.reshape(rows, columns), corner=low, cell=cell)
 
     def clock(self, time: Any, playback: float) -> tuple[Any, float]:
         """A time of the run [s] in lengths of it, and the film's seconds in one length."""
