@@ -15,7 +15,6 @@ from lrf3d.recordings.formats.text.dialects import Dialect, Words, dialect_of
 from lrf3d.recordings.formats.text.lines import texts_of
 from lrf3d.recordings.formats.text.words import (
     SHORT,
-    VARIED,
     are_names,
     is_number,
     mostly_numbers,
@@ -45,9 +44,6 @@ QUOTED = re.compile(r'"(\d+(?:,\d+)+)"').findall
 # Matches numbers with marks between thousands.
 GROUPED = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+").fullmatch
 
-# Finds whole numbers of hundreds, which need no marks.
-HUNDREDS = re.compile(r"(?<![\w.,-])[1-9]\d\d(?![\w.])(?!,\d)").findall
-
 
 @dataclass(frozen=True)
 class Form:
@@ -59,7 +55,7 @@ class Form:
         word: The word that lines of scans begin with; "" if they begin with numbers.
         least: Least number of words of a line that holds a scan.
         sample: The words of the first lines that hold scans.
-        grouped: A number of a line whose thousands are marked, such as 1,234; "" if none is.
+        grouped: A number of a line whose thousands may be marked, such as 1,234; "" if none is.
     """
 
     dialect: Dialect
@@ -109,11 +105,10 @@ def form_of(path: Path) -> Form:
 
 
 def _grouped(texts: Sequence[str], dialect: Dialect) -> str:
-    """A number whose thousands are marked: all with commas have three digits, others are large."""
+    """A number whose thousands may be marked, as all with commas have three digits after them."""
     find = QUOTED if dialect.name == "commas" else COMMAS
     commas = [number for text in texts for number in find(text)]
-    large = {number for text in texts for number in HUNDREDS(text)}
-    return commas[0] if commas and all(map(GROUPED, commas)) and len(large) > VARIED else ""
+    return commas[0] if commas and all(map(GROUPED, commas)) else ""
 
 
 def _rows_of(dialect: Dialect, texts: Sequence[str]) -> list[Words]:

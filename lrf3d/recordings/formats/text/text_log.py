@@ -97,7 +97,7 @@ def _found(form: Form, intake: Intake, given: Layout) -> Layout:
             (f", such as '{each}'" for each in formats_for(form) if _reads(intake, each)), ""
         )
         raise InputError(f"{error}{spec}") from None
-    if form.grouped and "ranges" not in layout.units:
+    if form.grouped and "ranges" not in layout.units and layout.has_hundreds(form):
         why = "numbers grouped in thousands; save them without marks between the groups"
         raise InputError(f"{intake.path}: {form.grouped}: {why}")
     return layout
