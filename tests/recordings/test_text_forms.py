@@ -58,8 +58,13 @@ FORMS = {
                                      *(f"Distance {k} (mm)" for k in range(BEAMS))]),
     "dates": joined([["datetime", *NAMES[1:]], *dated("Z")]),
     "dates with a zone": joined([["datetime", *NAMES[1:]], *dated("+02:00")]),
-    "fractions of a day": joined([NAMES, *([repr(0.5 + float(row[0]) / 86400), *row[1:]]
-                                           for row in ROWS)]),
+    "days since 1900": joined([NAMES, *([repr(45000.5 + float(row[0]) / 86400), *row[1:]]
+                                        for row in ROWS)]),
+    "more than a day and an hour": joined([NAMES, *([f"25:75:{row[0]}", *row[1:]]
+                                                    for row in ROWS)]),
+    "tabs before all lines": joined([NAMES, *(["", *row] for row in ROWS)], "\t"),
+    "tabs below a column without a name": joined(
+        [["", *NAMES], *([str(k), *row] for k, row in enumerate(ROWS))], "\t"),
     "German dates": joined(
         [NAMES, *([f"01.03.2024 12:00:{row[0]}", *row[1:]] for row in ROWS)], ";",
         lambda word: word.replace(".", ",") if word[2:3] != "." or " " not in word
@@ -84,6 +89,8 @@ FORMS = {
         1.0, ["made on 3 May, 17:53:11, format: time[s], x[m] y[m] yaw[degrees] r1 ... r180"],
         degrees=True,
     ).replace(",", " "),
+    "a sentence that names too many columns":
+        "# format: time x y yaw r0 ... r999999999\n" + joined(ROWS, " "),
     "spaces before a list": "\n".join(
         f"{row[0]} {-np.pi / 2} {np.radians(89)} {np.pi / 180} {BEAMS} {', '.join(row[4:])}"
         for row in ROWS),
@@ -98,6 +105,15 @@ FORMS = {
         json.dumps({"theta": np.radians(np.arange(-90.0, 90.0)).tolist(), "time": float(row[0]),
                     "readings": [*map(float, row[4:])], "odometry": [*map(float, row[1:4])]})
         for row in ROWS),
+    "records with a date, and points of which one has a list": json.dumps([
+        {"datetime": "2024-02-28T23:59:05", "timestamp": float(row[0]),
+         **dict(zip(["x", "y", "theta"], map(float, row[1:4]), strict=True)),
+         "scan": [{"angle": np.radians(k - 90), "d": float(r), **({"tags": [1]} if k == 9 else {})}
+                  for k, r in enumerate(row[4:])]} for row in ROWS]),
+    "records with a distance elsewhere": json.dumps([
+        {"time": {"value": float(row[0])}, "laser": {"data": [*map(float, row[4:])]},
+         "odometry": [*map(float, row[1:4])], "goal": {"distance": 3.0, "t": 9.0}}
+        for row in ROWS]),
     "records by their numbers": json.dumps({
         f"scan{k}": dict(zip(["time", "x", "y", "theta", "ranges"],
                              [*map(float, row[:4]), [float(r) for r in row[4:]]], strict=True))
@@ -119,7 +135,7 @@ def test_a_drive_is_read_in_each_form(form, tmp_path):
         assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
     else:
         assert log.poses == pytest.approx(POSES)
-    assert log.times - log.times[0] == pytest.approx(TIMES - TIMES[0])
+    assert log.times - log.times[0] == pytest.approx(TIMES - TIMES[0], abs=1e-6)
     assert log.bad_count == (form == "an empty first cell")
 
 
@@ -175,14 +191,27 @@ def test_lines_longer_than_the_first_ones_are_not_cut(tmp_path):
         load_log(path)
 
 
-def test_a_column_that_counts_scans_holds_no_ranges(tmp_path):
+@pytest.mark.parametrize("head, line", [
+    ("scan_id,angle,range", "{k},{a},{r}"),
+    ("front_scan,angle,range", "{k},{a},{r}"),
+    ("laser_scan,angle,distance_driven", "{r},{a},{k}.5"),
+])  # fmt: skip
+def test_a_column_that_counts_scans_holds_no_ranges(head, line, tmp_path):
     path = tmp_path / "points.csv"
-    lines = [
-        f"{k},{np.radians(b):.5f},{r}" for k, row in enumerate(RANGES) for b, r in enumerate(row)
-    ]
-    path.write_text("\n".join(["scan_id,angle,range", *lines]))
+    rows = [line.format(k=k, a=f"{np.radians(b):.5f}", r=r)
+            for k, row in enumerate(RANGES) for b, r in enumerate(row)]  # fmt: skip
+    path.write_text("\n".join([head, *rows]))
     log = load_log(path)
     assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
+
+
+@pytest.mark.parametrize("times", [5e-5 * np.arange(COUNT), 1.7e9 + np.arange(COUNT) // 6])
+def test_stamps_that_hardly_rise_are_seconds(times, tmp_path):
+    path = tmp_path / "drive.csv"
+    times = times + 1e-5 * np.arange(COUNT)
+    rows = ([f"{t:.5f}", *row[1:]] for t, row in zip(times, ROWS, strict=True))
+    path.write_text(joined([NAMES, *rows]))
+    assert load_log(path).times == pytest.approx(times, abs=1e-5)
 
 
 def test_what_looks_like_ranges_is_refused(tmp_path):
@@ -194,3 +223,12 @@ def test_what_looks_like_ranges_is_refused(tmp_path):
     np.savez(tmp_path / "points.npz", scans=np.random.default_rng(0).uniform(-3, 3, (9, 40, 2)))
     with pytest.raises(InputError, match="without bearings"):
         load_log(tmp_path / "points.npz")
+    # What only looks like either is read.
+    rows = [[str(150 + k), *(f"{r:.3f}".replace(".", ",") for r in row)]
+            for k, row in enumerate(RANGES)]  # fmt: skip
+    path.write_text(joined([["time", *NAMES[4:]], *rows], ";"))
+    assert load_log(path).scans[3].ranges == pytest.approx(RANGES[3])
+    pairs = np.dstack([np.tile(np.radians(np.arange(-90, 90) // 2), (COUNT, 1)), 1e3 * RANGES])
+    pairs[:, 5, 1] = 50.5
+    np.savez(tmp_path / "points.npz", scans=np.pad(pairs, ((0, 0), (0, 50), (0, 0))))
+    assert np.median(load_log(tmp_path / "points.npz").scans[0].ranges) < 6.0

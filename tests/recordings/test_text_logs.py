@@ -253,9 +253,16 @@ def test_arrays_are_read_by_their_names(drive, tmp_path):
     np.savez(tmp_path / "drive.npz", ranges=ranges, angles=ANGLES, stamps_s=times, poses=poses)
     savemat(tmp_path / "drive.mat", {"data": {"Ranges": ranges.T, "Angles": np.degrees(ANGLES),
                                               "time": times, "pose": poses.T}})  # fmt: skip
-    for name in ("drive.npz", "drive.mat"):
+    np.savez(tmp_path / "more.npz", laser_ranges=ranges, range=9.0, stamps_s=times, poses=poses)
+    savemat(tmp_path / "velocity.mat", {
+        "velocity_ns": {"ranges": ranges, "pose": poses},
+        "stamp": {"sec": times // 1, "nanosec": 1e9 * (times % 1)},
+    })  # fmt: skip
+    for name in ("drive.npz", "drive.mat", "more.npz", "velocity.mat"):
         log = load_log(tmp_path / name)
-        assert log.times == pytest.approx(times) and len(map_log(log).map) == 4
+        assert np.diff(log.times) == pytest.approx(np.diff(times), abs=1e-5)
+        assert log.times[0] == pytest.approx(times[0]) and np.allclose(log.poses[:, 0], poses[:, 0])
+        assert name[:5] != "drive" or len(map_log(log).map) == 4
     np.savez(tmp_path / "other.npz", picture=ranges)
     with pytest.raises(InputError, match=r"no ranges .*picture \(40, 181\)"):
         load_log(tmp_path / "other.npz")

@@ -24,8 +24,7 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
-from lrf3d.recordings.formats.text.guesses import LEAST_ALIKE
-from lrf3d.recordings.formats.text.lines import plain
+from lrf3d.recordings.formats.text.lines import in_seconds, untyped
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
@@ -96,7 +95,14 @@ def _arrays_in(path: Path) -> dict[str, Any]:
 
     # Arrays in structures, and in arrays of these or of cells, are taken out of them.
     whole = loadmat(path, simplify_cells=True)
-    return dict(_flat({name: each for name, each in whole.items() if name[:2] != "__"}, ""))
+    found = _flat({name: each for name, each in whole.items() if name[:2] != "__"}, "")
+    return {_last(name): each for name, each in found}
+
+
+def _last(name: str) -> str:
+    """The name within a structure, if it says what it holds; the name of all of them may not."""
+    last = name.split(".")[-1]
+    return last if meaning(last)[0] else name
 
 
 def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
@@ -125,8 +131,9 @@ def _shape(table: Table) -> None:
         table.values["ranges"] = ranges[None]
     elif ranges.shape[2:] == (2,):
         # Bearings rise, or fall, from beam to beam; the coordinates of points do both.
-        even = np.abs(np.sign(np.diff(ranges, axis=1)).mean(axis=(0, 1)))
-        if even.max() < LEAST_ALIKE:
+        ways = np.sign(np.diff(ranges, axis=1))
+        even = np.abs(ways.sum(axis=(0, 1))) / np.maximum(np.abs(ways).sum(axis=(0, 1)), 1.0)
+        if even.max() < 0.5:
             found = f"pairs {ranges.shape} without bearings"
             raise InputError(f"{table.intake.path}: {found}; expected bearings and ranges, (k, n)")
         table.values["angles"] = ranges[..., even.argmax()].ravel()
@@ -171,9 +178,9 @@ def records(intake: Intake) -> dict[str, Float]:
 def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     """The records in a text, and what reads one of them."""
     if text.lstrip()[:1] in "[{":
-        parts, read = json_parts(plain(text))
-        # What Python prints has other quotes than JSON.
-        return parts, _yaml if text.lstrip().startswith("{'") else read
+        found = _json_parts(untyped(text))
+        plain = in_seconds(text)
+        return found if plain is text or _are_stamped(*found) else _json_parts(untyped(plain))
     documents = re.split(r"(?m)^---[ \r]*$", text)
     if len(documents) > 1 or re.match(r"\s*\w+:", text):
         return documents, _yaml
@@ -182,6 +189,20 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
         # Numbers may be separated by semicolons as well.
         lines = [line.replace(";", ",") for line in lines]
     return lines[1:], partial(_cells, lines[0].split(","))
+
+
+def _json_parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
+    """The records in a text of JSON; what Python prints has other quotes."""
+    parts, read = json_parts(text)
+    return parts, _yaml if text.lstrip().startswith("{'") else read
+
+
+def _are_stamped(parts: Sequence[Any], read: Callable[[Any], Any]) -> bool:
+    """Whether a number of the first record is its stamp."""
+    with suppress(ValueError, TypeError, RecursionError):
+        roles = {meaning(name)[0] for part in parts[:1] for name, _ in _flat(read(part), "")}
+        return bool(roles & {"stamp", "nanosec", "dt"})
+    return True
 
 
 def json_parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
@@ -261,22 +282,33 @@ def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
         yield from _of_message(value, name)
     elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
         parts = [dict(_flat(each, name)) for each in value]
-        for key in dict.fromkeys(chain(*parts)):
+        for key in _names(parts):
             yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
     else:
         yield from _of_numbers(value, name)
 
 
+def _names(parts: Sequence[dict[str, Float]]) -> dict[str, None]:
+    """The names in the first of some records, and those of numbers that only later ones have."""
+    later = (key for part in parts for key, each in part.items() if not each.ndim)
+    return dict.fromkeys(chain(parts[0], later))
+
+
 def _of_message(message: dict[str, Any], name: str) -> Iterator[tuple[str, Float]]:
     keys = set(message)
     if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
-        sec, nanosec = map(float, message.values())
+        sec, nanosec = map(_floats, message.values())
         yield name, np.array(sec + NANO * nanosec)
     elif keys == {"x", "y", "z", "w"}:
-        yield f"{name}.theta_rad", heading_of(*(np.array(float(message[axis])) for axis in "xyzw"))
+        yield f"{name}.theta_rad", heading_of(*(_floats(message[axis]) for axis in "xyzw"))
     else:
         for key, each in message.items():
             yield from _flat(each, f"{name}.{key}" if name else str(key))
+
+
+def _floats(value: Any) -> Float:
+    """A number, or an array of them; what is missing is an error."""
+    return np.asarray(value).astype(np.float64)
 
 
 def _of_numbers(value: Any, name: str) -> Iterator[tuple[str, Float]]:

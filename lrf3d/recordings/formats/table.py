@@ -9,7 +9,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -80,9 +79,6 @@ FOREIGN = set(
 # Ranges whose median is above this are not metres.
 FAR = 100.0
 
-# More different numbers than this are measured.
-VARIED = 10
-
 # Ranges whose 90 % quantile is below this may be centimetres.
 ROOM = 1500.0
 
@@ -91,6 +87,9 @@ NARROWEST = 0.5
 
 # Longest usual time between two scans [s], from which the unit of stamps is known.
 SLOWEST = 5.0
+
+# Days since 1900 of today's recordings: from 1954 to 2119.
+DAYS = (20_000, 80_000)
 
 # Usual distance between two poses [m] from which on they are in millimetres.
 LONGEST_STEP = 3.0
@@ -115,7 +114,7 @@ def meaning(name: str) -> tuple[str, str]:
     name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
     if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
         return f"q{quaternion[1]}", ""
-    if (last := _parts(name)[-1]) in MESSAGE_FIELDS:
+    if (last := re.split("[./]", name)[-1]) in MESSAGE_FIELDS:
         return MESSAGE_FIELDS[last], "rad"
     words = [word for word in re.split(r"[^a-z]+", name) if word]
     if FOREIGN.intersection(words):
@@ -123,11 +122,6 @@ def meaning(name: str) -> tuple[str, str]:
     units = [word for word in words if word in UNITS]
     role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
     return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
-
-
-def _parts(name: str) -> list[str]:
-    """The names of messages in messages, in lower case."""
-    return re.split("[./]", name.lower())
 
 
 def _role_of(words: Sequence[str]) -> str:
@@ -164,9 +158,7 @@ class Table:
         """The table of arrays whose names say what they are."""
         table = cls(intake, {})
         unused = []
-        # A name within a message counts before that of the message: `scan.ranges`, `scan.beams`.
-        named = sorted(arrays.items(), key=lambda one: not _role_of([_parts(one[0])[-1]]))
-        for name, array in named:
+        for name, array in arrays.items():
             role, unit = meaning(name)
             # A list for each scan holds bearings, and no heading.
             role = {("theta", 2): "angles"}.get((role, array.ndim), role)
@@ -276,7 +268,6 @@ class Table:
         if len(known) < 2 or np.ptp(known) == 0.0:
             what = f"all are {known[0]:g}" if len(known) else "none is a positive number"
             raise InputError(f"{path}: no ranges in it: {what}; name the columns by --format")
-        _refuse_grouped(known, path)
         half, most = np.quantile(known, [0.5, 0.9])
         unit = "m" if (known % 1.0).any() and half <= FAR else "mm"
         # RPLIDARs, which have qualities, write millimetres.
@@ -350,9 +341,7 @@ class Table:
             self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
             return UNTIMED * np.arange(float(len(self.values["ranges"])))
         usual = usual_step(self.values["stamp"]) or 1.0
-        units = (unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST)
-        guessed = max(units, key=lambda unit: TIMES[unit], default="ns")
-        return self._in("stamp", guessed, f", {usual:g} apart")
+        return self._in("stamp", _unit_of(self.values["stamp"], usual), f", {usual:g} apart")
 
     def poses(self) -> Float | None:
         """Poses (k, 3) of the robot; None where there is no odometry."""
@@ -399,13 +388,12 @@ class Table:
         return _driven(ahead, 0.0 * ahead, turns)
 
 
-def _refuse_grouped(ranges: Float, path: Path) -> None:
-    """Refuse 1,234 that was read as 1.234: numbers with a fraction are small, whole ones large."""
-    split = ranges[ranges % 1.0 > 0.0]
-    large = np.unique(ranges[(ranges % 1.0 == 0.0) & (ranges >= FAR)])
-    if len(large) > VARIED and 0.0 < split.max(initial=0.0) < FAR:
-        grouped = "grouped in thousands; save them without marks between the groups"
-        raise InputError(f"{path}: ranges of {split[0]:g} and of {large[0]:g}: numbers {grouped}")
+def _unit_of(stamps: Float, usual: float) -> str:
+    """The unit of stamps at usual steps: days since 1900, as in spreadsheets, rise slowly."""
+    are_days = len(stamps) and DAYS[0] < stamps.min() and stamps.max() < DAYS[1]
+    if are_days and max(usual, np.ptp(stamps) / len(stamps)) * TIMES["days"] <= SLOWEST:
+        return "days"
+    return next((unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST), "ns")
 
 
 def _in_one_piece(bearings: Float) -> Float:

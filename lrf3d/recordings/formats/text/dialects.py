@@ -11,6 +11,9 @@ from functools import partial
 
 from lrf3d.recordings.formats.text.words import SHORT, is_number
 
+# Most columns that ``range0 … range681`` in a sentence may name.
+MOST_COLUMNS = 100_000
+
 # Brackets and quotes, which lists of numbers stand in.
 BRACKETS = re.compile(r"""["'(){}\[\]]""")
 
@@ -78,7 +81,7 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 def _series(ends: re.Match[str]) -> str:
     base, first, last = ends.groups()
-    numbers = range(int(first), int(last) + 1)
+    numbers = range(int(first), min(int(last) + 1, int(first) + MOST_COLUMNS))
     return " ".join(f"{base}{number}" for number in numbers)
 
 
@@ -104,7 +107,17 @@ def _tuples(text: str) -> list[Words]:
 
 
 def _are_separated(mark: str, lines: Sequence[str]) -> bool:
-    return sum(text.count(mark) for text in lines) >= len(lines) > 0
+    return sum(text.lstrip().count(mark) for text in lines) >= len(lines) > 0
+
+
+def _are_indexed(lines: Sequence[str]) -> bool:
+    """Whether a header begins with a tab, and lines do not: the first column has no name."""
+    begun = [text.startswith("\t") for text in lines]
+    return begun[:1] == [True] and not all(begun) and _are_separated("\t", lines)
+
+
+def _indexed(text: str) -> list[Words]:
+    return [[""] * text.startswith("\t") + words for words in _separated("\t", text)]
 
 
 def _have_commas(lines: Sequence[str]) -> bool:
@@ -117,7 +130,7 @@ def _have_commas(lines: Sequence[str]) -> bool:
 def _separated(mark: str | None, text: str) -> list[Words]:
     """The words between the marks, or between spaces; commas that are no marks are decimal ones."""
     bare = JOINTS.sub(mark or " ", QUOTED.sub(r"\1.\2", text))
-    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).lstrip("#% ")
+    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).lstrip().lstrip("#% ")
     words = bare.split(mark)
     if mark != ",":
         words = [word.replace(",", ".") for word in words]
@@ -143,6 +156,11 @@ DIALECTS = [
         "tuples",
         "A line is a list of lists of numbers, a row each: `[(15, 0.5, 812), (15, 1.5, 810), …]`.",
         lambda lines: any(map(NESTED, lines)), _tuples,
+    ),
+    Dialect(
+        "tabs below a header that begins with one",
+        "The first column, which counts the lines, has no name.",
+        _are_indexed, _indexed,
     ),
     Dialect(
         "tabs",

@@ -1,5 +1,6 @@
 """The form of a text of numbers: its dialect, its header, and which of its lines hold scans."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,6 +35,15 @@ LEAST_SHARE = 0.2
 # Share of equally long lines above which a line of another length is refused.
 STEADY = 0.9
 
+# Finds numbers with commas between digits, which the dialects read as decimal ones.
+COMMAS = re.compile(r"(?<![\w.,])\d+(?:,\d+)+(?![\w.,])").findall
+
+# Finds those in quotes, between other commas.
+QUOTED = re.compile(r'"(\d+(?:,\d+)+)"').findall
+
+# Matches numbers with marks between thousands.
+GROUPED = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+").fullmatch
+
 
 @dataclass(frozen=True)
 class Form:
@@ -45,6 +55,7 @@ class Form:
         word: The word that lines of scans begin with; "" if they begin with numbers.
         least: Least number of words of a line that holds a scan.
         sample: The words of the first lines that hold scans.
+        grouped: A number of a line whose thousands may be marked, such as 1,234; "" if none is.
     """
 
     dialect: Dialect
@@ -52,6 +63,7 @@ class Form:
     word: str
     least: int
     sample: list[Words]
+    grouped: str = ""
 
     def has(self, words: Words) -> bool:
         """Whether a line is of the kind that holds scans."""
@@ -87,9 +99,16 @@ def form_of(path: Path) -> Form:
     numeric = [words for words in numeric if named(words) != header]
     word = _first_word(numeric)
     least = 0 if word else _least_words(numeric)
-    form = Form(dialect, header, word, least, [])
+    form = Form(dialect, header, word, least, [], _grouped(body, dialect))
     form.sample.extend(filter(form.has, numeric))
     return form
+
+
+def _grouped(texts: Sequence[str], dialect: Dialect) -> str:
+    """A number whose thousands may be marked, as all with commas have three digits after them."""
+    find = QUOTED if dialect.name == "commas" else COMMAS
+    commas = [number for text in texts for number in find(text)]
+    return commas[0] if commas and all(map(GROUPED, commas)) else ""
 
 
 def _rows_of(dialect: Dialect, texts: Sequence[str]) -> list[Words]:

@@ -13,12 +13,12 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float
-from lrf3d.recordings.formats.table import CUT, VARIED, WHOLE, meaning
+from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
 from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.fans import FANS
 from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.layout import Layout
-from lrf3d.recordings.formats.text.words import SHORT, is_number, rises, values_of
+from lrf3d.recordings.formats.text.words import SHORT, VARIED, is_number, rises, values_of
 from lrf3d.recordings.log import Intake
 
 # Matches one of a series of columns: its name, its number, and a unit.
@@ -128,16 +128,14 @@ def by_names(form: Form) -> Layout:
     """The columns that the names in a header give; there may be no ranges among them."""
     layout = Layout()
     series = dict[str, list[int]]()
-    named = dict[str, str]()
     for place, name in enumerate(form.header):
         role, unit = meaning(name)
         if numbered := SERIES(name):
             base = "_".join(filter(None, numbered.group(1, 3)))
             series.setdefault(base, []).append(place)
         # "Scan" next to a column of distances numbers the scans.
-        elif role and (role not in layout.columns or named[role].endswith("scan")):
+        elif role and (role not in layout.columns or _numbers(form, layout.columns[role])):
             layout.name(role, place, unit)
-            named[role] = name
     known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
     base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
     if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):
@@ -145,6 +143,14 @@ def by_names(form: Form) -> Layout:
     elif "ranges" in layout.columns:
         _take_one_name(layout, form)
     return layout
+
+
+def _numbers(form: Form, place: int) -> bool:
+    """Whether a column numbers the scans: it is named so, and holds whole numbers that rise."""
+    *above, last = re.split("[^a-z]+", form.header[place])
+    numbers = values_of(words[place] for words in form.sample if place < len(words))
+    counted = not (numbers % 1.0).any() and (np.diff(numbers) >= 0.0).all()
+    return last == "scan" and (not above or bool(counted))
 
 
 def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:

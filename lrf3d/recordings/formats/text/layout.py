@@ -14,6 +14,7 @@ from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.lines import texts_of
 from lrf3d.recordings.formats.text.words import (
+    VARIED,
     is_number,
     mostly_numbers,
     named,
@@ -27,6 +28,9 @@ COLUMN = re.compile(r"([a-z]+|-)(?::([a-z]+))?(?:\*(\d+))?(?:@(.+))?").fullmatch
 
 # Matches a word of a column that a line leaves blank.
 BLANK = re.compile(r"\s*(nan)?\s*", re.IGNORECASE).fullmatch
+
+# Matches a whole number of hundreds, which has no mark between thousands.
+HUNDREDS = re.compile(r"[1-9]\d\d").fullmatch
 
 # Matches a number and its unit.
 QUANTITY = re.compile(r"([-+.\deE]+?)([a-z]*)").fullmatch
@@ -124,6 +128,11 @@ class Layout:
         place = self.columns[role]
         beams = 1 if role != "ranges" else len(words) if self.beams is None else self.beams
         return words[place : place + beams]
+
+    def has_hundreds(self, form: Form) -> bool:
+        """Whether many ranges are whole numbers of three digits, which decimal ones are not."""
+        rows = [] if self.paired else [self._words(words, "ranges") for words in form.sample]
+        return len({word for row in rows for word in row if HUNDREDS(word.strip())}) > VARIED
 
     def only(self, roles: Container[str], keep: bool) -> "Layout":
         """The layout of lines that hold a stamp and only these roles, or all others."""

@@ -89,7 +89,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
 def _found(form: Form, intake: Intake, given: Layout) -> Layout:
     """The layout that is found, with given settings and units; if none is, the given columns."""
     try:
-        return layout_of(form, intake).with_settings(given)
+        layout = layout_of(form, intake).with_settings(given)
     except InputError as error:
         if given.columns:
             return given
@@ -97,6 +97,10 @@ def _found(form: Form, intake: Intake, given: Layout) -> Layout:
             (f", such as '{each}'" for each in formats_for(form) if _reads(intake, each)), ""
         )
         raise InputError(f"{error}{spec}") from None
+    if form.grouped and "ranges" not in layout.units and layout.has_hundreds(form):
+        why = "numbers grouped in thousands; save them without marks between the groups"
+        raise InputError(f"{intake.path}: {form.grouped}: {why}")
+    return layout
 
 
 def _reads(intake: Intake, spec: str) -> bool:

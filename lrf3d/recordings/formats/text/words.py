@@ -12,6 +12,9 @@ from lrf3d.geometry.lines import Float
 # Largest number of words of a line that is too short to hold a whole scan.
 SHORT = 6
 
+# A column of readings has more different numbers than this.
+VARIED = 10
+
 # Matches what stands for a reading that is missing.
 MISSING = re.compile(r"null|none|n/?a|nil|-*", re.IGNORECASE).fullmatch
 
