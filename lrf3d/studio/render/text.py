@@ -100,7 +100,7 @@ def _rows(label: Label) -> list[Words]:
 def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Image] | None:
     """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
 
-    Its colours, and how much of the picture under it they cover; None if there is no room.
+    Its colours, and how much of the picture under it they cover; None if its head has no room.
     """
     gap = gap_of(size)
     rows = _rows(label)
@@ -110,7 +110,8 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Imag
         for words, letter in zip(rows, letters.tolist(), strict=True)
     ]
     high = sum(row.height for row in drawn)
-    if not 0 < high <= _MOST_COVERED * size[1]:
+    # Facts without their sentence say nothing.
+    if not (drawn[0].height and high <= _MOST_COVERED * size[1]):
         return None
     wide = max(row.width for row in drawn)
     shape = round(_SHADED * wide), round(_SHADED * high) + gap
