@@ -124,7 +124,8 @@ def named(value: object, own: Iterable[Material] = (), place: str = "material") 
 def material_of(value: object) -> Material | None:
     """A material from the properties of a file: a name, which may be unknown, or its values."""
     if isinstance(value, dict):
-        return Material.of(made(Material)({"name": "", **value}, "material"))
+        own: Material = made(Material)({"name": "", **value}, "material")
+        return own
     name = str(value).strip().lower()
     # Other values of OpenStreetMap's key ``building:material``.
     aliases = {"cement_block": "plaster", "concrete": "plaster"}

@@ -223,7 +223,7 @@ class Film:
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
         width, _ = self._size
-        columns = width - round(view.inset * self._strip)
+        columns = width - view.inset * self._strip
         shine = [mark for each in self._scenes[1:] for mark in each.shine(time)]
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
         picture: Pixels = self.renderer.draw(seen)
@@ -244,14 +244,12 @@ class Film:
             parts = stacked(rows[:1], (width, self._head), self._gap), picture
             return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
         strip = stacked([*rows, *self._maps[0].legend()], (self._strip, height), self._gap)
-        return np.hstack([picture, strip[:, : width - picture.shape[1]]])
+        return np.hstack([picture, strip])
 
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""
         width, height = self._size
         view = self.camera.look(time, (width - self._strip) / height)
-        if not self._strip:
-            return view
         if not view.inset:
             return self.camera.look(time, width / height)
         return replace(view, aside=self._strip / width)

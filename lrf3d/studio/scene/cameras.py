@@ -193,7 +193,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
         found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
         return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
-    return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
+    return PathCamera(track, {"shows_map": True, "inset": False, "shot": "whole"})
 
 
 def corners_of(timeline: Timeline, structures: Structures) -> Float:

@@ -131,18 +131,21 @@ def _glass(run: Shown) -> Subject | None:
 
 
 def _fleet(run: Shown, since: float) -> Subject | None:
-    """The moment at which another robot is nearest, since a time [s]."""
+    """The moment at which another robot is nearest, since a time [s]; a short drive has none."""
     times = run.trajectory.times[run.trajectory.times >= since]
     paths = [each.path for each in run.obstacles if each.is_robot]
-    if not (paths and len(times)):
+    if not paths:
         return None
+    count = "Two" if len(paths) == 1 else str(len(paths) + 1)
+    title = f"{count} robots drive; each maps what it sees"
+    if not len(times):
+        return Subject(title)
     others = np.array([path.at(times)[:, :2] for path in paths])
     apart = np.hypot(*np.moveaxis(others - run.trajectory.at(times)[:, :2], 2, 0))
     which, when = np.unravel_index(int(np.argmin(apart)), apart.shape)
-    count = "Two" if len(paths) == 1 else str(len(paths) + 1)
     near = times[when] + run.playback * np.array([-1.0, 0.0, 1.0])
     return Subject(
-        f"{count} robots drive; each maps what it sees",
+        title,
         float(times[when]),
         paths[which].at(near)[:, :2],
         f"Robot {which + 2} comes within {apart[which, when]:.0f} m",

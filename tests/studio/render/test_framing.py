@@ -52,7 +52,7 @@ def test_no_half_of_a_picture_is_black_and_the_robot_is_in_its_middle_not_under_
     times = frames[(passed / 0.04).astype(int).clip(max=len(frames) - 1)]
     for time in times.tolist():
         view = film._view(time)
-        picture = film.draw(time)[:, : 160 - round(view.inset * film._strip), :3]
+        picture = film.draw(time)[:, : 160 - view.inset * film._strip, :3]
         assert (picture @ [0.3, 0.55, 0.15] < BLACK).mean() < 0.5, time
         if view.shot in ("chase", "close"):
             moment = film.timeline.moment(time)
