@@ -63,8 +63,9 @@ _GHOST_HEIGHT = 1.8
 # Opacity of such walls at their foot; at their top it is 0.
 _GHOST_STRENGTH = 0.55
 
-# Where on a segment of the map it is looked up when that was found, in its length.
-_PARTS = np.linspace(0.0, 1.0, 9)
+# Where on a segment of the map it is looked up when that was found, in its length: away from
+# corners, where other walls are near.
+_PARTS = np.linspace(0.15, 0.85, 7)
 
 # Length of the pieces of the map that are compared with walls [m].
 _GHOST_STEP = 0.4
@@ -211,7 +212,7 @@ class DrawnMap:
         order = np.sort(_first_mapped(whole, exposure))
         times = _first_mapped(drawn, exposure)
         # What was found at once has one colour, half-way between what is earlier and later.
-        ranks = sum(np.searchsorted(order, times, side) for side in ("left", "right"))
+        ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
         colours = look.found_colours(0.5 * ranks / max(1, len(order)))
         if structures.mirrors.any():
             # A wall may go on into its reflection.
