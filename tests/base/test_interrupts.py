@@ -192,6 +192,22 @@ def test_a_pool_that_is_left_early_ends_without_a_word(monkeypatch):
     assert raised == []
 
 
+LEAVING = """
+import os
+from lrf3d.base.cores import process_pool
+if __name__ == "__main__":
+    with process_pool(1):
+        os._exit(3)
+"""
+
+
+def test_a_program_that_is_ended_at_once_says_nothing_of_its_locks(tmp_path):
+    (tmp_path / "leaving.py").write_text(LEAVING)
+    command = [sys.executable, tmp_path / "leaving.py"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (3, "")
+
+
 def test_a_signal_stops_what_reads_a_file_at_once():
     """Parsers check for no signal, and may make something else of what it raises."""
     code = """
