@@ -117,7 +117,7 @@ def test_what_hears_no_signal_is_ended_by_a_second_one_or_after_a_while(number, 
         time.sleep(0.3)
         assert process.poll() is None
         process.send_signal(number)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     kept = "0 of 3 scans kept; go on with --resume"
     assert (process.returncode, err) == (128 + number, f"lrf3d: stopped; {kept}\n")
     assert not [*tmp_path.rglob("*unfinished*"), *tmp_path.rglob("*.lock")]
@@ -229,5 +229,5 @@ for wrong in (False, True):
         print("stopped", flush=True)
     ignore_signals()
 """
-    made = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, text=True)
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (made.stdout, made.stderr) == ("stopped\n" * 2, "")
