@@ -163,7 +163,9 @@ class Film:
         self.timeline = Timeline(run, playback=chosen.playback)
         # Each of several robots has the colour of its trail; else found walls are pale.
         colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(run.obstacles))]
-        team = {each: colour for (each, _), colour in zip(maps.values(), colours, strict=False)}
+        team: dict[Any, Any] = {
+            each: colour for (each, _), colour in zip(maps.values(), colours, strict=False)
+        }
         self.scene = Scene(self.timeline, chosen.goal, stage, team=team)
         self._layers = chosen.layers
         self._full = chosen.panel == "full"

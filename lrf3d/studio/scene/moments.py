@@ -7,7 +7,7 @@ moment before is the same object again, so that nothing is made or sent twice.
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,6 @@ from lrf3d.studio.scene.shapes import (
     single,
     together,
 )
-from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
@@ -110,7 +109,7 @@ class Scene:
         stage: Stage | None = None,
         *,
         live: bool = False,
-        team: Mapping[Shown, look.Colour] | None = None,
+        team: Mapping[Any, look.Colour | None] | None = None,
     ) -> None:
         run = self.run = timeline.run
         self.timeline = timeline
@@ -134,7 +133,7 @@ class Scene:
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
         self._drift = Drift.of(run, self.origin, timeline.playback)
-        self._team = team or {run: None}
+        self._team: Mapping[Any, look.Colour | None] = team or {run: None}
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
