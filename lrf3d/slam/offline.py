@@ -260,8 +260,10 @@ def _in_parts(
             words.append(f"{scans} are left out: they are nowhere on the map of the others")
             continue
         assert solved.joined is not None
-        odds = f"probability {solved.joined.probability:.4f}"
-        words.append(f"{scans} were placed on the map of the others, {odds}")
+        words.append(
+            f"{scans} were placed on the map of the others, probability"
+            f" {solved.joined.probability:.4f}"
+        )
         slams.append(solved.slam)
         chosen += range(first, end)
     poses = solved.run.trajectory.poses[-len(chosen) :]

@@ -201,8 +201,7 @@ class KnownPlaces:
 
         A score is the mean log likelihood of the hits.
         """
-        local = between(self.origin, guesses)
-        poses, scores = climbed(local, hits, self._scores, self.side)
+        poses, scores = climbed(between(self.origin, guesses), hits, self._scores, self.side)
         return compose(self.origin, poses), scores
 
     def fits(self, pose: Float, hits: Records) -> bool:
