@@ -305,8 +305,9 @@ def _calibrated(recording: Recording) -> Wheels:
     """The errors of the wheels, from tracking the beginning once before the drive is solved."""
     slam = Slam(laser_offset=recording.log.odometry.laser_offset)
     # Without odometry there are no wheels to calibrate.
-    first = recording.scans[: CALIBRATED * recording.log.placed]
-    for scan, increment in zip(first, recording.increments, strict=False):
+    for scan, increment in zip(
+        recording.scans[: CALIBRATED * recording.log.placed], recording.increments, strict=False
+    ):
         slam.update(scan, increment)
     return slam.wheels
 

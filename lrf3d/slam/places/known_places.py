@@ -179,8 +179,10 @@ class KnownPlaces:
 
     def _poses(self, positions: Int, headings: Float) -> Float:
         """Poses (k, 3) at positions (k, 2) of the lattice, with headings (k,)."""
-        places = CELL * (len(self._lattice) * positions[:, ::-1] + 0.5)
-        return compose(self.origin, np.column_stack([places, headings]))
+        return compose(
+            self.origin,
+            np.column_stack([CELL * (len(self._lattice) * positions[:, ::-1] + 0.5), headings]),
+        )
 
     def search(self, hits: Records) -> Float:
         """The poses (k, 3) on the whole map where hits fit best, the best first.
