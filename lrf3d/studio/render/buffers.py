@@ -1,12 +1,12 @@
 """The context, buffers, textures and programs of OpenGL, and its module ``GL`` for what draws.
 
 The context and the buffers are pyrender's. Its private members are used here and nowhere else: the
-``_platform`` of its ``OffscreenRenderer``, to make the one context of a process current, and the
 ``_vaid`` and ``_buffers`` of its ``Primitive``, which ``_add_to_context`` fills, so that each
 vertex attribute has a buffer that can be rewritten.
 """
 
 import ctypes
+import os
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -22,8 +22,7 @@ from lrf3d.studio.scene.look import Setting
 from lrf3d.studio.scene.shapes import Lens
 
 GL: Any
-pyrender: Any
-GL, pyrender = import_libraries()
+GL, _platforms, _primitives = import_libraries()
 
 Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
@@ -38,7 +37,13 @@ def _context() -> Any:
         MissingLibraryError: The libraries are there, but no driver that they could start.
     """
     try:
-        return pyrender.OffscreenRenderer(16, 16)
+        if hasattr(_platforms, "EGLPlatform"):
+            device = _platforms.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0")))
+            found = _platforms.EGLPlatform(1, 1, device)
+        else:
+            found = _platforms.PygletPlatform(1, 1)
+        found.init_context()
+        return found
     except Exception as error:
         # pyrender asserts what EGL answers, so that any failure may come as anything.
         raise MissingLibraryError(
@@ -48,7 +53,7 @@ def _context() -> Any:
 
 def make_current() -> None:
     """Let this thread draw."""
-    _context()._platform.make_current()
+    _context().make_current()
 
 
 def rewrite(kind: int, values: NDArray[Any]) -> None:
@@ -101,7 +106,7 @@ class Texture:
         GL.glDeleteTextures([self.id])
 
 
-class Buffer(pyrender.Primitive):  # type: ignore[misc]
+class Buffer(_primitives.Primitive):  # type: ignore[misc]
     """Vertices, whose attributes are rewritten where their arrays have changed.
 
     The mode, an OpenGL constant, is what they make up; a count of them, or of indices, is drawn.

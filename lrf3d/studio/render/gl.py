@@ -9,6 +9,9 @@ import os
 import sys
 import warnings
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
 from typing import Any
 
 from lrf3d.base.errors import MissingLibraryError
@@ -91,37 +94,52 @@ def _starts(egl: ctypes.CDLL) -> bool:
     return bool(context) and bool(egl.eglDestroyContext(display, context))
 
 
-def import_libraries() -> tuple[Any, Any]:
-    """Import OpenGL.GL and pyrender, with what each of them needs set before.
+def import_libraries() -> tuple[Any, Any, Any]:
+    """Import OpenGL.GL, and pyrender's contexts without a screen and its primitives.
 
     Raises:
         MissingLibraryError: There is no OpenGL on this machine.
     """
     require_gl()
+    offscreen = "pyglet_platform"
     if sys.platform.startswith("linux"):
         # EGL draws with and without a display, so that a film looks the same on both.
         # OSMesa, which is often named here, does not work with the PyOpenGL that pyrender pins.
-        os.environ["PYOPENGL_PLATFORM"] = "egl"
+        os.environ["PYOPENGL_PLATFORM"] = offscreen = "egl"
     with warnings.catch_warnings():
         # What these libraries import warns of things that their users cannot fix.
         warnings.simplefilter("ignore")
         try:
             import OpenGL
-            import pyglet
 
             if "OpenGL.GL" not in sys.modules:
                 # A check after every call costs more than many of the calls.
                 OpenGL.ERROR_CHECKING = False
-            # pyrender imports its viewer, which opens a window on import unless headless is set.
-            pyglet.options["headless"] = True
             _adapt()
-            import pyrender
             from OpenGL import GL
+
+            return GL, *_parts_of_pyrender(f"platforms.{offscreen}", "primitive")
         except (ImportError, OSError, AttributeError) as error:
             raise MissingLibraryError(
                 f"OpenGL cannot be loaded ({error}); install it: {INSTALL_LINE}; {_INSTEAD}"
             ) from error
-    return GL, pyrender
+
+
+def _parts_of_pyrender(*names: str) -> list[Any]:
+    """Modules of pyrender without its viewer, its scenes and trimesh, which take a second.
+
+    Who imports pyrender afterwards gets all of it.
+    """
+    parts = ModuleType("pyrender")
+    spec = find_spec("pyrender")
+    parts.__path__ = list((spec and spec.submodule_search_locations) or [])
+    whole = sys.modules.setdefault("pyrender", parts)
+    try:
+        return [import_module(f"pyrender.{name}") for name in names]
+    finally:
+        if whole is parts:
+            for name in [each for each in sys.modules if each.split(".")[0] == "pyrender"]:
+                del sys.modules[name]
 
 
 def _adapt() -> None:
