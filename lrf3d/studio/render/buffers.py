@@ -22,6 +22,8 @@ from lrf3d.studio.scene.look import Setting
 from lrf3d.studio.scene.shapes import Lens
 
 GL: Any
+_platforms: Any
+_primitives: Any
 GL, _platforms, _primitives = import_libraries()
 
 Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
