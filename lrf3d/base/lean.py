@@ -16,7 +16,6 @@ def lean_loading() -> Iterator[None]:
     Both take a third of the time in which SciPy and matplotlib load. No garbage is collected in it,
     and what it loads is not searched for garbage afterwards.
     """
-    collecting = gc.isenabled()
     gc.disable()
     import numpy as np
 
@@ -28,8 +27,7 @@ def lean_loading() -> Iterator[None]:
     finally:
         inspect.getdoc = _DOCUMENTATION
         gc.freeze()
-        if collecting:
-            gc.enable()
+        gc.enable()
         # What was loaded after all stays.
         for name in left_out:
             if vars(np).get(name) is None:

@@ -90,8 +90,9 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     counts = sample_counts(segments)
     walls = walls[lengths(walls) > 0.0]
     ahead = directions(walls)
-    lines, others = (shapely.linestrings(each.reshape(-1, 2, 2)) for each in (segments, walls))
-    own, wall = shapely.STRtree(others).query(lines, predicate="dwithin", distance=reach)
+    own, wall = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2))).query(
+        shapely.linestrings(segments.reshape(-1, 2, 2)), predicate="dwithin", distance=reach
+    )
     wall = wall[counts[own] > 0]
     own = own[counts[own] > 0]
     alike = np.abs(cross(directions(segments[own]), ahead[wall])) <= np.sin(angle)

@@ -141,7 +141,8 @@ class Renderer:
         GL.glReadPixels(*self._limit, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
         if self._smooths:
             picture = np.empty((*size[::-1], 3), np.uint8)
-            smooth_edges(drawn, *np.empty((2, *size[::-1]), np.int16), picture)
+            bright, contrast = np.empty((2, *size[::-1]), np.int16)
+            smooth_edges(drawn, bright, contrast, picture)
             return picture
         # Pillow leaves out the fourth byte of pixels in a sixth of NumPy's time.
         whole = Image.frombuffer("RGBX", size, drawn, "raw", "RGBX", 0, 1)

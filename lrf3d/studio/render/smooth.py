@@ -76,6 +76,16 @@ def edge_share(bright: NDArray[np.int16], x: int, y: int) -> tuple[float, int, i
     return 0.5 - nearest / (back + ahead), beyond[0], beyond[1]
 
 
+@borrower
+def unpack(packed: NDArray[np.uint32], row: Pixels) -> None:
+    """Fill in the colours (w, 3) of pixels in numbers (w,)."""
+    for x in range(len(packed)):
+        pixel = packed[x]
+        row[x, 0] = np.uint8(pixel)
+        row[x, 1] = np.uint8(pixel >> 8)
+        row[x, 2] = np.uint8(pixel >> 16)
+
+
 @compiled
 def smooth_edges(
     packed: NDArray[np.uint32],
@@ -96,11 +106,7 @@ def smooth_edges(
             green = pixel >> 8 & 255
             blue = pixel >> 16 & 255
             bright[y, x] = np.int16((5 * red + 9 * green + 2 * blue) >> 4)
-        for x in range(width):
-            pixel = packed[y, x]
-            picture[y, x, 0] = np.uint8(pixel)
-            picture[y, x, 1] = np.uint8(pixel >> 8)
-            picture[y, x, 2] = np.uint8(pixel >> 16)
+        unpack(packed[y], picture[y])
     for y in range(1, height - 1):
         for x in range(1, width - 1):
             n = bright[y - 1, x]

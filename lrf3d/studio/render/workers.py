@@ -155,4 +155,3 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)
     except Lrf3dError as error:
         end.send(error)
-
