@@ -1,4 +1,4 @@
-"""Colours of the objects of maps: in figures, films and messages an object has the same one."""
+"""Colours of the objects of maps: in figures and messages an object has the same one."""
 
 from typing import NamedTuple
 
@@ -22,11 +22,8 @@ class _Palette(NamedTuple):
 _FIRST_HUE = 0.85
 _HUE_STEP = 0.5698402910
 
-# The palette of figures: legible on white.
+# Legible on white.
 _ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
-
-# The palette of films: legible in the dark.
-_ON_DARK = _Palette(0.189, 0.1, np.array([0.66, 0.78, 0.70, 0.83, 0.74]), 0.105)
 
 # From Oklab to the responses of cones, and from these to linear sRGB (Ottosson, 2020).
 _LMS_FROM_LAB = np.array(
@@ -45,16 +42,17 @@ _RGB_FROM_LMS = np.array(
 )
 
 
-def object_tints(objects: Int, *, dark: bool = False) -> Float:
-    """Colours (n, 3) of the objects of a map on white or on dark, the same for the same number."""
-    palette = _ON_DARK if dark else _ON_PAPER
+def object_tints(objects: Int) -> Float:
+    """Colours (n, 3) of the objects of a map on white, the same for the same number."""
     number = np.asarray(objects, dtype=np.float64)
     # Hues such a step apart never come round; five tones part those that come near.
     turn = np.mod(_FIRST_HUE - number * _HUE_STEP, 1.0)
-    hue = 2.0 * np.pi * (palette.taken + palette.free + turn * (1.0 - 2.0 * palette.free))
-    lightness = palette.tones[number.astype(np.int64) % len(palette.tones)]
+    hue = 2.0 * np.pi * (_ON_PAPER.taken + _ON_PAPER.free + turn * (1.0 - 2.0 * _ON_PAPER.free))
+    lightness = _ON_PAPER.tones[number.astype(np.int64) % len(_ON_PAPER.tones)]
     # In Oklch (Ottosson, 2020) all hues look equally bright.
-    lab = np.column_stack([lightness, palette.chroma * np.cos(hue), palette.chroma * np.sin(hue)])
+    lab = np.column_stack(
+        [lightness, _ON_PAPER.chroma * np.cos(hue), _ON_PAPER.chroma * np.sin(hue)]
+    )
     linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
     # The transfer curve of sRGB (IEC 61966-2-1).
     offset = 0.055

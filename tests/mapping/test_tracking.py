@@ -55,13 +55,14 @@ def test_objects_bear_the_numbers_of_the_true_ones_also_in_a_part_of_the_run(run
     assert run.part(np.arange(3)).lasting_objects[-1].tolist() == last
 
 
-def test_all_pictures_give_an_object_one_colour_in_all_maps(run):
+def test_films_colour_walls_from_the_first_found_to_the_last_in_all_maps(run):
     from lrf3d.studio.scene.marks import DrawnMap
-    from lrf3d.studio.scene.stage.structures import Structures
+    from lrf3d.studio.scene.stage.stage import stage_of
 
-    numbers, structures = np.concatenate(run.lasting_objects), Structures.from_run(run)
-    drawn = [DrawnMap.from_snapshot(run, stage, structures) for stage in range(3)]
-    rows = np.concatenate([each.colours for each in drawn])
-    colours = [{*map(tuple, rows[numbers == number])} for number in np.unique(numbers)]
-    assert [len(each) for each in colours] == [1, 1, 1]
-    assert len(set.union(*colours)) == 3
+    structures, *_, exposure, _ = stage_of(run)
+    first, _, last = (
+        DrawnMap.from_snapshot(run, number, structures, exposure).colours for number in range(3)
+    )
+    # Lilac is first, yellow last.
+    assert first == pytest.approx(last[[3, 5, 0]])
+    assert last[[2, 6], 2].max() < last[[0, 3, 5], 2].min()

@@ -90,7 +90,9 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     about = {"origin": scene.origin.tolist(), "world": run.world.name}
     document = Document(run.world.name or "world", about, timeline.end - timeline.start)
     add_stage(
-        document, scene.stage, DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
+        document,
+        scene.stage,
+        DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures, scene.exposure),
     )
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]

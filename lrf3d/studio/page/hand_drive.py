@@ -8,10 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float
 from lrf3d.laser import DepthImage, LaserScan, LidarScan
 from lrf3d.mapping import LineMap
-from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.planning.planner import planned_way
 from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.loop import line_mapper
@@ -115,10 +114,8 @@ class HandDrive:
         # Where a camera behind the robot looks [rad].
         self.facing = self.robot.pose.theta
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
-        self._tracker = ObjectTracker()
-        # The newest map and the lasting objects of its segments, by its number.
+        # The newest map, by its number.
         self.maps: dict[int, LineMap] = {}
-        self.lasting_objects: dict[int, Int] = {}
         self._map_due = 0.0
         # Whether scans were mapped after the newest map.
         self._stale = False
@@ -175,7 +172,6 @@ class HandDrive:
         if self._stale and robot.time >= self._map_due:
             number = self.snapshot_after(0) + 1
             self.maps = {number: self._mapper.map}
-            self.lasting_objects = {number: self._tracker.follow(self.maps[number])}
             self._map_due = robot.time + _MAP_PAUSE
             self._stale = False
         return True

@@ -6,19 +6,29 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lrf3d.geometry.lines import Int
-from lrf3d.mapping.tints import object_tints
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.found import found_after, visible_to
+from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
+from lrf3d.studio.scene.timeline import smoothed
 
 # Height of letters [pixels of 720 lines].
 LETTER = 25.0
 
 # Half the thickness of the scale, in letters.
 _BAR = 0.04
+
+# Shares of the walls found, whose colours a legend shows.
+_SHARES = np.linspace(0.0, 1.0, 4)
+
+# Width of what is then shown [m].
+_CLOSE = 4.0
+
+# Time in which the map comes near to that [s of the film].
+_NEARS = 1.2
 
 # Colour of the frame of a map, 0…255.
 _FRAME_COLOUR = (38, 50, 72)
@@ -48,6 +58,8 @@ class MapBeside:
         wide, high = room
         self._scene = scene
         self.name = name
+        # What is shown close in the end (2,), in the world [m].
+        self.close: Float | None = None
         self._colours = colours if name else ()
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True)
@@ -55,10 +67,28 @@ class MapBeside:
         run: Any = scene.run
         self._walls, self._numbers = visible_to(run)
 
-    def found(self) -> tuple[Int, Int]:
-        """The walls of the world that the whole map has, and those that its robot could see."""
+    def found(self, time: float) -> tuple[Int, Int]:
+        """The walls of the world that the map has at a time [s], and those its robot could see."""
         run: Any = self._scene.run
-        return self._numbers[found_after(run, len(run) - 1)], self._numbers
+        mapped = self._scene.timeline.moment(time).mapped
+        return self._numbers[found_after(run, mapped)], self._numbers
+
+    @property
+    def lost(self) -> Float:
+        """The parts of walls (n, 4) that the map misses in the end."""
+        run: Any = self._scene.run
+        return self._walls[~found_after(run, len(run) - 1)]
+
+    def _window(self, time: float) -> InsetView:
+        """What is shown at a time [s]: after the end it comes close to a place."""
+        timeline = self._scene.timeline
+        middle = self.window.middle
+        share = smoothed(np.clip((time - timeline.end) / (timeline.playback * _NEARS), 0.0, 1.0))
+        if self.close is None or middle is None:
+            return self.window
+        width = self.window.width * (_CLOSE / self.window.width) ** share
+        place = self.close - self._scene.origin
+        return self.window._replace(middle=middle + share * (place - middle), width=width)
 
     def rows(
         self, time: float, draw: Callable[[Inset, tuple[int, int]], Pixels]
@@ -69,9 +99,9 @@ class MapBeside:
         ended = moment.mapped == len(run.trajectory.times) - 1
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
         lost = self._walls[~found] if ended else look.NOTHING
-        plan = draw(self._scene.inset(moment, self.window, self._colours, lost), self.size)
+        plan = draw(self._scene.inset(moment, self._window(time), self._colours, lost), self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
-        tint, *_ = *self._colours, look.PALE_OBJECT
+        tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
         name = self.name or kind + " so far" * (not ended), _ink(tint)
         missed = [(f"·  {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
@@ -84,7 +114,7 @@ class MapBeside:
         """What is seen in maps, and their scale."""
         run: Any = self._scene.run
         own = self._colours[:1]
-        segments = [(NAMED, _ink(tint)) for tint in own or object_tints(np.arange(3), dark=True)]
+        segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
         seen = ("■", tuple(2 * part for part in _ink(look.EXPLORED)))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not own)
         long = round(self.window.bar / self.window.width * self.size[0])
@@ -93,10 +123,14 @@ class MapBeside:
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
-        walls = [self._row(*segments, ("walls in the map", PALE))] * bool(len(run.maps))
+        order = "walls in the map" if own else "walls, first to last found"
+        walls = [self._row(*segments, (order, PALE))] * bool(len(run.maps))
+        # Only outlines at the height of the laser are measured.
+        scenery = [self._row(("windows and roofs: scenery", PALE))]
         return [
             *walls,
             self._row(seen, ("seen by the laser", PALE)),
+            *scenery * (not self._scene.structures.indoor),
             *robot,
             scale,
         ]
@@ -105,18 +139,16 @@ class MapBeside:
         return row_of(words, self._letter, self.size[0])
 
 
-def together(maps: Sequence[MapBeside]) -> tuple[str, str]:
-    """What the maps of several robots hold, in words: together, and each of what it could see."""
-    found, visible = zip(*(each.found() for each in maps), strict=True)
+def together(maps: Sequence[MapBeside], time: float) -> tuple[str, ...]:
+    """What the maps of several robots hold at a time [s]: together, and each for itself."""
+    found, visible = zip(*(each.found(time) for each in maps), strict=True)
     count = len(np.unique(np.concatenate(visible)))
     all_found = len(np.unique(np.concatenate(found)))
     each_found = (
-        f"{each.name}: {len(own)} of the {len(seen)} that it could see"
+        f"{each.name.capitalize()}: {len(own)} of the {len(seen)} walls that it could see"
         for each, own, seen in zip(maps, found, visible, strict=True)
     )
-    return f"{len(maps)} maps together: {all_found} of {count} walls found", "  ·  ".join(
-        each_found
-    )
+    return f"{len(maps)} maps together: {all_found} of {count} walls found", *each_found
 
 
 def _ink(colour: Iterable[float]) -> tuple[int, ...]:

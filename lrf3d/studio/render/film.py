@@ -22,13 +22,13 @@ from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.look import PALE_OBJECT, SIZE, TRAIL_COLOUR
+from lrf3d.studio.scene.look import PALE_WALL, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
-from lrf3d.studio.scene.shapes import Pixels
-from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST
+from lrf3d.studio.scene.shapes import Label, Pixels
+from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST, SHOTS
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
-from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.timeline import Moment, Timeline
 from lrf3d.studio.scene.views import make_camera, margins
 from lrf3d.world.cameras import check_view
 
@@ -161,7 +161,12 @@ class Film:
             import_libraries()
         self.run = run
         self.timeline = Timeline(run, playback=chosen.playback)
-        self.scene = Scene(self.timeline, chosen.goal, stage)
+        # Each of several robots has the colour of its trail; else found walls are pale.
+        colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(run.obstacles))]
+        team: dict[Any, Any] = {
+            each: colour for (each, _), colour in zip(maps.values(), colours, strict=False)
+        }
+        self.scene = Scene(self.timeline, chosen.goal, stage, team=team)
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
         self._scenes = [
@@ -169,14 +174,14 @@ class Film:
             for each, painted in maps.values()
         ]
         room = self._lay_out(chosen)
-        self._maps = self._maps_in(room, chosen, maps)
+        self.maps = self._maps_in(room, chosen, maps, colours)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
-        self._strip = bool(self._maps) * (not chosen.below) * (room[0] + 2 * self._gap)
-        self._below = chosen.below and bool(self._maps)
+        self._strip = bool(self.maps) * (not chosen.below) * (room[0] + 2 * self._gap)
+        self._below = chosen.below and bool(self.maps)
         self._size = chosen.size
         if self._below:
             width, height = chosen.size
-            self._size = width, height - 2 * self._head - self._maps[0].size[1]
+            self._size = width, height - 2 * self._head - self.maps[0].size[1]
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
         self._drawers = [_renderer(each.stage, self._size, chosen) for each in self._scenes] or [
@@ -185,6 +190,7 @@ class Film:
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
+            self.camera.robots = max(1, len(self._scenes))
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
@@ -202,14 +208,16 @@ class Film:
         return round(_WIDEST * width) - 2 * self._gap, high
 
     def _maps_in(
-        self, room: tuple[int, int], chosen: FilmOptions, names: Collection[str]
+        self,
+        room: tuple[int, int],
+        chosen: FilmOptions,
+        names: Collection[str],
+        colours: list[Colour],
     ) -> list[MapBeside]:
         """The maps beside the picture, in a room for each; none if it is too small."""
         if "inset" not in chosen.layers or min(room) < _LEAST_SIDE:
             return []
-        # Each of several robots has the colour of its trail; found and lost walls are pale and red.
-        colours = [TRAIL_COLOUR, *(colour for _, colour in robots_of(self.run.obstacles))]
-        walls = colours if names else [PALE_OBJECT]
+        walls = colours if names else [PALE_WALL]
         named = zip(names or [chosen.title], self._scenes or [self.scene], strict=True)
         return [
             MapBeside(scene, room, self._letter, name, pair)
@@ -228,22 +236,31 @@ class Film:
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
         picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
-            label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
-            if self._scenes and self._maps and view.shot == "end":
-                label = label._replace(text=together(self._maps), colours=(INK, PALE))
-            lay_label(picture, label)
+            lay_label(picture, self._label(moment, view))
         return picture if columns == width and not self._below else self._beside(picture, time)
+
+    def _label(self, moment: Moment, view: Look) -> Label:
+        """The text of a moment, of several robots with what their maps hold."""
+        words = together(self.maps, moment.time) if self._scenes and self.maps else ("",)
+        heads = dict.fromkeys(("rise", "whole"), words[0])
+        heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
+        if head := heads.get(view.shot):
+            view = replace(view, said=(head, *view.said[1:]))
+        label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
+        if any(words) and view.shot == "end":
+            label = label._replace(text=words, colours=(INK, *[PALE] * len(self.maps)))
+        return label
 
     def _beside(self, picture: Pixels, time: float) -> Pixels:
         """A picture (h, w, 3) with the maps of a time [s] under it, or in the strip beside it."""
-        maps = zip(self._maps, self._drawers, strict=True)
+        maps = zip(self.maps, self._drawers, strict=True)
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
         width, height = self._size
         if self._below:
-            foot = width, self._maps[0].size[1] + self._head
+            foot = width, self.maps[0].size[1] + self._head
             parts = stacked(rows[:1], (width, self._head), self._gap), picture
             return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
-        strip = stacked([*rows, *self._maps[0].legend()], (self._strip, height), self._gap)
+        strip = stacked([*rows, *self.maps[0].legend()], (self._strip, height), self._gap)
         return np.hstack([picture, strip])
 
     def _view(self, time: float) -> Look:

@@ -95,8 +95,6 @@ def render_video(
     times = _frame_times(run, chosen, fps, part)
     total = len(times)
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
-    # Worked out here once, it goes with the run to all that draw.
-    _ = run.lasting_objects
     stage = stage_of(run)
     others = {name: (each, stage_of(each)) for name, each in (maps or {}).items()}
     # Robots that drive at the same time light one world, whose frame goes with what each sees.

@@ -26,6 +26,7 @@ from lrf3d.base.errors import InputError, Lrf3dError
 from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import Float
 from lrf3d.simulation.run import Run
+from lrf3d.studio.render.beside import MapBeside
 from lrf3d.studio.render.film import Film, FilmOptions
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Mark, Pixels
@@ -134,6 +135,14 @@ def _process(
         pipe.close()
 
 
+def _magnify(maps: list[MapBeside]) -> None:
+    """Let maps come close in the end to the wall that most of them miss."""
+    lost = np.concatenate([np.zeros((0, 4)), *(each.lost for each in maps)])
+    walls, counts = np.unique(lost, axis=0, return_counts=True)
+    for each in maps * bool(len(walls)):
+        each.close = walls[counts.argmax()].reshape(2, 2).mean(axis=0)
+
+
 def main(job_file: str, number: str, count: str, pipe: str) -> None:
     """Draw every ``count``-th picture of a job from a number on, or say why not."""
     end = Connection(int(pipe), readable=False)
@@ -147,6 +156,8 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
         for film in films:
             # All are seen from one place.
             film.camera = films[0].camera
+        if len(films) > 1:
+            _magnify([each for film in films for each in film.maps])
         for time in job.times[int(number) :: int(count)].tolist():
             picture = np.hstack([film.draw(time) for film in films])
             end.send(np.vstack([job.heading[:, : picture.shape[1]], picture]))

@@ -74,6 +74,7 @@ class Look:
         dusk: How far the dark has become dusk, 0…1.
         shot: What is shown, which a caption says: a key of :mod:`lrf3d.studio.scene.panel`.
         said: The lines that the caption begins with.
+        robot: Which of several robots is followed.
     """
 
     eye: Float
@@ -89,6 +90,7 @@ class Look:
     dusk: float = 0.0
     shot: str = ""
     said: tuple[str, ...] = ()
+    robot: int = 0
 
     @property
     def away(self) -> float:
@@ -141,12 +143,12 @@ class SmoothPath(NamedTuple):
     headings: Float
 
     @classmethod
-    def of(cls, timeline: Timeline) -> "SmoothPath":
-        """The smoothed path of a run's robot."""
+    def of(cls, timeline: Timeline, poses: Callable[[Float], Float] | None = None) -> "SmoothPath":
+        """The smoothed path of a run's robot, or of another one with poses (k, 3) at times (k,)."""
         step = STEP * timeline.playback
         count = int(np.ceil((timeline.end - timeline.start) / step)) + 2
         times = timeline.start + step * np.arange(count, dtype=np.float64)
-        x, y, headings = timeline.poses(times).T
+        x, y, headings = (poses or timeline.poses)(times).T
         places = np.column_stack([x, y]) - timeline.origin
         off = gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest") - places
         # In fast films the robot stays in near pictures all the same.

@@ -159,6 +159,7 @@ def overview(
     free_below: float = _FREE_BELOW,
     at: float | None = None,
     drift: float = DRIFT,
+    steep: float | None = None,
 ) -> PathCamera:
     """Shows the whole world from its best side, and drifts slowly round it [rad/s of the film].
 
@@ -171,8 +172,8 @@ def overview(
 
     @cache
     def track(aspect: float) -> CameraPath:
-        steep = structures.setting.steep if aspect > 1.0 else _UPRIGHT
-        shape = steep, _FIELD, aspect, free_below
+        down = steep or structures.setting.steep
+        shape = (down if aspect > 1.0 else max(down, _UPRIGHT)), _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
         tracks = [fitted(corners, times[:1], side, *shape) for side in _SIDES]
         side = min(tracks, key=lambda track: float(track.aways.min())).turns

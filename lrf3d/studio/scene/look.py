@@ -129,11 +129,11 @@ BOLD = 3.2
 # Opacity of panes of glass.
 PANE = 0.10
 
-# Colour of the object that holds most of a map: the walls of a house around everything else.
-PALE_OBJECT = rgb("#c3cfe2")
+# Colours of the walls of a map, from the one that was found first to the last.
+FOUND = np.array([rgb(code) for code in ("#c58cff", "#6fa2ff", "#34d5d5", "#7fe57f", "#f2ec5e")])
 
-# Share of the length of a map from which on an object is that one.
-PALE_FROM = 0.4
+# Colour of the walls of a map beside others that is compared with these.
+PALE_WALL = rgb("#c3cfe2")
 
 # Brightness of a body everywhere, and how much brighter it is facing the sun, and facing up.
 BODY_LIGHT = (0.70, 0.30, 0.06)
@@ -235,19 +235,21 @@ class Setting(NamedTuple):
     orbit: Rig
     # How steeply an overview looks down [rad]: more into rooms, so that near walls hide less.
     steep: float
+    # The same at the end of a story: rooms become their plan.
+    steep_end: float
 
 
 TOWN = Setting(
     cool=(1.02, 1.10, 1.24), beams=42.0, cell=0.25,
     before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2, top=0.0,
     chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3),
-    steep=float(np.radians(42.0)),
+    steep=float(np.radians(42.0)), steep_end=float(np.radians(58.0)),
 )  # fmt: skip
 ROOMS = Setting(
     cool=(0.74, 0.82, 0.95), beams=14.0, cell=0.08,
     before=2.0, light=26.0, pixel=0.02, margin=3.0, land=150, shade=0.25, top=0.62,
     chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0),
-    steep=float(np.radians(56.0)),
+    steep=float(np.radians(56.0)), steep_end=float(np.radians(86.0)),
 )  # fmt: skip
 
 
@@ -272,6 +274,12 @@ def object_colours(world: World, *, indoor: bool) -> Float:
             kind = "glass" if one.passes else "mirror" if one.mirrors else "retro"
             chosen[number] = MATERIAL_COLOURS[kind]
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
+
+
+def found_colours(shares: Float) -> Float:
+    """Colours (n, 3) of walls of a map, by the share 0…1 of its walls found before each (n,)."""
+    steps = np.linspace(0.0, 1.0, len(FOUND))
+    return np.column_stack([np.interp(shares, steps, channel) for channel in FOUND.T])
 
 
 def paler(colour: Iterable[float]) -> list[float]:

@@ -12,11 +12,11 @@ import shapely
 
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
-from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
+from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import FARTHEST, SIGHT_DISTANCE, Structures, folded
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, interpolated
 
@@ -63,11 +63,18 @@ _GHOST_HEIGHT = 1.8
 # Opacity of such walls at their foot; at their top it is 0.
 _GHOST_STRENGTH = 0.55
 
+# Where on a segment of the map it is looked up when that was found, in its length: away from
+# corners, where other walls are near.
+_PARTS = np.linspace(0.15, 0.85, 7)
+
 # Length of the pieces of the map that are compared with walls [m].
 _GHOST_STEP = 0.4
 
 # Largest number of pieces of a segment: some are as long as the world.
 _MOST_PIECES = 500
+
+# Distance from all walls from which on a piece of a map is of a false room [m].
+FALSE_FROM = 0.5
 
 # Opacity of the trail long after.
 _OLD = 0.35
@@ -170,7 +177,7 @@ def _sides(origins: Float, walls: Float, numbers: Int) -> Float:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrawnMap:
-    """A map as it is drawn, each object in its colour."""
+    """A map as it is drawn, each wall in the colour of when it was found."""
 
     # (m, 4) its segments in the film's frame [m].
     segments: Float
@@ -178,12 +185,43 @@ class DrawnMap:
     colours: Float
 
     @classmethod
-    def from_snapshot(cls, run: Shown, number: int, structures: Structures) -> "DrawnMap":
-        """Take a map snapshot of a run; −1 is the empty map before the first."""
+    def plain(cls, segments: Float, colour: look.Colour = look.PALE_WALL) -> "DrawnMap":
+        """Take segments (m, 4) in the film's frame, all in one colour."""
+        return cls(segments, np.tile(colour, (len(segments), 1)))
+
+    @classmethod
+    def from_snapshot(
+        cls,
+        run: Shown,
+        number: int,
+        structures: Structures,
+        exposure: Exposure,
+        colour: look.Colour | None = None,
+    ) -> "DrawnMap":
+        """Take a map snapshot of a run; −1 is the empty map before the first.
+
+        All may have one colour.
+        """
         if number < 0:
-            return cls(np.zeros((0, 4)), np.zeros((0, 3)))
-        segments = run.maps[number].segments - np.tile(structures.origin, 2)
-        return cls(segments, _object_colours(run, run.lasting_objects[number]))
+            return cls.plain(look.NOTHING)
+        last = run.snapshot_after(sys.maxsize)
+        frame = np.tile(structures.origin, 2)
+        drawn, whole = (run.maps[k].segments - frame for k in (number, last))
+        if colour:
+            return cls.plain(drawn, colour)
+        order = np.sort(_first_mapped(whole, exposure))
+        times = _first_mapped(drawn, exposure)
+        # What was found at once has one colour, half-way between what is earlier and later.
+        ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
+        colours = look.found_colours(0.5 * ranks / max(1, len(order)))
+        if structures.mirrors.any():
+            # A wall may go on into its reflection.
+            drawn, owner = _pieces(drawn)
+            colours = colours[owner]
+            middles = shapely.points(0.5 * (drawn[:, :2] + drawn[:, 2:]))
+            near, _ = structures.tree.query(middles, "dwithin", distance=FALSE_FROM)
+            colours[np.setdiff1d(np.arange(len(drawn)), near)] = look.FALSE_COLOUR
+        return cls(drawn, colours)
 
     def lines(self, height: float, width: float) -> Lines:
         """Its segments as lines at a height [m], of a width [pixels]."""
@@ -230,37 +268,36 @@ class DrawnMap:
         segments, colours = (
             np.delete(each, near, axis=0) for each in (self.segments, self.colours)
         )
-        count = np.clip(np.ceil(lengths(segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
-        owner = np.repeat(np.arange(len(count)), count)
-        number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        start, end = np.hsplit(segments[owner], 2)
-        low, middle, high = (
-            start + ((number + step) / count[owner])[:, None] * (end - start)
-            for step in (0.0, 0.5, 1.0)
-        )
-        near, _ = structures.tree.query(shapely.points(middle), **on_walls)
+        pieces, owner = _pieces(segments)
+        middles = shapely.points(0.5 * (pieces[:, :2] + pieces[:, 2:]))
+        near, _ = structures.tree.query(middles, **on_walls)
         loose = np.setdiff1d(np.arange(len(owner)), near)
-        a, b = (np.insert(place[loose], 2, 0.0, axis=1) for place in (low, high))
+        a, b = (np.insert(place, 2, 0.0, axis=1) for place in np.hsplit(pieces[loose], 2))
         up = np.array([0.0, 0.0, _GHOST_HEIGHT])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
         strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
         tints = np.repeat(colours[owner[loose]], 6, axis=0)
-        if structures.mirrors.any():
-            tints[:] = look.FALSE_COLOUR
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
 
 
-def _object_colours(run: Shown, objects: Int) -> Float:
-    """Colours (m, 3) of objects of a run's map: their numbers last while it grows.
+def _pieces(segments: Float) -> tuple[Float, Int]:
+    """Segments (n, 4) in short pieces (p, 4), and the segment of each (p,)."""
+    count = np.clip(np.ceil(lengths(segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
+    owner = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    start, end = np.hsplit(segments[owner], 2)
+    low, high = (
+        start + ((number + step) / count[owner])[:, None] * (end - start) for step in (0, 1)
+    )
+    return np.hstack([low, high]), owner
 
-    What most of the last map belongs to, such as the walls of a house, is pale.
-    """
-    last = run.snapshot_after(sys.maxsize)
-    colours = object_tints(objects, dark=True)
-    sums = np.bincount(run.lasting_objects[last], weights=lengths(run.maps[last].segments))
-    if sums.max(initial=0.0) > look.PALE_FROM * sums.sum():
-        colours[objects == int(sums.argmax())] = look.PALE_OBJECT
-    return colours
+
+def _first_mapped(segments: Float, exposure: Exposure) -> Float:
+    """When the map first had a part of segments (n, 4) [lengths of the run]."""
+    start, end = np.hsplit(segments, 2)
+    places = start + _PARTS[:, None, None] * (end - start)
+    times = exposure.sampled(places.reshape(-1, 2))["mapped"]
+    return np.asarray(times.reshape(len(_PARTS), -1).min(axis=0))
 
 
 def believed(estimate: EstimatedTrajectory) -> str:

@@ -4,10 +4,10 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,7 +99,7 @@ class Scene:
     """All that can be seen of a run, with a goal on the ground where one is given.
 
     What stands in the run's world may have been painted already. A live one is lit by scans as they
-    come.
+    come. Of a team of robots, each of a run, walls have the colour of the one that found them.
     """
 
     def __init__(
@@ -109,6 +109,7 @@ class Scene:
         stage: Stage | None = None,
         *,
         live: bool = False,
+        team: Mapping[Any, look.Colour | None] | None = None,
     ) -> None:
         run = self.run = timeline.run
         self.timeline = timeline
@@ -132,6 +133,7 @@ class Scene:
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
         self._drift = Drift.of(run, self.origin, timeline.playback)
+        self._team: Mapping[Any, look.Colour | None] = team or {run: None}
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -144,6 +146,8 @@ class Scene:
         """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
         pose = moment.pose - self._frame
         lens = self._lens(view, size)
+        stands = bodies.world_from_robot(pose)
+        stands[:3, :3] = self._lean(moment.scan) @ stands[:3, :3]
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
@@ -152,7 +156,7 @@ class Scene:
         seen = Seen(
             lens,
             (
-                ("robot", self.robot._replace(pose=bodies.world_from_robot(pose))),
+                ("robot", self.robot._replace(pose=stands)),
                 *self.obstacles.bodies(moment.time),
             ),
             marks,
@@ -161,6 +165,16 @@ class Scene:
             dusk=view.dusk,
         )
         return seen._replace(cut=self._cut(view)) if self._is_cut(view) else seen
+
+    def _lean(self, number: int) -> Float:
+        """The rotation (3, 3) of a robot that leans at a scan, relative to a level one."""
+        if self.run.attitudes is None:
+            return np.eye(3)
+        from scipy.spatial.transform import Rotation
+
+        theta = self.run.trajectory.poses[number, 2]
+        lean = Rotation.from_euler("ZYX", [theta, *self.run.attitudes[number]])
+        return np.asarray((lean * Rotation.from_euler("Z", -theta)).as_matrix())
 
     def _is_cut(self, view: Look) -> bool:
         return view.cuts and self.structures.indoor
@@ -222,12 +236,29 @@ class Scene:
             yield "outlines", "edges", panes.edges
 
     def _snapshot(self, moment: Moment) -> "_Snapshot":
-        number = self.run.snapshot_after(moment.mapped)
-        return self._maps.of(number, partial(self._drawn_map, number))
+        # Robots scan at times of their own.
+        when = moment.time if moment.mapped >= 0 else -np.inf
+        key = tuple(
+            run.snapshot_after(
+                moment.mapped
+                if run is self.run
+                else int(np.searchsorted(run.trajectory.times, when, "right")) - 1
+            )
+            for run in self._team
+        )
+        return self._maps.of(key, partial(self._drawn_map, key))
 
-    def _drawn_map(self, number: int) -> "_Snapshot":
+    def _drawn_map(self, numbers: tuple[int, ...]) -> "_Snapshot":
         exposure = self.exposure
-        drawn = DrawnMap.from_snapshot(self.run, number, self.structures)
+        known = self.live.exposure if self.live else exposure
+        parts = [
+            DrawnMap.from_snapshot(run, number, self.structures, known, colour)
+            for (run, colour), number in zip(self._team.items(), numbers, strict=True)
+        ]
+        drawn = DrawnMap(
+            np.concatenate([part.segments for part in parts]),
+            np.concatenate([part.colours for part in parts]),
+        )
         wide = 2.0 * exposure.tolerance / exposure.cell
         flat = lens_from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
@@ -310,15 +341,11 @@ class Scene:
             drawn.append((lines._replace(colours=colours), *others))
         lines, points, light = map(together, zip(*drawn, strict=True))
         if run.attitudes is not None:
-            from scipy.spatial.transform import Rotation
-
             # Level beams turn with the robot, around where it stands.
-            *place, theta = run.trajectory.poses[number].tolist()
-            centre = np.array([*place, 0.0]) - self._frame
-            lean = Rotation.from_euler("ZYX", [theta, *run.attitudes[number]])
-            lean *= Rotation.from_euler("Z", -theta)
+            centre = run.trajectory.poses[number] * [1.0, 1.0, 0.0] - self._frame
+            lean = self._lean(number)
             starts, ends, places = (
-                single(centre + lean.apply(each - centre))
+                single(centre + (each - centre) @ lean.T)
                 for each in (lines.starts, lines.ends, points.places)
             )
             lines = lines._replace(starts=starts, ends=ends)
@@ -394,8 +421,12 @@ class Scene:
 
     def inset_view(self, *shape: float, turns: bool = False) -> InsetView:
         """What the inset shows: the whole world or, in a large one, what is around the robot."""
-        path = self.run.trajectory.poses[:, :2] - self.origin
-        return InsetView.of(np.concatenate([self.structures.places, path]), *shape, turns=turns)
+        places = [self.run.trajectory.poses[:, :2] - self.origin, self.structures.places]
+        # A false room is in it, too.
+        subject = None if self.live else subject_of(self.run, self.timeline.playback)
+        if subject and subject.aim is not None:
+            places.append(subject.places - self.origin)
+        return InsetView.of(np.concatenate(places), *shape, turns=turns)
 
 
 class _Snapshot(NamedTuple):

@@ -115,7 +115,9 @@ def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> 
     if playback > 1.0 and shot not in ("rise", "whole", "proof"):
         words += f" at {playback:.2g} × speed"
     mapped = _mapped(run, moment.mapped)
-    return words if mapped in head or not run.maps else f"{words}  ·  {mapped}"
+    # Of several robots each map has its number.
+    several = robots_of(run.obstacles)
+    return words if mapped in head or several or not run.maps else f"{words}  ·  {mapped}"
 
 
 def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:

@@ -54,7 +54,7 @@ _SLOWER = 1.8
 _SHORTER = 0.6
 
 # Share of that shot which comes before its moment.
-_BEFORE = 0.6
+_BEFORE = 0.75
 
 # Rounding of its moment [s].
 _ROUNDING = 1e-6

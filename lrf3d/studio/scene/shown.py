@@ -6,7 +6,7 @@ A :class:`~lrf3d.simulation.run.Run` has these attributes, and so does a drive b
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float
 from lrf3d.laser import DepthImage, LaserRangeFinder, LaserScan, LidarScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
@@ -87,7 +87,3 @@ class Shown(Hashable, Protocol):
     @property
     def maps(self) -> Sequence[LineMap] | Mapping[int, LineMap]:
         """The map snapshots, by their number."""
-
-    @property
-    def lasting_objects(self) -> Sequence[Int] | Mapping[int, Int]:
-        """For each map snapshot the objects (m,) of its segments, which choose their colours."""

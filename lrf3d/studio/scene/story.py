@@ -12,9 +12,9 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, Int, cross, directions
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
+from lrf3d.studio.scene.cameras import CARD, behind, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
@@ -46,13 +46,10 @@ _SIDES = 12
 _SWAY = np.radians(9.0)
 
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
-_END_DRIFT = np.radians(5.0)
+_END_DRIFT = np.radians(7.0)
 
 # Number of moments at which a candidate shot is rated.
-_JUDGED = 7
-
-# Width of what is to be seen around the robot, too, in its own: roofs do not stand before it.
-_NEAR_ROBOT = 24.0
+_JUDGED = 13
 
 # Places at which a robot of 1 m radius is to be seen (5, 2) [m].
 _AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -69,6 +66,12 @@ _DARK_HALF = 0.8
 
 # Bonus for a picture full of walls that are in the map, which have their colours.
 _MAPPED = 1.2
+
+# Share of the robot, over the time of a shot, that walls may hide.
+_TOO_MUCH = 0.05
+
+# Penalty for a shot in which the robot is hidden all the time.
+_HIDDEN = 6.0
 
 # Bonus for the nearest camera of a shot, and for the farthest of the opening.
 _FAVOURED = 0.25
@@ -155,10 +158,16 @@ class Story:
         # By how much walls are higher than where those of rooms are cut [m].
         self._above = max(float(structures.heights.max(initial=0.0)) - SECTION, 0.0)
         self._exposure = exposure
-        self._path = SmoothPath.of(timeline)
+        others = (each.path.at for each in timeline.run.obstacles if each.is_robot)
+        self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
+        # How many robots the shots show by turns.
+        self.robots = 1
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
-        self._whole = overview(timeline, structures, CARD, at=middle, drift=_END_DRIFT)
+        self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
+        # There it comes to rest.
+        steep = structures.setting.steep_end
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, steep)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -191,6 +200,7 @@ class Story:
             dusk=_DUSK + (1.0 - _DUSK) * share,
             shot=shot.name,
             said=said,
+            robot=self._robot(number),
         )
 
     def _said(self, number: int, time: float) -> tuple[str, ...]:
@@ -210,6 +220,11 @@ class Story:
             told = ("fast forward",)
         return ("", *told) if told else ()
 
+    def _robot(self, number: int) -> int:
+        """Which robot a shot by its number follows: the first one proves, others take turns."""
+        name = self.shots[number].name
+        return (number - 1) % self.robots if name in SHOTS else 0
+
     def _leap(self, number: int) -> tuple[str, ...]:
         """How much of the run is left out before a shot by its number, if that is noticed."""
         leap = self.shots[number].start - self.shots[number - 1].end
@@ -227,20 +242,24 @@ class Story:
         turned = self._begins[number] - self._begins[-3] + np.linspace(0.0, shot.length, count)
         turned = self._timeline.end + self._timeline.playback * turned
         whole = self._whole.track(aspect).at(turned)._replace(times=times)
-        if shot.name in ("whole", "end"):
+        if shot.name == "whole":
             return _Take(whole)
+        if shot.name == "end":
+            plan = self._plan.track(aspect).at(turned)
+            return _Take(self._between(whole, plan, _eased(np.linspace(0.0, 1.0, count))))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
-            held = self._held(before.track, times)
+            held = self._held(before.track, number - 1, times)
             streets = 0.0 if self._structures.indoor else _INTO_STREETS
             # Walls that were not cut before sink.
             return _Take(self._between(held, whole, share, streets), above=before.above)
-        places = interpolated(times, self._path.times, self._path.places)
+        whose = self._paths[self._robot(number)]
+        places = interpolated(times, whose.times, whose.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
         if shot.name == "proof":
             return self._proof(times, places, 0.4 * sway, aspect)
-        middle = np.interp(0.5 * (times[0] + times[-1]), self._path.times, self._path.headings)
+        middle = np.interp(0.5 * (times[0] + times[-1]), whose.times, whose.headings)
         path = SmoothPath(times, places, middle + sway)
         return self._best(shot.name, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
@@ -262,10 +281,11 @@ class Story:
         risen = _eased((passed - _RISES * begin) / (_RISEN * end - _RISES * begin))
         return self._between(dark, above, risen)
 
-    def _held(self, track: CameraPath, times: Float) -> CameraPath:
-        """The last view of a track, held relative to the robot at later times (k,)."""
+    def _held(self, track: CameraPath, number: int, times: Float) -> CameraPath:
+        """The last view of a shot's track, held relative to its robot at later times (k,)."""
         last = track.at(np.full(len(times), track.times[-1]))
-        places = interpolated(times, self._path.times, self._path.places)
+        path = self._paths[self._robot(number)]
+        places = interpolated(times, path.times, path.places)
         return last._replace(times=times, middles=np.insert(places, 2, AIM, axis=1))
 
     def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> _Take:
@@ -278,7 +298,8 @@ class Story:
             there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
-        return self._seen(tracks, np.linspace(times[0], times[-1], _JUDGED), aspect)
+        path = SmoothPath(times, places, sway)
+        return self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
     def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> _Take:
         """The best camera path of a shot from the sides of the robot's path.
@@ -298,26 +319,32 @@ class Story:
                 )
                 for turn, away, steep in product(sides, rigs.aways, rigs.steeps)
             ]
-            if not indoor and shot != "opening":
-                # In narrow streets the only one that sees the robot.
-                behind = self._chase.track(aspect).at(path.times)
-                tracks.append(behind._replace(shifts=tracks[0].shifts))
-            return self._seen(tracks, moments, aspect, **how)
+            return self._seen(tracks, path, moments, aspect, **how)
 
         best = seen((_ROOMS if indoor else _TOWN)[shot], far=shot == "opening")
-        if not indoor or shot == "opening":
+        if shot == "opening":
             return best
-        return max(best, seen(_BETWEEN_WALLS, _UP, above=self._above), key=lambda take: take.worth)
+        if indoor:
+            other = seen(_BETWEEN_WALLS, _UP, above=self._above)
+        elif shot == "chase" or best.worth < 0.0:
+            # In narrow streets the only one that sees the robot.
+            follows = behind(path, self._structures.setting.chase)
+            follows = follows.past_walls(self._structures, path.places)
+            other = self._seen([follows], path, moments, aspect)
+        else:
+            return best
+        return max(best, other, key=lambda take: take.worth)
 
     def _seen(
         self,
         tracks: list[CameraPath],
+        path: SmoothPath,
         moments: Float,
         aspect: float,
         far: bool = False,
         above: float = 0.0,
     ) -> _Take:
-        """The best of camera paths: the robot is visible, and most of the picture is lit.
+        """The best of camera paths: the robot on a path is visible, and most of the picture is lit.
 
         Near ones are favoured, or far ones. Walls are cut higher than usual by some metres.
         """
@@ -325,26 +352,27 @@ class Story:
         aways = np.array([track.aways[0] for track in tracks])
         favoured = aways / aways.max() if far else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
-        hidden = self._hides(moments, eyes, tops)
-        # Of those that show the robot the most.
-        chosen = np.flatnonzero(hidden == hidden.min())
-        lit = np.array([self._lit(tracks[k], moments[::2], aspect, tops) for k in chosen.tolist()])
+        hidden = self._hides(path, moments, eyes, tops)
+        # Those that show the robot the most.
+        chosen = np.flatnonzero(hidden <= hidden.min() + _TOO_MUCH)
+        lit = np.array([self._lit(tracks[k], moments[::4], aspect, tops) for k in chosen.tolist()])
         worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
-        worth -= self._hides(moments, eyes[chosen], tops, _NEAR_ROBOT)
+        worth -= _HIDDEN * hidden[chosen]
         best = int(np.argmax(worth))
-        return _Take(tracks[int(chosen[best])], float(worth[best] - hidden.min()), above)
+        return _Take(tracks[int(chosen[best])], float(worth[best]), above)
 
-    def _hides(self, moments: Float, eyes: Float, tops: Float, wide: float = 1.0) -> Float:
+    def _hides(self, path: SmoothPath, moments: Float, eyes: Float, tops: Float) -> Float:
         """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average.
 
-        The walls have tops (w,). ``wide`` is the width of what is checked, in widths of the robot.
+        The walls have tops (w,).
         """
-        robots = self._timeline.poses(moments)[:, :2] - self._timeline.origin
-        around = wide * self._timeline.run.radius * _AROUND
+        robots = interpolated(moments, path.times, path.places)
+        around = self._timeline.run.radius * _AROUND
         feet = np.insert(robots[:, None] + around, 2, 0.0, axis=2)
         ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
         number, *_ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends, tops)
-        return np.bincount(number // (len(ends) // len(eyes)), minlength=len(eyes)) / len(ends)
+        count = len(ends) // len(eyes)
+        return np.bincount(number // count, minlength=len(eyes)) / count
 
     def _blocked(self, eyes: Float, ends: Float, tops: Float) -> tuple[Int, Int, Float]:
         """Which lines of sight from eyes to ends (n, 3) which walls block, and at which shares."""

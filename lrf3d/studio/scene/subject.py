@@ -12,7 +12,7 @@ from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Float
 from lrf3d.studio.scene.drift import Drift
 from lrf3d.studio.scene.glass import counts_at_glass
-from lrf3d.studio.scene.marks import DrawnMap
+from lrf3d.studio.scene.marks import FALSE_FROM, DrawnMap
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import FIRST
@@ -22,9 +22,6 @@ TITLE_TIME = 3.0
 
 # Number of map snapshots that are searched for false rooms, at most.
 _COMPARED = 120
-
-# Distance from all walls from which on a piece of a map is of a false room [m].
-_FALSE = 0.5
 
 # Share of the false pieces, or of the hits at glass, that the picture shows: the nearest.
 _NEAR = 0.8
@@ -64,7 +61,7 @@ def subject_of(run: Shown, playback: float) -> Subject:
 def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
-    found = _loop(run, playback) or _false_room(run, since) or _glass(run) or _fleet(run, since)
+    found = _loop(run, playback) or _false_room(run, since) or _glass(run) or _fleet(run)
     usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
     return found or Subject(usual if run.knows_truth else "A recorded drive, mapped by its laser")
 
@@ -92,8 +89,9 @@ def _false_room(run: Shown, since: float) -> Subject | None:
     first = run.snapshot_after(int(np.searchsorted(times, since)))
     compared = np.linspace(max(first, 0), len(run.maps) - 1, _COMPARED).astype(int)
     numbers = np.unique(compared).tolist()
+    frame = np.tile(structures.origin, 2)
     false = [
-        DrawnMap.from_snapshot(run, number, structures).ghosts(structures, _FALSE).corners
+        DrawnMap.plain(run.maps[number].segments - frame).ghosts(structures, FALSE_FROM).corners
         for number in numbers
     ]
     counts = np.array([len(corners) for corners in false])
@@ -130,23 +128,9 @@ def _glass(run: Shown) -> Subject | None:
     )
 
 
-def _fleet(run: Shown, since: float) -> Subject | None:
-    """The moment at which another robot is nearest, since a time [s]; a short drive has none."""
-    times = run.trajectory.times[run.trajectory.times >= since]
-    paths = [each.path for each in run.obstacles if each.is_robot]
-    if not paths:
+def _fleet(run: Shown) -> Subject | None:
+    """Other robots: the shots show them by turns."""
+    count = 1 + sum(each.is_robot for each in run.obstacles)
+    if count == 1:
         return None
-    count = "Two" if len(paths) == 1 else str(len(paths) + 1)
-    title = f"{count} robots drive; each maps what it sees"
-    if not len(times):
-        return Subject(title)
-    others = np.array([path.at(times)[:, :2] for path in paths])
-    apart = np.hypot(*np.moveaxis(others - run.trajectory.at(times)[:, :2], 2, 0))
-    which, when = np.unravel_index(int(np.argmin(apart)), apart.shape)
-    near = times[when] + run.playback * np.array([-1.0, 0.0, 1.0])
-    return Subject(
-        title,
-        float(times[when]),
-        paths[which].at(near)[:, :2],
-        f"Robot {which + 2} comes within {apart[which, when]:.0f} m",
-    )
+    return Subject(f"{'Two' if count == 2 else count} robots drive; each maps what it sees")

@@ -152,12 +152,14 @@ class Exposure:
         y, x = np.mgrid[:rows, :columns]
         places = low + cell * (np.column_stack([x.ravel(), y.ravel()]) + 0.5)
         times, others = (one.sampled(places) for one in (self, other))
-        others["seen"] = (other.start + other.length * others["seen"] - self.start) / self.length
+        for name in ("seen", "mapped"):
+            others[name] = (other.start + other.length * others[name] - self.start) / self.length
         mine, theirs = (one["sure"] > _SEEN for one in (times, others))
         taken = theirs & (~mine | (others["seen"] < times["seen"]))
         taken |= ~mine & (others["sure"] > times["sure"])
         for name in ("seen", "sure", "delay"):
             times[name][taken] = others[name][taken]
+        times["mapped"] = np.minimum(times["mapped"], others["mapped"])
         return replace(self, times=times.reshape(rows, columns), corner=low, cell=cell)
 
     def clock(self, time: Any, playback: float) -> tuple[Any, float]:
