@@ -161,7 +161,10 @@ FORMATS: list[Format] = [
         kind="log", name="messages", read="lrf3d.recordings.formats.bags.reader:load_bag",
         options=("poses", "scan_topic", "part", "height"),
     ),
-    Format(kind="log", name="records", read="lrf3d.recordings.reading:records_log"),
+    Format(
+        kind="log", name="records", read="lrf3d.recordings.reading:records_log",
+        options=("format",),
+    ),
     Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),
     Format(
         kind="map", endings=(".geojson",), read="lrf3d.mapping.line_map:load_map",

@@ -5,6 +5,7 @@ form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 """
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Annotated, Any, TypeVar
@@ -57,13 +58,18 @@ def sealed(array: AnyArray) -> AnyArray:
     return array
 
 
+def _is_masked(values: Any) -> bool:
+    """Whether values are a masked array, which there is none of before its module is loaded."""
+    return "numpy.ma" in sys.modules and isinstance(values, np.ma.MaskedArray)
+
+
 def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     """Values from outside as a read-only array.
 
     They are copied, unless they are such an array already, contiguous and not writeable. Messages
     call them by the name.
     """
-    held = isinstance(values, np.ndarray) and not isinstance(values, np.ma.MaskedArray)
+    held = isinstance(values, np.ndarray) and not _is_masked(values)
     held = held and values.dtype == dtype and values.flags.c_contiguous
     whole = values
     while isinstance(whole, np.ndarray) and not whole.flags.writeable:
@@ -81,7 +87,7 @@ def numbers(values: Any, name: str) -> Any:
     """Values from outside as an array of numbers: floats, integers or booleans."""
     try:
         # Masked values become NaN, which is refused where no value may be missing.
-        if isinstance(values, np.ma.MaskedArray):
+        if _is_masked(values):
             values = np.where(np.ma.getmaskarray(values), np.nan, np.ma.getdata(values))
         array = np.asarray(values)
         if array.dtype.kind == "O":

@@ -18,13 +18,12 @@ from lrf3d.recordings.formats.arrays import (
     array_table,
     is_foreign,
     is_messages,
+    is_records,
     record_table,
 )
 from lrf3d.recordings.formats.carmen import WORDS
-from lrf3d.recordings.formats.text.layout import described
 from lrf3d.recordings.formats.text.text_log import add_partner, text_table
 from lrf3d.recordings.log import Intake, LaserLog
-from lrf3d.world import world_names
 
 
 def is_run(name: str) -> bool:
@@ -32,6 +31,8 @@ def is_run(name: str) -> bool:
 
     A built-in world takes precedence over a folder of the same name, as everywhere.
     """
+    from lrf3d.world import world_names
+
     if name in world_names():
         return False
     return Path(name).is_dir() or Path(name).suffix.lower() == ".npz"
@@ -137,7 +138,7 @@ def log_of_file(
     **given: Any,
 ) -> LaserLog:
     """Read a log with the reader of its format, which gets the options that the format has."""
-    row = _format_of(path, in_columns=bool(given["format"]))
+    row = _format_of(path, given["format"])
     of_bags = [name for name in ("scan_topic", "part", "height") if given[name]]
     if of_bags and "scan_topic" not in row.options:
         name = of_bags[0].replace("_", " ")
@@ -168,15 +169,12 @@ def run_log(intake: Intake, poses: str) -> LaserLog:
 
 def arrays_log(intake: Intake, format: str | None) -> LaserLog:
     """The log of a file of arrays."""
-    table = array_table(intake)
-    if format:
-        described(format, []).settle(table)
-    return table.log()
+    return array_table(intake, format).log()
 
 
-def records_log(intake: Intake) -> LaserLog:
+def records_log(intake: Intake, format: str | None) -> LaserLog:
     """The log of a text of records: JSON, or printed messages of ROS."""
-    table = record_table(intake)
+    table = record_table(intake, format)
     add_partner(table)
     return table.log()
 
@@ -188,12 +186,16 @@ def text_log(intake: Intake, format: str | None) -> LaserLog:
     return table.log()
 
 
-def _format_of(path: Path, in_columns: bool) -> Format:
-    """The format of a log, by its name, or else by what it looks like."""
+def _format_of(path: Path, columns: str | None) -> Format:
+    """The format of a log, by its name, or else by what it looks like.
+
+    Columns are those of a text; without places they may also be units of a file of records.
+    """
     named = by_ending(path, "log")
     name = "" if named is None else named.name
-    if in_columns and name not in ("arrays", "run"):
-        return by_name("log", "text")
+    if columns and name not in ("arrays", "run"):
+        in_records = {"@", "*"}.isdisjoint(columns) and is_records(path) and not is_messages(path)
+        return by_name("log", "records" if in_records else "text")
     if (path / "run.npz").exists():
         return by_name("log", "run")
     if path.is_dir():

@@ -116,7 +116,8 @@ def map_scans(
     joint = replace(log, scans=scans, wheels=None).of_moments()
     moments = joint.parts or [(scan,) for scan in scans]
     poses = joint.poses if joint.parts else poses
-    run = run_of(log.name, moments, poses, {len(moments) - 1: list(maps.values())[-1]})
+    last = {len(moments) - 1: list(maps.values())[-1]}
+    run = run_of(log.name, moments, poses, last, path=log.path)
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:

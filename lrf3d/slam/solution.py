@@ -239,7 +239,7 @@ class SolvedLog:
             wheels = compose(self.recording.path.at(self.recording.taken_at), np.array(mount))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen), wheels)
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
-        return run_of(self.log.name, self.moments, poses, maps, estimate)
+        return run_of(self.log.name, self.moments, poses, maps, estimate, self.log.path)
 
     @property
     def placed_lines(self) -> tuple[Float, Float]:
@@ -337,10 +337,12 @@ def run_of(
     poses: Float,
     maps: dict[int, LineMap],
     estimate: EstimatedTrajectory | None = None,
+    path: str = "",
 ) -> Run:
     """The scans of moments (k,) as a run, whose world is the last of the maps.
 
-    The poses (k, 3) are those of the laser, or of the robot if there are several.
+    The poses (k, 3) are those of the laser, or of the robot if there are several. Errors name the
+    path of the log.
     """
     fans = [list(map(unrolled, own)) for own in zip(*moments, strict=True)]
     line_map = maps[len(moments) - 1]
@@ -350,9 +352,8 @@ def run_of(
             doubtful_ranges([scan for own in fans for scan in own])
             or "expected walls within the laser's range"
         )
-        raise InputError(
-            f"{name}: no wall in {counted(len(moments), 'scan')}, so that there is no map; {reason}"
-        )
+        where = f"{path or name}: no wall in {counted(len(moments), 'scan')}"
+        raise InputError(f"{where}, so that there is no map; {reason}")
     (lrf, ranges), *others = (_laser_of(own, mounted=len(fans) > 1) for own in fans)
     ranges = np.hstack([ranges, *(each for _, each in others)])
     # Stamps count from 1970; the clock of a run begins with it.

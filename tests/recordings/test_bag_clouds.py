@@ -2,6 +2,7 @@
 
 import base64
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.messages.clouds import CLOUD, POINT_FIELDS
 from lrf3d.messages.ros import TRANSFORMS, made
 from lrf3d.recordings import load_log
+from lrf3d.recordings.formats.bags.clouds import cloud_points
+from lrf3d.recordings.formats.bags.files import BagTopic
+from lrf3d.recordings.formats.bags.livox import livox_cloud
 
 ROOM = lrf3d.World([[-4, -3, 5, -3], [5, -3, 5, 4], [5, 4, -4, 4], [-4, 4, -4, -3]])
 RINGS = lrf3d.Lidar(np.radians([-8.0, 0.0, 8.0]), columns=180, mount=(0, 0, 0.8))
@@ -206,6 +210,25 @@ def test_clouds_of_json_are_read(tmp_path):
     line = json.dumps({"op": "publish", "topic": "/points", "msg": fields})
     (tmp_path / "log.json").write_text(line + "\n")
     assert len(load_log(tmp_path / "log.json").scans[0].points()) == 180
+
+
+@pytest.mark.parametrize("frame", ["livox_frame", "lidar"])
+@pytest.mark.parametrize("aligned", [True, False])
+def test_clouds_of_livox_are_unpacked_as_a_whole(frame, aligned):
+    name = frame.encode() + b"\0" * aligned
+    head = struct.pack("<4x3I", 5, 7, len(name)) + name
+    head += bytes(-(len(head) - 4) % 8) * aligned + struct.pack("<QIB3xI", 0, 3, 1, 3)
+    points = [struct.pack("<I3f3B", 9 * k, k, -k, 0.5, 1, 2, k) + b"\0" * aligned for k in range(3)]
+    data = head + b"".join(points)[: -1 if aligned else None]
+    message = livox_cloud(data, CLOUD, aligned=aligned)
+    assert (message.header.frame_id, message.header.stamp.nanosec) == (frame, 7)
+    places, rings, times = cloud_points(message)
+    assert places.tolist() == [[k, -k, 0.5] for k in range(3)]
+    assert rings.tolist() == [0, 1, 2] and times.tolist() == [0, 9, 18]
+    with pytest.raises(InputError, match="too few for 3 points"):
+        livox_cloud(data[:-20], CLOUD, aligned=aligned)
+    topic = BagTopic.of("/livox/lidar", "livox_ros_driver2/CustomMsg", "cdr")
+    assert (topic.kind, topic.packing) == (CLOUD, "livox cdr")
 
 
 def test_a_drive_with_a_lidar_maps_to_the_walls_of_the_planar_scans(tmp_path):

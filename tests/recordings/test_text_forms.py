@@ -56,6 +56,11 @@ FORMS = {
                                          *(f"r{k}/cm" for k in range(BEAMS))], degrees=True),
     "units in brackets": units(1e3, ["Time (s)", "X (mm)", "Y (mm)", "Heading (rad)",
                                      *(f"Distance {k} (mm)" for k in range(BEAMS))]),
+    "a corner that is no number beside bearings": joined(
+        [["NaN", *range(-90, 90)], *([row[0], *row[4:]] for row in ROWS)]),
+    "JSON with a name for each beam": "\n".join(
+        json.dumps({name: None if word == "6.0" else float(word)
+                    for name, word in zip(NAMES, row, strict=True)}) for row in ROWS),
     "dates": joined([["datetime", *NAMES[1:]], *dated("Z")]),
     "dates with a zone": joined([["datetime", *NAMES[1:]], *dated("+02:00")]),
     "days since 1900": joined([NAMES, *([repr(45000.5 + float(row[0]) / 86400), *row[1:]]
@@ -131,7 +136,7 @@ def test_a_drive_is_read_in_each_form(form, tmp_path):
         known[86:90] = False
         assert np.isposinf(read[:, ~known]).all()
     assert read[:, known] == pytest.approx(RANGES[:, known])
-    if form == "spaces before a list":
+    if form in ("spaces before a list", "a corner that is no number beside bearings"):
         assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
     else:
         assert log.poses == pytest.approx(POSES)
@@ -178,6 +183,40 @@ def test_readings_of_a_fan_through_0_degrees_are_gathered_scan_by_scan(tmp_path)
     log = load_log(path)
     assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
     assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
+
+
+@pytest.mark.parametrize("scale", [1.0, np.pi / 180])
+def test_readings_have_their_bearings_where_others_are_missing(scale, tmp_path):
+    path = tmp_path / "lidar.json"
+    kept = np.random.default_rng(1).random(RANGES.shape) < 0.7
+    bearings = scale * np.arange(-90, 90)
+    path.write_text(json.dumps([{"angle": bearings[b], "distance": 100 * RANGES[k, b]}
+                                for k, b in np.argwhere(kept)]))  # fmt: skip
+    with pytest.raises(InputError, match="'ranges:cm'"):
+        load_log(path)
+    for scan, row, own in zip(load_log(path, format="ranges:cm").scans, RANGES, kept, strict=True):
+        assert scan.ranges[scan.hits] == pytest.approx(row[own])
+        assert np.degrees(scan.angles[scan.hits]) == pytest.approx(np.arange(-90, 90)[own])
+
+
+def test_bearings_tell_scans_in_columns_from_scans_in_rows(tmp_path):
+    bearings = np.tile(np.radians(np.arange(-90, 90)), (COUNT, 1))
+    np.savez(tmp_path / "lidar.npz", r=RANGES.T, theta=bearings.T)
+    assert [*map(len, (scan.ranges for scan in load_log(tmp_path / "lidar.npz").scans))] == (
+        [BEAMS] * COUNT
+    )
+
+
+def test_advice_fits_what_lines_hold(tmp_path):
+    path = tmp_path / "drive.csv"
+    path.write_text(joined([[*row[4:], "corridor"] for row in ROWS]))
+    with pytest.raises(InputError, match=r"'ranges\*180@1'"):
+        load_log(path)
+    assert len(load_log(path, format="ranges*180@1")) == COUNT
+    # Poses are no readings.
+    path.write_text(joined(POSES.tolist()))
+    with pytest.raises(InputError, match=r"by --format$"):
+        load_log(path)
 
 
 def test_lines_longer_than_the_first_ones_are_not_cut(tmp_path):

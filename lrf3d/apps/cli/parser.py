@@ -88,9 +88,12 @@ def _joined(words: Sequence[str], options: Sequence[Option]) -> list[str]:
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
     valued = [flag for option in options if option.value for flag in option.names]
     joined: list[str] = []
-    # A word that is a number, or meant to be one, but not `--`, after which the arguments stand.
+    end = [*words, "--"].index("--")
+    # What comes after `--` is no option.
+    names = [f"./{word}" if word.startswith("-") else word for word in words[end + 1 :]]
+    # A word that is a number, or meant to be one.
     number = r"[-+]?\.?[0-9][0-9.eE+-]*"
-    for word in words:
+    for word in [*words[:end], *names]:
         if joined[-2:-1] and joined[-2] in several and re.fullmatch(number, word):
             joined[-1] += f",{word}"
         elif (
@@ -200,6 +203,12 @@ def _number(
     return read, f"{what} from {least:g}" + (f" to {most:g}" if most < math.inf else "")
 
 
+def _path(word: str) -> Path:
+    if not word:
+        raise ValueError
+    return Path(word)
+
+
 def _two(
     mark: str, fits: Callable[[Any, Any], bool], kind: Callable[[str], float] = int
 ) -> Callable[[str], tuple[float, float]]:
@@ -232,7 +241,7 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     "GREY": _number(float, 1.0, 254.0),
     "SHARE": _number(float, 0.0, 1.0),
     **dict.fromkeys(("DEG", "FACTOR", "M", "S"), _number(float, 0.0)),
-    **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), (Path, "a path")),
+    **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), (_path, "a path")),
     "WxH": (  # H.264 needs even numbers.
         _two("x", lambda *size: all(side % 2 == 0 and 64 <= side <= 7680 for side in size)),
         "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680",

@@ -24,7 +24,12 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
+from lrf3d.recordings.formats.text.dialects import DIALECTS
+from lrf3d.recordings.formats.text.form import Form
+from lrf3d.recordings.formats.text.guesses import SERIES, by_names
+from lrf3d.recordings.formats.text.layout import Layout, described
 from lrf3d.recordings.formats.text.lines import in_seconds, untyped
+from lrf3d.recordings.formats.text.words import SHORT, named
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
@@ -70,7 +75,7 @@ def is_messages(path: Path) -> bool:
     return path.is_file() and bool(TOPIC(head_of(path, LONG_BEGINNING)))
 
 
-def array_table(intake: Intake) -> Table:
+def array_table(intake: Intake, format: str | None) -> Table:
     """The table of a file of arrays."""
     path = intake.path
     check_ordinary(path, what="a file of arrays")
@@ -81,7 +86,7 @@ def array_table(intake: Intake) -> Table:
     except DAMAGES as error:
         text = one_line(str(error) or type(error).__name__, 200)
         raise InputError(f"{path}: no file of arrays of numbers, or damaged ({text})") from None
-    return _named(intake, arrays, "arrays")
+    return _named(intake, arrays, "arrays", format)
 
 
 def _arrays_in(path: Path) -> dict[str, Any]:
@@ -105,13 +110,18 @@ def _last(name: str) -> str:
     return last if meaning(last)[0] else name
 
 
-def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
+def _named(intake: Intake, arrays: dict[str, Any], what: str, format: str | None) -> Table:
+    """The table of arrays whose names, or a format, say what they are."""
     numbers = {
         name: np.asarray(array, dtype=np.float64)
         for name, array in arrays.items()
         if array.dtype.kind in "fiu"
     }
+    numbers, layout = _joined(numbers)
     table = Table.named(intake, numbers)
+    layout.settle(table)
+    if format:
+        described(format, []).settle(table)
     _shape(table)
     if table.values.get("ranges", np.empty(0)).ndim != 2:
         names = one_line(", ".join(f"{name} {array.shape}" for name, array in arrays.items()), 200)
@@ -122,36 +132,71 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
     return table
 
 
+def _joined(arrays: dict[str, Float]) -> tuple[dict[str, Float], Layout]:
+    """Arrays with one of ranges (k, n) for those of records that have a name for each beam."""
+    columns = {name: each for name, each in arrays.items() if each.ndim == 1}
+    wide = any(each.ndim > 1 and meaning(name)[0] == "ranges" for name, each in arrays.items())
+    if wide or len({*map(len, columns.values())}) != 1:
+        return arrays, Layout()
+    rows = np.column_stack([*columns.values()])
+    header = named(columns)
+    layout = by_names(Form(DIALECTS[-1], header, "", 0, [header]))
+    beams = layout.beams or 0
+    if beams <= SHORT:
+        return arrays, Layout()
+    begin = layout.columns["ranges"]
+    series = {*[*columns][begin : begin + beams]}
+    others = {name: each for name, each in arrays.items() if name not in series}
+    return others | {"ranges": rows[:, begin : begin + beams]}, layout
+
+
 def _shape(table: Table) -> None:
-    """Give ranges the shape of scans: those of one scan, or pairs (k, n, 2) with bearings."""
+    """Give ranges the shape of scans: of one scan, single readings, or pairs with bearings."""
     ranges = table.values.get("ranges", np.empty(0))
-    if ranges.ndim == 2 and _are_columns(table, *ranges.shape):
+    bearings = table.values.get("angles", np.empty(0))
+    if ranges.shape[2:] == (2,):
+        _part_pairs(table, ranges)
+    elif ranges.ndim == 2 and _are_columns(table, *ranges.shape):
         table.values["ranges"] = ranges.T
+        if bearings.size == ranges.size:
+            table.values["angles"] = bearings.reshape(ranges.shape).T.ravel()
+    elif ranges.ndim == 1 and 0 < len(ranges) == len(bearings):
+        table.gather(ranges)
     elif ranges.ndim == 1 and table.settings:
         table.values["ranges"] = ranges[None]
-    elif ranges.shape[2:] == (2,):
-        # Bearings rise, or fall, from beam to beam; the coordinates of points do both.
-        ways = np.sign(np.diff(ranges, axis=1))
-        even = np.abs(ways.sum(axis=(0, 1))) / np.maximum(np.abs(ways).sum(axis=(0, 1)), 1.0)
-        if even.max() < 0.5:
-            found = f"pairs {ranges.shape} without bearings"
-            raise InputError(f"{table.intake.path}: {found}; expected bearings and ranges, (k, n)")
-        table.values["angles"] = ranges[..., even.argmax()].ravel()
-        table.values["ranges"] = ranges[..., even.argmin()]
+
+
+def _part_pairs(table: Table, pairs: Float) -> None:
+    """Enter the bearings and the ranges of pairs (k, n, 2), which are either of the two."""
+    # Bearings rise, or fall, from beam to beam; the coordinates of points do both.
+    ways = np.nan_to_num(np.sign(np.diff(pairs, axis=1)))
+    even = np.abs(ways.sum(axis=(0, 1))) / np.maximum(np.abs(ways).sum(axis=(0, 1)), 1.0)
+    if even.max() < 0.5:
+        found = f"pairs {pairs.shape} without bearings"
+        raise InputError(f"{table.intake.path}: {found}; expected bearings and ranges, (k, n)")
+    # What scans with fewer pairs lack is no number.
+    known = np.isfinite(pairs).all(axis=2)
+    table.values["angles"] = pairs[known][:, even.argmax()]
+    table.gather(pairs[known][:, even.argmin()], np.append(0, np.cumsum(known.sum(axis=1))))
 
 
 def _are_columns(table: Table, rows: int, columns: int) -> bool:
     """Whether scans are columns of ranges: each has a stamp or a pose, or each row its bearing."""
     others = table.values.keys() - {"ranges", "angles"}
     counts = {len(table.values[role]) for role in others}
-    beams = len(table.values.get("angles", ()))
+    bearings = table.values.get("angles", np.empty(0))
+    if bearings.size == rows * columns:
+        # Bearings differ from beam to beam, not from scan to scan.
+        apart = bearings.reshape(rows, columns)
+        return bool(np.nanmedian(np.ptp(apart, axis=1)) < np.nanmedian(np.ptp(apart, axis=0)))
+    beams = len(bearings)
     is_known = bool(beams or counts) and rows != columns
     return is_known and beams in (0, rows) and counts <= {columns}
 
 
-def record_table(intake: Intake) -> Table:
+def record_table(intake: Intake, format: str | None) -> Table:
     """The table of a file of records."""
-    return _named(intake, records(intake), "fields")
+    return _named(intake, records(intake), "fields", format)
 
 
 def records(intake: Intake) -> dict[str, Float]:
@@ -243,6 +288,12 @@ def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
     """Values of records, one below the other."""
     if {part.ndim for part in parts} == {1}:
         return padded(parts, notes if meaning(name)[0] == "ranges" else [])
+    if {part.shape[1:] for part in parts} == {(2,)}:
+        # Some scans have fewer pairs of a bearing and a range.
+        pairs = np.full((len(parts), max(map(len, parts)), 2), np.nan)
+        for row, part in zip(pairs, parts, strict=True):
+            row[: len(part)] = part
+        return pairs
     return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
 
 
@@ -314,7 +365,7 @@ def _floats(value: Any) -> Float:
 def _of_numbers(value: Any, name: str) -> Iterator[tuple[str, Float]]:
     if isinstance(value, list) and CUT in value:
         raise ValueError(WHOLE)
-    if value is not None:
+    if value is not None or SERIES(name):
         with suppress(ValueError, TypeError):
             # None marks a missing reading; an array of arrays holds cells of MATLAB.
             cells = isinstance(value, np.ndarray) and value.dtype.kind == "O"

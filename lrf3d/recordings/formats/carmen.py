@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import replace
 from math import degrees, inf, isfinite, pi, radians
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,9 @@ from lrf3d.recordings.log import (
     LaserLog,
     WheelRecord,
 )
-from lrf3d.robot import Trajectory
+
+if TYPE_CHECKING:
+    from lrf3d.robot import Trajectory
 
 # The names of the words that describe a fan.
 _FAN = "type start fov step range_max accuracy mode n m "
@@ -135,7 +137,9 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, intake.path)
 
 
-def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path: Path) -> LaserLog:
+def _placed_by(
+    log: LaserLog, tracks: "Mapping[str, Trajectory]", name: str, path: Path
+) -> LaserLog:
     """The log with the poses of one of the tracks; what lies before or after it is left out."""
     if name not in tracks:
         raise InputError(
@@ -479,11 +483,13 @@ class _Reading:
         mount: Float = np.where(np.abs(mounts[0]) > STEADY, np.median(mounts, axis=0), 0.0)
         return Pose(*mount.tolist())
 
-    def tracks(self) -> dict[str, Trajectory]:
+    def tracks(self) -> "dict[str, Trajectory]":
         """The trajectories of ODOM and TRUEPOS messages.
 
         A pose that is no later than the one before is left out.
         """
+        from lrf3d.robot import Trajectory
+
         tracks = {}
         for name, stamped in self._stamped.items():
             if stamped:

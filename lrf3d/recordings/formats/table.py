@@ -103,6 +103,12 @@ LARGEST_TURN = 0.35
 # Share of turns that must be larger: a heading that jumps by a turn does so seldom.
 LEAST_TURNS = 0.05
 
+# Most beams of a fan, in usual readings of a scan, that lacks those without return.
+MOST_MISSING = 4.0
+
+# Largest share of readings of a fan that may have the bearing of another.
+MOST_ALIKE = 0.9
+
 # Numbers that encoders with registers of 16 bits count.
 COUNTER = 1 << 16
 
@@ -216,11 +222,11 @@ class Table:
         angles = _in_one_piece(angles * ANGLES[unit])
         begins = self._begins(angles) if begins is None else begins
         sizes = np.diff(begins)
-        beams = int(np.median(sizes))
         kept = np.flatnonzero(2 * sizes > np.median(sizes))
         low = float(angles.min())
         wide = float(np.ptp(angles))
         whole = wide > WHOLE_TURN
+        beams = _beams_of(angles, begins)
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         cells = np.rint((angles - low) / (step or 1.0)).astype(int) % beams
         ranges = np.full((len(kept), beams), -np.inf)
@@ -230,11 +236,11 @@ class Table:
         own = row >= 0
         ranges[row[own], cells[own]] = readings[own]
         dropped = int(own.sum()) - len(np.unique(row[own] * beams + cells[own]))
-        for role, values in self.values.items():
-            if len(values) == len(angles):
-                self.values[role] = values[begins[kept]]
-            elif len(values) == len(sizes):
-                self.values[role] = values[kept]
+        if dropped > MOST_ALIKE * own.sum():
+            found = f"{dropped:,} of {own.sum():,} readings have the bearing of another"
+            raise InputError(f"{self.intake.path}: {found}: not the bearings of scans")
+        self._thin(len(angles), begins[kept])
+        self._thin(len(sizes), kept)
         self.clockwise |= whole and "quality" in self.values
         self.values["ranges"] = ranges
         self.values["angles"] = np.asarray(low + step * np.arange(beams))
@@ -245,6 +251,11 @@ class Table:
             f"bearings in {unit}, {way}: gathered to {len(kept)} scans of {beams} beams;"
             f" {len(sizes) - len(kept)} partial scans left out{beside}"
         )
+
+    def _thin(self, count: int, kept: Int) -> None:
+        """Keep some rows of the columns that have so many."""
+        thin = {role: each[kept] for role, each in self.values.items() if len(each) == count}
+        self.values |= thin
 
     def _begins(self, bearings: Float) -> Int:
         """Where the scans of single readings begin (k + 1,), with the end of the last."""
@@ -352,10 +363,11 @@ class Table:
             ahead = self._in("dx", "m")
             left = self._in("dy", "m") if "dy" in has else 0.0 * ahead
             return _driven(ahead, left, self._in("dtheta", "rad"))
-        if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
-            self.values["theta"] = heading_of(
-                *(self.values[name] for name in ("qx", "qy", "qz", "qw"))
-            )
+        # Turns in the plane have two of the four numbers.
+        if "theta" not in has and {"qz", "qw"} <= has:
+            flat = np.zeros(len(self.values["qz"]))
+            turns = (self.values.get(name, flat) for name in ("qx", "qy", "qz", "qw"))
+            self.values["theta"] = heading_of(*turns)
             self.units["theta"] = "rad"
         if {"x", "y", "theta"} <= has:
             return self._absolute()
@@ -394,6 +406,15 @@ def _unit_of(stamps: Float, usual: float) -> str:
     if are_days and max(usual, np.ptp(stamps) / len(stamps)) * TIMES["days"] <= SLOWEST:
         return "days"
     return next((unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST), "ns")
+
+
+def _beams_of(bearings: Float, begins: Int) -> int:
+    """Number of beams over all bearings of scans that begin here and may lack some readings."""
+    usual = np.median(np.diff(begins))
+    steps = np.delete(np.abs(np.diff(bearings)), begins[1:-1] - 1)
+    # Few readings have none next to them.
+    beams = np.ptp(bearings) / np.median(steps[steps > 0.0]) + 1.0 if steps.any() else 1.0
+    return round(float(np.clip(beams, usual, MOST_MISSING * usual)))
 
 
 def _in_one_piece(bearings: Float) -> Float:

@@ -38,6 +38,19 @@ LEAST_SHARE = 0.001
 # again, by one.
 ADJACENT = 0.3
 
+# Depth [m] of a band below the largest range in which some range finders spread what met nothing.
+SPREAD = 0.16
+
+# Least mean difference of adjacent readings in that band, in its depth: those that met nothing have
+# nothing to do with each other; a wall goes on from beam to beam.
+UNRELATED = 0.2
+
+# Share of the readings in that band that are walls.
+RARE = 0.05
+
+# Largest share of scans in which beams of the band read it: those of a robot at rest always do.
+ALWAYS = 0.8
+
 
 class NoReturn(NamedTuple):
     """Readings up to ``near`` [m] and from ``far`` [m] on mean no return; the user may give far."""
@@ -54,9 +67,10 @@ def find(scans: Sequence[LaserScan], limit: float | None = None) -> NoReturn | N
     log does not name it. Taken for walls, such readings are an arc that moves with the robot.
     Others write their smallest range, which looks like a small arc around it.
     """
-    far = limit or _outstanding([scan.ranges for scan in scans], OPEN)
+    ranges = [scan.ranges for scan in scans]
+    far = limit or min(_outstanding(ranges, OPEN), _spread(ranges, scans[0].range_max))
     # Beams at a right angle to a near wall end at about the same range.
-    near = -_outstanding([-scan.ranges for scan in scans], np.inf)
+    near = -_outstanding([-each for each in ranges], np.inf)
     return None if max(near, -far) == -np.inf else NoReturn(near, far, limit is not None)
 
 
@@ -90,6 +104,32 @@ def _outstanding(scans: Sequence[Float], share: float) -> float:
     seen = [np.isfinite(ranges) & (ranges > largest - EQUAL) for ranges in scans]
     adjacent = sum(int((beams[1:] & beams[:-1]).sum()) for beams in seen)
     return np.inf if adjacent < ADJACENT * len(equal) else float(equal.min())
+
+
+def _spread(scans: Sequence[Float], declared: float) -> float:
+    """The least reading [m] of a band below the declared range that means no return; else +inf.
+
+    Many readings lie in it, few just below, and neither adjacent beams nor successive scans agree.
+    """
+    if declared == np.inf or len({len(ranges) for ranges in scans}) != 1:
+        return np.inf
+    table = np.array(scans)
+    finite = np.isfinite(table)
+    largest = table[finite].max(initial=0.0)
+    if abs(declared - largest) > SPREAD:
+        return np.inf
+    below = finite & (table > largest - BELOW)
+    band = below & (table > largest - SPREAD)
+    count = band.sum()
+    least = max(LEAST_READINGS, OPEN * finite.sum(), CROWDED * (below.sum() - count))
+    pairs = band[:, 1:] & band[:, :-1]
+    shares = band.mean(axis=0)
+    if count < least or pairs.sum() < ADJACENT * count or shares[shares > 0.0].max() > ALWAYS:
+        return np.inf
+    # Some walls lie in the band, too.
+    depth = largest - np.quantile(table[band], RARE)
+    apart = np.abs(np.diff(table))[pairs].mean()
+    return float(largest - (1.0 + UNRELATED) * depth) if apart > UNRELATED * depth else np.inf
 
 
 NO_RETURN = Repair("no_return", find, apply, sentence)

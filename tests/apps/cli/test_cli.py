@@ -5,13 +5,15 @@ import shlex
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from program import lrf3d, refused
 
 from lrf3d import export_run, load_scenario, save_run
 from lrf3d.apps.cli.commands import COMMANDS
-from lrf3d.apps.cli.parser import _parser, lists
+from lrf3d.apps.cli.parser import _parser, lists, parse
+from lrf3d.base.errors import InputError
 from lrf3d.base.formats import FORMATS
 
 ROOM = """\
@@ -100,6 +102,13 @@ def test_several_noises_stand_side_by_side(room, tmp_path):
     levels = json.loads(done.stdout)["noise_levels"]
     assert [level["sigma_m"] for level in levels] == [0.02, 0.2, 0.3, 0.4]
     assert (tmp_path / "out" / "box" / "noise.png").exists()
+
+
+def test_names_may_begin_with_a_dash_and_are_not_empty():
+    args = parse(["slam", "--out", "there", "--", "-dash.csv"])
+    assert args.log == Path("-dash.csv") and args.out == Path("there")
+    with pytest.raises(InputError, match="--out: '': expected a path"):
+        parse(["slam", "drive.log", "--out", ""])
 
 
 @pytest.mark.parametrize("command", [[], ["run"], ["map"], ["world", "show"]])

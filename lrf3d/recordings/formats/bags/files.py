@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.files import check_ordinary
 from lrf3d.base.formats import MCAP, ROS_1, ROS_1_OLD, SQLITE, ZSTD, by_name
+from lrf3d.messages.clouds import CLOUD
 
 # Largest size [bytes] of a record: recorders write chunks of one megabyte, some of a hundred, so a
 # larger length is damaged.
@@ -27,6 +28,10 @@ LARGEST_RECORD = 1 << 28
 
 # Bytes that are unpacked at a time of a packed file: of a file that is cut, the last are lost.
 BLOCK = 1 << 16
+
+
+# What the packages of Livox' drivers begin with, whose clouds are packed in a way of their own.
+LIVOX = "livox"
 
 
 class BagTopic(NamedTuple):
@@ -40,6 +45,9 @@ class BagTopic(NamedTuple):
     def of(cls, name: str, kind: str, packing: str) -> "BagTopic":
         """A topic from its name, which may lack the slash, and its type in ROS 1's or 2's form."""
         new = re.sub(r"^(\w+)/(\w+)$", r"\1/msg/\2", kind)
+        if new.startswith(LIVOX) and new.endswith("/CustomMsg"):
+            new = CLOUD
+            packing = f"{LIVOX} {packing}"
         return cls("/" + name.removeprefix("/"), new, packing)
 
 

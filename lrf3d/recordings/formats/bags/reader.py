@@ -25,7 +25,8 @@ own definitions.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from lrf3d.messages.ros import SCAN, TRANSFORMS
 from lrf3d.recordings.formats.arrays import is_messages
 from lrf3d.recordings.formats.bags.contents import MESSAGES, OLD_TRANSFORMS, SCANS, Contents
 from lrf3d.recordings.formats.bags.files import (
+    LIVOX,
     BagTopic,
     Packet,
     bag_files,
@@ -44,6 +46,7 @@ from lrf3d.recordings.formats.bags.files import (
     unpacked,
 )
 from lrf3d.recordings.formats.bags.json_lines import JSON, json_messages
+from lrf3d.recordings.formats.bags.livox import livox_cloud
 from lrf3d.recordings.formats.bags.poses import log_of
 from lrf3d.recordings.log import Intake, LaserLog
 
@@ -89,33 +92,37 @@ def _read(contents: Contents, topics: set[BagTopic], wanted: Callable[[BagTopic]
     intake = contents.intake
     path = intake.path
     again = bool(topics)
-    deserialized: Mapping[str, Callable[[Any, str], Any]] = {JSON: lambda message, _: message}
-    messages = json_messages(intake)
-    if not is_messages(path):
-        messages = _of_files(intake)
-        deserialized = _deserializers(path)
+    messages = json_messages(intake) if is_messages(path) else _of_files(intake)
+    unpack = dict[str, Callable[[Any, str], Any]]()
     for number, (topic, received, data) in enumerate(_known(messages, topics), 1):
         if not (wanted(topic) if topic.kind in (*SCANS, CLOUD) else not again):
             continue
         try:
-            message = deserialized[topic.packing](data, topic.kind)
+            if topic.packing not in unpack:
+                unpack[topic.packing] = _deserializer(topic.packing)
+            message = unpack[topic.packing](data, topic.kind)
             MESSAGES[topic.kind](contents, topic.name, message, received, number)
+        except ImportError:
+            raise missing_rosbags(path) from None
         except Exception as error:
             # A damaged message may raise any exception.
             intake.refuse(number, _short(error), "message")
 
 
-def _deserializers(path: Path) -> dict[str, Callable[[Any, str], Any]]:
-    """What unpacks the messages of bags, by the name of their packing."""
-    try:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise missing_rosbags(path) from None
-    new = get_typestore(Stores.ROS2_HUMBLE)
-    old = get_typestore(Stores.ROS1_NOETIC)
+def _deserializer(packing: str) -> Callable[[Any, str], Any]:
+    """What unpacks the messages of a bag that are packed in this way; raises ImportError."""
+    if packing == JSON:
+        return lambda message, _: message
+    if packing.startswith(LIVOX):
+        return partial(livox_cloud, aligned=packing == f"{LIVOX} cdr")
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    if packing == "cdr":
+        return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+    store = get_typestore(Stores.ROS1_NOETIC)
     for name in (TRANSFORMS, OLD_TRANSFORMS):
-        old.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
-    return {"cdr": new.deserialize_cdr, "ros1": old.deserialize_ros1}
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    return store.deserialize_ros1
 
 
 def _lacking(

@@ -85,6 +85,11 @@ class Form:
         usual = sum(len(words) == self.length for words in self.sample)
         return usual > STEADY * len(self.sample)
 
+    @property
+    def has_numbers(self) -> bool:
+        """Whether it is steady and no label ends the lines."""
+        return self.is_steady and any(is_number(words[-1]) for words in self.sample)
+
 
 def form_of(path: Path) -> Form:
     """The form of the text in a file."""

@@ -113,15 +113,32 @@ def _refusal(form: Form) -> str:
 
 def formats_for(form: Form) -> list[str]:
     """Formats that may read a text in which nothing was found."""
-    stamp = "stamp@1, " * rises(form.sample, 0)
-    begin = 1 + bool(stamp)
-    ends = [form.length - beams + 1 for beams in FANS if beams <= form.length + 1 - begin]
-    # A scan does not begin with a column of zeros.
-    usual = [at for at in ends if any(words[at - 1].strip("0.") for words in form.sample)]
-    specs = [f"{stamp}ranges@{at}" for at in sorted(usual)[:1]]
+    rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
     if form.length <= SHORT:
-        specs = ["angles@1, ranges@2", "angles@2, ranges@1"]
-    return [spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm")]
+        fits = [k for k in range(min(form.length, 2)) if _swept(rows[:, k]) > LEAST_SWEEP]
+        specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits]
+    else:
+        specs = [_wide_format(form, rows)] * form.is_steady
+    return [
+        spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm") if spec
+    ]
+
+
+def _wide_format(form: Form, rows: Float) -> str:
+    """A format of a scan a line, at usual bearings if some fit; "" if the numbers are no ranges."""
+    stamp = "stamp@1, " * rises(form.sample, 0)
+    begin = len(stamp[:1])
+    # Words after the numbers are labels.
+    end = int(np.flatnonzero(np.isfinite(rows).any(axis=0)).max()) + 1
+    # A scan does not begin with a column of zeros.
+    usual = [k for k in range(begin, end) if end - k in FANS and rows[:, k].any()]
+    begin = usual[0] if usual else begin
+    ranges = rows[:, begin:end]
+    beams = f"*{end - begin}" * (end < form.length)
+    fan = ", first=-90deg, last=90deg" * (not usual)
+    # Of negative numbers there is one, that of beams without return.
+    likely = len({*ranges[ranges < 0.0].tolist()}) <= 1
+    return f"{stamp}ranges{beams}@{begin + 1}{fan}" * likely
 
 
 def by_names(form: Form) -> Layout:
@@ -254,8 +271,15 @@ def _by_sweep(form: Form) -> Layout | None:
     varied = [k for k, column in enumerate(columns) if len({*column.tolist()}) > VARIED]
     for place in _bearings_among(columns):
         if others := [k for k in varied if k != place]:
-            return Layout(_sweep(columns, place, others), 1, form.length)
+            found = _sweep(columns, place, others)
+            return Layout(found, 1, form.length, unused=_further(columns, found))
     return None
+
+
+def _further(columns: Sequence[Float], found: dict[str, int]) -> Words:
+    """The numbers of columns that vary and are not used."""
+    used = found.values()
+    return [f"number {k + 1}" for k, each in enumerate(columns) if k not in used and np.ptp(each)]
 
 
 def _bearings_among(columns: Sequence[Float]) -> list[int]:
@@ -283,6 +307,8 @@ def _sweep(columns: Sequence[Float], place: int, others: Sequence[int]) -> dict[
     if 0 in others and after != 0 and (np.diff(columns[0]) >= 0.0).all():
         found["stamp"] = 0
     left = [k for k in range(len(columns)) if k not in found.values() and columns[k].max() > 1.0]
+    # Qualities do not rise like stamps, or like the angle to which a scanner is tilted.
+    left = [k for k in left if columns[k][0] >= columns[k][-1] or (np.diff(columns[k]) < 0.0).any()]
     if left and columns[left[-1]].max() <= LARGEST_QUALITY:
         found["quality"] = left[-1]
     return found
@@ -329,7 +355,7 @@ def _by_length(form: Form) -> Layout | None:
     stamp = ["stamp"] if rises(form.sample, 0) else []
     for names in (stamp, [*stamp, "x", "y", "theta"]):
         place = len(names)
-        if form.is_steady and form.length - place in FANS and not _counts_up(form, place):
+        if form.has_numbers and form.length - place in FANS and not _counts_up(form, place):
             last = [words[place - 1] for words in form.sample if len(words) == form.length]
             if names == stamp or (np.abs(values_of(last)) <= LARGEST_HEADING).all():
                 return _in_order(form, stamp, names != stamp)

@@ -68,9 +68,11 @@ def named(words: Iterable[str]) -> list[str]:
 def are_names(words: Sequence[str]) -> bool:
     """Whether words are names of columns; most of these may be numbers, such as bearings."""
     first, *others = filter(None, words)
-    return not all(map(is_number, others)) or (
-        not is_number(first) and bool((np.diff(values_of(others)) > 0.0).all())
-    )
+    if not all(map(is_number, others)):
+        return True
+    # Tables have bearings beside a corner that is no number.
+    no_number = not np.isfinite(values_of([first])).any()
+    return no_number and bool((np.diff(values_of(others)) > 0.0).all())
 
 
 def rises(rows: Sequence[Sequence[str]], place: int) -> bool:
