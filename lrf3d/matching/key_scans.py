@@ -148,7 +148,7 @@ def all_fans(fans: Iterable[Fans]) -> Fans:
     """Join the fans of several key scans, which are numbered from 0."""
     keys, *at, first, angles, ranges = zip(*fans, strict=True)
     numbers = np.repeat(np.arange(len(keys)), [len(each) for each in keys])
-    begins = np.cumsum(np.concatenate([[0], *map(np.diff, first)]))
+    begins = np.cumsum(np.concatenate([[0], *(each[1:] - each[:-1] for each in first)]))
     x, y, noise = map(np.concatenate, at)
     return Fans(numbers, x, y, noise, begins, np.concatenate(angles), np.concatenate(ranges))
 

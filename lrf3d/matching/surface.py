@@ -13,7 +13,7 @@ from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
-from lrf3d.laser.range_finder import beam_directions
+from lrf3d.laser.scan import reflection_points
 
 # A point [m] and the unit normal there, which is zero at a post.
 SURFACE = record(x=float, y=float, nx=float, ny=float)
@@ -102,10 +102,9 @@ def _median(values: Float) -> float:
 def points_of(scan: LaserScan, mount: Pose) -> Records:
     """The returns of a scan as points without normals, in the frame of the robot."""
     hits = scan.hits
-    directions = beam_directions(0.0, scan.angles[hits] + mount.theta)
-    points = np.zeros(len(directions), SURFACE)
-    points["x"], points["y"] = (scan.ranges[hits, None] * directions + np.array(mount[:2])).T
-    return points
+    points = np.zeros((np.count_nonzero(hits), 4))
+    points[:, :2] = reflection_points(mount, scan.angles[hits], scan.ranges[hits])
+    return points.view(SURFACE)[:, 0]
 
 
 def surface_of_scan(

@@ -172,13 +172,15 @@ class LoopCloser:
         The path between the old key scans is that along the graph: they may be from different
         visits to a place.
         """
-        pairs = np.array([(each.old, each.new) for each in closures], np.int64)
-        olds, news = pairs.reshape(-1, 2).T
-        lengths = self.paths.lengths(newest.old, STRETCH)[olds]
-        away = np.abs(self.driven[news] - self.driven[newest.new])
-        near = np.flatnonzero((lengths < STRETCH) & (away < STRETCH))
-        others = [closures[k] for k in near.tolist()]
-        agree = self._agree(others, newest, (lengths + away)[near]) if others else near
+        away = np.abs(self.driven - self.driven[newest.new])
+        lengths = self.paths.lengths(newest.old, STRETCH)
+        near = (away < STRETCH).tolist()
+        near_old = (lengths < STRETCH).tolist()
+        others = [each for each in closures if near[each.new] and near_old[each.old]]
+        if not others:
+            return {}
+        olds, news = np.array([(each.old, each.new) for each in others]).T
+        agree = self._agree(others, newest, lengths[olds] + away[news])
         return dict(zip(others, agree.tolist(), strict=True))
 
     def _accept(self, newest: Closure, *, at_end: bool = False) -> list[Closure]:

@@ -25,7 +25,7 @@ from lrf3d.matching.key_scans import (
 )
 from lrf3d.matching.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.matching.search import CLEARLY, Submap, clearest
-from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, moved, thinned
+from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, grid_of, moved, thinned
 from lrf3d.slam.motion import DOUBTFUL, Coasting, KeyStep, Prediction, Wheels, size_of
 
 # Distance to the next key scan [m]. Errors hardly change from 0.4 to 0.6 m.
@@ -412,11 +412,13 @@ def refined(
     refined_poses = poses.copy()
     grid = None
     anchors = set(anchored.tolist())
+    walls = [moved(key.walls, pose) for key, pose in zip(keys, key_poses, strict=True)]
     for scan, (surface, pose) in enumerate(zip(surfaces, poses, strict=True)):
         if scan in anchors:
             apart = np.hypot(*(key_poses[:, :2] - pose[:2]).T)
             nearest = np.argsort(apart, kind="stable")[:surrounding]
-            grid = Submap([keys[k] for k in nearest.tolist()], key_poses[nearest]).grid
+            around = concatenated([walls[k] for k in nearest.tolist()])
+            grid = grid_of(around) if len(around) else None
         if grid is None:
             continue
         *_, heading = pose.tolist()
