@@ -171,15 +171,16 @@ def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
             point = points[i]
             dx = at.x + at.cos * point.x - at.sin * point.y - fans.x[number]
             dy = at.y + at.sin * point.x + at.cos * point.y - fans.y[number]
-            away = np.arctan2(dy, dx) - begin
-            away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-            beam = _nearest_beam(fans.angles, first, last, begin + away, away / step)
             distance = np.sqrt(dx * dx + dy * dy)
             nx = at.cos * point.nx - at.sin * point.ny
             ny = at.sin * point.nx + at.cos * point.ny
             # A post has no normal.
-            flat = 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance
-            if first < beam < last and not flat:
+            if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
+                continue
+            away = np.arctan2(dy, dx) - begin
+            away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
+            beam = _nearest_beam(fans.angles, first, last, begin + away, away / step)
+            if first < beam < last:
                 view = _view_along(fans.ranges, beam, distance, DEVIATIONS * fans.noise[number])
                 views[key, i] = max(views[key, i], view)
     return views
@@ -227,9 +228,8 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
         return -np.inf
     counted = 120  # Points of a scan that are enough as evidence.
     views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, fans)
-    hit = (views == HIT).any(axis=0)
-    passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
-    shares = np.array([float(hit.mean()), explained])
+    *_, passed, hit = np.bincount(views.max(axis=0), minlength=HIT + 1) / views.shape[1]
+    shares = np.array([hit, explained])
     chance = 0.05  # Share of points that agree or disagree by chance.
     new = 0.1  # Weight of a point that is neither hit nor passed, relative to a passed one.
     against = passed + new * np.maximum(1.0 - shares - passed, 0.0)

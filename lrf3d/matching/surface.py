@@ -321,9 +321,9 @@ class SurfaceGrid(NamedTuple):
     cell: float  # The side of a cell [m].
 
 
-def grid_of(surface: Records) -> SurfaceGrid:
-    """Sort a surface of at least one point into cells."""
-    return SurfaceGrid(*_sorted(surface))
+def grid_of(surface: Records) -> SurfaceGrid | None:
+    """Sort a surface into cells; None if it has no point."""
+    return SurfaceGrid(*_sorted(surface)) if len(surface) else None
 
 
 @compiled

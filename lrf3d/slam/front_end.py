@@ -417,8 +417,7 @@ def refined(
         if scan in anchors:
             apart = np.hypot(*(key_poses[:, :2] - pose[:2]).T)
             nearest = np.argsort(apart, kind="stable")[:surrounding]
-            around = concatenated([walls[k] for k in nearest.tolist()])
-            grid = grid_of(around) if len(around) else None
+            grid = grid_of(concatenated([walls[k] for k in nearest.tolist()]))
         if grid is None:
             continue
         *_, heading = pose.tolist()
