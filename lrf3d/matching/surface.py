@@ -13,7 +13,6 @@ from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
-from lrf3d.laser.scan import reflection_points
 
 # A point [m] and the unit normal there, which is zero at a post.
 SURFACE = record(x=float, y=float, nx=float, ny=float)
@@ -102,19 +101,16 @@ def _median(values: Float) -> float:
 def points_of(scan: LaserScan, mount: Pose) -> Records:
     """The returns of a scan as points without normals, in the frame of the robot."""
     hits = scan.hits
-    points = np.zeros((np.count_nonzero(hits), 4))
-    points[:, :2] = reflection_points(mount, scan.angles[hits], scan.ranges[hits])
-    return points.view(SURFACE)[:, 0]
+    ranges = scan.ranges[hits]
+    headings = scan.angles[hits] + mount.theta
+    points = np.zeros(len(ranges), SURFACE)
+    points["x"] = ranges * np.cos(headings) + mount.x
+    points["y"] = ranges * np.sin(headings) + mount.y
+    return points
 
 
-def surface_of_scan(
-    scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE, points: Records | None = None
-) -> Records:
-    """Convert a scan, by the mount of its laser, to the surface in the frame of the robot.
-
-    Its `points_of` are worked out if not given.
-    """
-    points = points_of(scan, mount) if points is None else points
+def surface_of_scan(scan: LaserScan, mount: Pose, points: Records, noise: float) -> Records:
+    """Convert a scan and its `points_of`, by the mount of its laser, to the surface they show."""
     x, y, _ = mount
     step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
     posts = _posts(points, scan.ranges[scan.hits], scan.angles[scan.hits], step, noise)

@@ -392,7 +392,9 @@ def closure_edges(closures: list[Closure]) -> Records:
 def _bounded(spread: Float) -> Float:
     """A covariance (3, 3) of a search window within the bounds on its standard deviations."""
     bounded: Float = spread + np.diag(np.square([LEAST_SPREAD, LEAST_SPREAD, LEAST_TURN_SPREAD]))
-    bounded[:2, :2] /= max(float(np.linalg.norm(bounded[:2, :2], 2)) / MOST_SPREAD**2, 1.0)
+    (xx, xy), (_, yy) = bounded[:2, :2].tolist()
+    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+    bounded[:2, :2] /= max(largest / MOST_SPREAD**2, 1.0)
     bounded[2, 2] = min(bounded[2, 2], MOST_TURN_SPREAD**2)
     return bounded
 
