@@ -392,8 +392,7 @@ def closure_edges(closures: list[Closure]) -> Records:
 def _bounded(spread: Float) -> Float:
     """A covariance (3, 3) of a search window within the bounds on its standard deviations."""
     bounded: Float = spread + np.diag(np.square([LEAST_SPREAD, LEAST_SPREAD, LEAST_TURN_SPREAD]))
-    (xx, xy), (_, yy) = bounded[:2, :2].tolist()
-    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+    *_, largest = np.linalg.eigvalsh(bounded[:2, :2]).tolist()
     bounded[:2, :2] /= max(largest / MOST_SPREAD**2, 1.0)
     bounded[2, 2] = min(bounded[2, 2], MOST_TURN_SPREAD**2)
     return bounded

@@ -246,16 +246,12 @@ class SolvedLog:
         lines = slice(None) if self.parts is None else self.parts.placed
         return self.log.odometry.times[lines], self.line_poses[lines]
 
-    @property
-    def _slams(self) -> list[Slam]:
-        return [self.slam] if self.parts is None else self.parts.slams
-
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         log = self.log
         slam = self.slam
         line_map = self.run.map
-        slams = self._slams
+        slams = [slam] if self.parts is None else self.parts.slams
         tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
