@@ -175,8 +175,7 @@ class LoopCloser:
         away = np.abs(self.driven - self.driven[newest.new])
         lengths = self.paths.lengths(newest.old, STRETCH)
         near = (away < STRETCH).tolist()
-        near_old = (lengths < STRETCH).tolist()
-        others = [each for each in closures if near[each.new] and near_old[each.old]]
+        others = [each for each in closures if near[each.new] and lengths[each.old] < STRETCH]
         if not others:
             return {}
         olds, news = np.array([(each.old, each.new) for each in others]).T
@@ -392,8 +391,7 @@ def closure_edges(closures: list[Closure]) -> Records:
 def _bounded(spread: Float) -> Float:
     """A covariance (3, 3) of a search window within the bounds on its standard deviations."""
     bounded: Float = spread + np.diag(np.square([LEAST_SPREAD, LEAST_SPREAD, LEAST_TURN_SPREAD]))
-    *_, largest = np.linalg.eigvalsh(bounded[:2, :2]).tolist()
-    bounded[:2, :2] /= max(largest / MOST_SPREAD**2, 1.0)
+    bounded[:2, :2] /= max(np.linalg.eigvalsh(bounded[:2, :2]).max() / MOST_SPREAD**2, 1.0)
     bounded[2, 2] = min(bounded[2, 2], MOST_TURN_SPREAD**2)
     return bounded
 

@@ -262,8 +262,9 @@ class FrontEnd:
         poor = not expected.trusted and placed.match.explained < FOUND_SHARE
         lost = poor or not placed.accepted
         if lost and (relocated := self._at_any_heading(scan, expected)):
-            slip = self._slip(relocated, expected)
-            placed = Placed(relocated, True, scan, expected, slip, placed.contradicted)
+            placed = placed._replace(
+                match=relocated, accepted=True, still=scan, slip=self._slip(relocated, expected)
+            )
         return placed
 
     def _passed(self, scan: Key, pose: Float) -> bool:
@@ -328,8 +329,14 @@ class FrontEnd:
         # that does not contradict the wheels.
         certain = fits.match.explained > CERTAIN_SHARE
         contradicted = better and certain and self._slip(fits.match, expected) > SLIPPED
-        slip = self._slip(best.match, expected)
-        return Placed(best.match, best.evidence > 0.0, scan, expected, slip, contradicted)
+        return Placed(
+            best.match,
+            best.evidence > 0.0,
+            scan,
+            expected,
+            self._slip(best.match, expected),
+            contradicted,
+        )
 
     def _at_any_heading(self, scan: Key, expected: Prediction) -> Match | None:
         """The match where a lost scan clearly fits best, whatever its heading."""

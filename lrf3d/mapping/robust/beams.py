@@ -164,8 +164,14 @@ def measure_beams(
             # Nothing is known before what is too near, nor where any range may be measured.
             known = 0.0 < measured[beam] < MOST_RANGE
             ranges[beam] = measured[beam] if known else 0.0
-    for beam in range(count):
-        reach = ranges[beam]
+    _measure_deviations(noise, spread, beams)
+
+
+@inner
+def _measure_deviations(noise: RangeNoise, spread: tuple[float, float], beams: Beams) -> None:
+    """Fill in the standard deviations of the end points of beams."""
+    for beam in range(len(beams.ranges)):
+        reach = beams.ranges[beam]
         variance = noise.floor * noise.floor + (noise.growth * reach) * (noise.growth * reach)
         beams.deviations[beam] = np.sqrt(variance + (spread[0] + spread[1] * (reach * reach)))
 

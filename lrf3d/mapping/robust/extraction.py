@@ -166,10 +166,7 @@ def extract_walls(
     count = len(beams.ranges)
     spans = np.empty(count // LEAST_POINTS + 1, SPAN)
     found = clusters = 0
-    # The first return that is not joined to the next one; their number if all are.
-    begin = 0
-    while begin < count and joined[begin]:
-        begin += 1
+    begin = _first_gap(joined)
     closed = begin == count
     if closed and count and segment_cluster(beams, spans) > 1:
         # The scan closes on itself: begin at a corner, so that no wall is cut in two.
@@ -191,6 +188,15 @@ def extract_walls(
         clusters += size > 0
         found += size
     return found
+
+
+@inner
+def _first_gap(joined: Bool) -> int:
+    """The first return that is not joined to the next one; their number if all are."""
+    place = 0
+    while place < len(joined) and joined[place]:
+        place += 1
+    return place
 
 
 @inner
