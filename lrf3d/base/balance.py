@@ -4,6 +4,7 @@ The total is counted independently, for example by the library that reads the fo
 which a reader overlooks are found missing.
 """
 
+import re
 import warnings
 from collections import Counter
 from collections.abc import Iterable
@@ -74,7 +75,8 @@ def in_words(reasons: Counter[str], most: int = 12) -> Iterable[str]:
     for noun, count in sorted(ranked):
         # A few names are enough.
         held = f" ({', '.join(names[noun][:5])}{', …' if len(names[noun]) > 5 else ''})"
-        head, of, what = noun.partition(" of ")
-        yield counted(count, head) + of + what + (held if names[noun] else "")
+        # What follows a preposition stays in the singular: ``2 shapes of robots``.
+        head, *what = re.split(r"(?= of | without )", noun, maxsplit=1)
+        yield "".join([counted(count, head), *what, held if names[noun] else ""])
     if rest := numbers.total() - sum(count for _, count in ranked):
         yield f"{rest:,} of other kinds"

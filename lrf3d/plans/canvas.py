@@ -36,6 +36,9 @@ FAINT = 0.02
 # Contrast below which a mark has the colour of the paper.
 PALEST = 0.08
 
+# Largest mean thickness [m] of a wall that is drawn as an area; only a thicker area may be a floor.
+THICKEST_SOLID = 0.6
+
 # An area hides lines from this distance [m] inside its edge: a line on the edge is half seen.
 HIDDEN = 0.002
 
@@ -208,8 +211,7 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     kept = shapely.area(parts) > 0.0
     parts = parts[kept]
     turns = turns[kept]
-    tree = shapely.STRtree(parts)
-    inner, outer = tree.query(parts, predicate="covered_by")
+    inner, outer = shapely.STRtree(parts).query(parts, predicate="covered_by")
     # For each part: the number of rings around it, itself included, and its winding number or its
     # parity, of which 0 is a hole.
     depth = np.bincount(inner, minlength=len(parts))
@@ -263,8 +265,15 @@ def _seen(marks: list[Mark]) -> list[Mark]:
     return [
         mark._replace(shape=shape)
         for mark, shape in zip(marks, _uncovered(shapes, hiding), strict=True)
-        if mark.contrast >= PALEST and not shape.is_empty
+        # Rooms are seen although they are nearly white.
+        if (mark.contrast >= PALEST or (mark.contrast > FAINT and is_thick(shape)))
+        and not shape.is_empty
     ]
+
+
+def is_thick(shape: Any) -> bool:
+    """Whether a geometry is an area that is thicker than a wall."""
+    return bool(2.0 * shape.area > THICKEST_SOLID * shape.length)
 
 
 def _uncovered(shapes: Any, hiding: Int) -> Any:

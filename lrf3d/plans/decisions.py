@@ -179,13 +179,13 @@ class Class(Decision):
 def _cut(plan: Plan, select: Mapping[str, Any]) -> Plan:
     """The plan with the walls that a selector may select cut where they cross its area."""
     area = _area(select, plan.unit)
-    others = {name: held for name, held in select.items() if name != "inside"}
+    without_area = {name: held for name, held in select.items() if name != "inside"}
     lines = as_lines(plan.parts.segments)
     # A wall along the edge of the area does not cross it.
     chosen = shapely.crosses(lines, area) & plan.parts.stands
-    chosen &= selected(plan.parts, others, plan.unit)
-    halves = [cut(lines[chosen], area) for cut in (shapely.intersection, shapely.difference)]
-    return _replaced(plan, chosen, np.concatenate(halves)) if chosen.any() else plan
+    chosen &= selected(plan.parts, without_area, plan.unit)
+    inside_and_out = [op(lines[chosen], area) for op in (shapely.intersection, shapely.difference)]
+    return _replaced(plan, chosen, np.concatenate(inside_and_out)) if chosen.any() else plan
 
 
 def _area(select: Mapping[str, Any], unit: float) -> Any:
@@ -206,10 +206,11 @@ def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
     if "near" in select:
         # What was cut is still found where its middle was.
         place = np.asarray(select["near"]) * unit
-        away = np.fmin(*(np.hypot(*(each - place).T) for each in (parts.middles, parts.wholes)))
+        away = np.fmin(
+            *(np.hypot(*(each - place).T) for each in (parts.middles, parts.uncut_middles))
+        )
         away[~chosen] = np.inf
-        least = away.min(initial=np.inf)
-        chosen &= (away <= least + SAME) & (away <= NEAR)
+        chosen &= (away <= away.min(initial=np.inf) + SAME) & (away <= NEAR)
     return chosen
 
 
@@ -239,8 +240,7 @@ class Move(Decision):
             return None
         ends[here] = self.to
         moved = ends.reshape(-1, 4)
-        kept = lengths(moved) > SAME
-        return plan._replace(parts=plan.parts._replace(segments=moved).at(kept))
+        return plan._replace(parts=plan.parts._replace(segments=moved).at(lengths(moved) > SAME))
 
 
 @dataclass(frozen=True)
@@ -284,8 +284,10 @@ def _replaced(plan: Plan, chosen: Bool, left: Any) -> Plan:
     long = shapely.length(pieces) > SAME
     rows = np.flatnonzero(chosen)
     cut = parts.at(rows[place[long] % len(rows)])
-    wholes = np.where(np.isnan(cut.wholes), cut.middles, cut.wholes)
-    cut = cut._replace(segments=shapely.get_coordinates(pieces[long]).reshape(-1, 4), wholes=wholes)
+    uncut_middles = np.where(np.isnan(cut.uncut_middles), cut.middles, cut.uncut_middles)
+    cut = cut._replace(
+        segments=shapely.get_coordinates(pieces[long]).reshape(-1, 4), uncut_middles=uncut_middles
+    )
     return plan._replace(parts=parts.at(~chosen).joined(cut))
 
 

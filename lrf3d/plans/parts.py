@@ -49,7 +49,7 @@ class Parts(NamedTuple):
     # The object of a world; `TOUCHED` otherwise.
     objects: Int
     # The middles (n, 2) [m] of the strokes that these were cut from; NaN for uncut ones.
-    wholes: Float
+    uncut_middles: Float
 
     @classmethod
     def of(cls, segments: Float, kind: str, **columns: Any) -> "Parts":
@@ -67,8 +67,11 @@ class Parts(NamedTuple):
         filled = {name: np.empty(len(segments), kinds.get(name, object)) for name in usual}
         for name, column in filled.items():
             column[:] = columns.get(name, usual[name])
-        wholes = np.full((len(segments), 2), np.nan)
-        return cls(np.asarray(segments, dtype=np.float64).reshape(-1, 4), **filled, wholes=wholes)
+        return cls(
+            np.asarray(segments, dtype=np.float64).reshape(-1, 4),
+            **filled,
+            uncut_middles=np.full((len(segments), 2), np.nan),
+        )
 
     @property
     def middles(self) -> Float:

@@ -27,7 +27,7 @@ from lrf3d.base.balance import Balance, in_words
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Float, Int
-from lrf3d.plans.canvas import HIDDEN, Canvas, Mark, is_area
+from lrf3d.plans.canvas import HIDDEN, PALEST, Canvas, Mark, is_area, is_thick
 from lrf3d.plans.doubts import (
     notes,
     of_doors,
@@ -38,7 +38,6 @@ from lrf3d.plans.doubts import (
 )
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
 from lrf3d.plans.rules.doors import SIDE, Door, cleared, gaps_in
-from lrf3d.plans.rules.enclosure import THICKEST_SOLID
 from lrf3d.plans.rules.layers import role_of
 from lrf3d.plans.rules.sheet import THICKEST_WALL, box_area
 from lrf3d.plans.rules.strokes import RULES, STANDS, Strokes
@@ -152,7 +151,8 @@ class Plan(NamedTuple):
         """The plan enlarged by a factor; heights stay the same."""
         return self._replace(
             parts=self.parts._replace(
-                segments=self.parts.segments * factor, wholes=self.parts.wholes * factor
+                segments=self.parts.segments * factor,
+                uncut_middles=self.parts.uncut_middles * factor,
             ),
             removed={name: strokes * factor for name, strokes in self.removed.items()},
             doors=[Door(door.corners * factor, door.width * factor) for door in self.doors],
@@ -173,14 +173,12 @@ class Plan(NamedTuple):
         world = self.walled(path)
         doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
         left = f"left out: {self.left_out}" if self.left_out else ""
-        said = map(str, self.doubts + self.said)
-        if words := "; ".join(filter(None, [*said, doors, left])):
+        if words := "; ".join(filter(None, [*map(str, self.doubts + self.said), doors, left])):
             walls = counted(len(world.segments), "wall")
             shown = (
                 f"`lrf3d edit {path}` settles it" if self.doubts else "`lrf3d world show` draws it"
             )
-            note = f"{path}: {walls}; {words}; {shown}"
-            warnings.warn(note, Lrf3dNote, stacklevel=4)
+            warnings.warn(f"{path}: {walls}; {words}; {shown}", Lrf3dNote, stacklevel=4)
         if self.lost:
             warnings.warn(
                 f"{path}: decided by hand, but not found any more: {', '.join(self.lost)};"
@@ -351,14 +349,15 @@ def _with_floors(marks: list[Mark], roles: list[str]) -> list[str]:
     ]
     for number in stands:
         shape = shapes[number]
-        if 2.0 * shape.area > THICKEST_SOLID * shape.length:
+        if is_thick(shape):
+            faint = marks[number].contrast < PALEST
             pale = marks[number].contrast < FLOOR and roles[number] != "wall"
             inner = tree.query(shape, predicate="contains_properly")
             # Marks are in the order of painting: later ones inside are drawn on this area. A wall
             # has no outline that is darker than itself.
             edge = marks[min(number + 1, len(marks) - 1)]
             outlined = edge.items == marks[number].items and edge.contrast > marks[number].contrast
-            if pale or outlined or (inner > number).any():
+            if faint or pale or outlined or (inner > number).any():
                 roles[number] = "floor"
     for number in stands:
         shape = shapes[number]

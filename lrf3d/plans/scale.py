@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from lrf3d.base.text import Note
+from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Float, lengths
 from lrf3d.plans.canvas import Canvas
 from lrf3d.plans.rules.doors import USUAL, find_doors
@@ -84,7 +84,7 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
     # Without doors, the scale that makes the walls as long as most is in the middle.
     chosen.sort(key=lambda factor: abs(np.log(factor * usual / 4.0)))
     wide, high = np.ptp(points, axis=0)
-    wider = f", {most} doors as wide as doors" if most else ""
+    wider = f", {counted(most, 'door')} of usual width" if most else ""
     scales = {
         f"{canvas.scales[each]} ({metres(each * wide)} by {metres(each * high)}{wider})": each
         for each in chosen[:3]
@@ -112,6 +112,5 @@ def _quantile(values: Float, weights: Float, share: float) -> float:
 
 def _doors(strokes: Strokes, factor: float) -> int:
     """The number of doors of usual width when a drawing is enlarged by a factor."""
-    drawn = np.isin(strokes.role, MAY_OPEN)
-    doors, _ = find_doors(factor * strokes.segments, strokes.line, drawn)
+    doors, _ = find_doors(factor * strokes.segments, strokes.line, np.isin(strokes.role, MAY_OPEN))
     return sum(USUAL[0] <= door.width <= USUAL[1] for door in doors)

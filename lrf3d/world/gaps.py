@@ -110,8 +110,7 @@ def _crossing(begins: Float, along: Float, others: Float, beside: Float) -> tupl
     sine = cross(along, beside)
     sine[np.abs(sine) <= np.sin(np.radians(15))] = np.nan
     first = cross(others - begins, beside) / sine
-    second = cross(others - begins, along) / sine
-    return first, second, begins + first[:, None] * along
+    return first, cross(others - begins, along) / sine, begins + first[:, None] * along
 
 
 def _may_grow(growth: Float) -> Bool:

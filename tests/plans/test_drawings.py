@@ -102,6 +102,8 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
          '</switch>', (0, 0), (3, 2)),
         ('<g transform="scale(2)"><path vector-effect="non-scaling-stroke" d="M0 0h3v2" fill="none"'
          ' stroke="#000" stroke-width="9"/></g>', (0, 0), (6, 4)),
+        # Properties of a style move, turn and scale, too.
+        ('<rect style="translate:2px 1px;scale:3 2" width="1" height="1"/>', (2, 1), (5, 3)),
         # What clips, masks, fills and marks is no outline.
         ('<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
          '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
@@ -191,7 +193,7 @@ def test_hidden_parts_of_a_dxf_drawing_are_not_walls(tmp_path):
         doc.blocks.new("frozen").add_line((0, 40), (1, 40), dxfattribs={"layer": "SHOWN"})
         space.add_blockref("frozen", (0, 0), dxfattribs={"layer": "FROZEN"})
 
-    with pytest.warns(Lrf3dNote, match=r"2 hidden parts, 1 stroke that is not plotted \(GUIDE\)"):
+    with pytest.warns(Lrf3dNote, match=r"2 hidden parts, 1 text, 1 unplotted stroke \(GUIDE\)"):
         world = dxf(tmp_path, draw)
     assert sorted(np.round(lengths(world.segments), 2)) == [4.0, 5.0, 6.0]
 

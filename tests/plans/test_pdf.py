@@ -65,7 +65,7 @@ def test_a_scanned_page_is_read_as_a_picture(tmp_path):
 def test_a_pale_area_that_divides_a_dark_wall_is_a_doorway(tmp_path):
     # Two floors and two walls; in the first a door with its leaf and an open passage, in the second
     # a window.
-    floors = ".8 g 0 0 144 33 re f 0 39 144 27 re f 0 g 0 33 144 6 re f 0 66 144 6 re f"
+    floors = ".95 g 0 0 144 33 re f .8 g 0 39 144 27 re f 0 g 0 33 144 6 re f 0 66 144 6 re f"
     doors = " .87 g 40 33.2 26 5.6 re f 90 33 30 6 re f 20 66 30 6 re f"
     leaf = " 40 36 m 46 58 l S 46 58 m 66 36 l S"
     world = pdf(tmp_path, floors + doors + leaf)

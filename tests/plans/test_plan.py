@@ -43,6 +43,12 @@ SYMBOLS = {
         [(11.7, 5.9), (12, 6)],
         [(12.4, 6.2), (12, 6)],
     ],
+    # A north arrow on a drawing without a frame.
+    "outside lines": [
+        [(13 + np.cos(a), 5 + np.sin(a)) for a in np.linspace(0, 2 * np.pi, 25)],
+        [(12.6, 5), (13, 6), (13.4, 5)],
+        [(13, 4), (13, 6)],
+    ],
     "annotation line": [
         # Two dimensions side by side with ticks, one with arrows, and their extension lines.
         *([(x - 0.1, 7.9), (x + 0.1, 8.1)] for x in (0, 5, 10)),
@@ -101,16 +107,6 @@ def test_what_each_rule_left_out_is_drawn_with_its_name(tmp_path):
     assert {"left out: frame lines", "left out: pattern lines"} <= names
 
 
-def test_strokes_of_layers_that_are_not_walls_have_a_rule_of_their_own(tmp_path):
-    def draw(space):
-        space.add_line((0, 0), (4, 0))
-        space.add_line((0, 1), (4, 1), dxfattribs={"layer": "A-ANNO-DIMS"})
-
-    dxf(tmp_path, draw)
-    left = read_plan(tmp_path / "a.dxf").removed
-    assert left["layer stroke"].tolist() == [[0, 1, 4, 1]] and len(left) == 1
-
-
 TWO_ROOMS = [ring(0, 0, 10, 7), ring(0.2, 0.2, 4.9, 6.8), ring(5.2, 0.2, 9.8, 6.8)]
 JAMBS = [[(4.9, y), (5.2, y)] for y in (2, 2.9)]
 TURN = [(np.cos(a), np.sin(a)) for a in np.linspace(0.0, np.pi / 2, 20)]
@@ -145,6 +141,23 @@ def test_nothing_stands_in_a_doorway(lines, opened, tmp_path):
     whole = shapely.union_all([shapely.linestrings(ring) for ring in TWO_ROOMS])
     missing = whole.difference(walls.buffer(1e-6)).length
     assert missing == pytest.approx(1.8 * opened, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "opened"),
+    # In the wall, next to it as a leaf that slides along it, and across it.
+    [(4.9, 5.2, 1), (5.2, 5.28, 0), (4.0, 6.0, 0)],
+)
+def test_a_rectangle_in_a_wall_on_a_layer_of_doors_is_a_doorway(left, right, opened, tmp_path):
+    def draw(space):
+        for line in TWO_ROOMS:
+            space.add_lwpolyline(line)
+        space.add_lwpolyline(ring(left, 2, right, 2.9), dxfattribs={"layer": "DOORS"})
+
+    # The walls are 79 m long; what is on other layers has a rule of its own.
+    walls = dxf(tmp_path, draw).segments
+    assert lengths(walls).sum() == pytest.approx(79.0 - 1.8 * opened, abs=0.05)
+    assert len(read_plan(tmp_path / "a.dxf").removed["layer stroke"]) == 4
 
 
 def test_dashed_lines_are_left_out_but_for_walls(tmp_path):

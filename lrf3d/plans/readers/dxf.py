@@ -159,7 +159,7 @@ class _EntityFilter(Frontend):
             canvas.leave(_kind(entity), _source(entity))
             return
         if properties.layer.casefold() in self.unplotted:
-            canvas.leave(f"stroke that is not plotted: {properties.layer}", _source(entity))
+            canvas.leave(f"unplotted stroke: {properties.layer}", _source(entity))
             return
         items = _sources(entity)
         canvas.begin(*items)
@@ -198,8 +198,7 @@ class _EntityFilter(Frontend):
 
 def _kind(entity: Any) -> str:
     """The reason to leave out an entity: a name for its kind, or its kind and its layer."""
-    known = LEFT_OUT | PATTERNED
-    return known.get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
+    return (LEFT_OUT | PATTERNED).get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
 
 
 def _layer(entity: Any) -> str:
@@ -269,8 +268,7 @@ class _EntityPainter(Backend):
         # A white area is printed, too, so it counts as seen; only a wipeout has no contrast.
         seen = max(1.25 * PALEST, contrast_to_white(*bytes.fromhex(properties.color[1:7])))
         mark = self._mark(properties, 0.0 if properties.color == PAPER else seen)
-        opaque = properties.color[7:].lower() in ("", "ff")
-        self.canvas.area(rings, mark._replace(opaque=opaque))
+        self.canvas.area(rings, mark._replace(opaque=properties.color[7:].lower() in ("", "ff")))
 
     def _points(self, path: Any) -> Float:
         corners = np.array([tuple(point) for point in path.control_vertices()])

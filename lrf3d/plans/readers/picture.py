@@ -18,11 +18,11 @@ from scipy.ndimage import binary_erosion, distance_transform_edt, find_objects, 
 from lrf3d.base.errors import WorldError
 from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions, lengths, number
-from lrf3d.plans.canvas import WHITE
+from lrf3d.plans.canvas import THICKEST_SOLID, WHITE
 from lrf3d.plans.doubts import notes, of_cells, of_dark, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
-from lrf3d.plans.rules.enclosure import THICKEST_SOLID, closed_share, reduced
+from lrf3d.plans.rules.enclosure import closed_share, reduced
 from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, pen_of, threshold_of
 from lrf3d.plans.rules.sheet import is_frame
@@ -35,7 +35,7 @@ from lrf3d.world.grid_walls import (
     sides_of,
     walls_of_grid,
 )
-from lrf3d.world.pieces import groups, pairs_within
+from lrf3d.world.pieces import members_of
 from lrf3d.world.pixels import pixels_of
 
 # Thickness [m] of the thinnest walls in a plan that has thick ones; leaves of doors and outlines of
@@ -94,8 +94,7 @@ def read_picture(
     # Light ink on a transparent sheet is meant for a dark one.
     inked = pixels[::4, ::4][pixels[::4, ::4, -1] > 0.5 * WHITE]
     few = len(inked) < 0.5 * pixels[::4, ::4, 0].size
-    light = few and len(inked) > 0 and inked[:, :-1].mean() > LIGHT
-    paper = 0 if light else WHITE
+    paper = 0 if few and len(inked) > 0 and inked[:, :-1].mean() > LIGHT else WHITE
     # Large pictures would need gigabytes as a whole.
     rows = np.array_split(pixels, max(1, len(pixels) // 256))
     colours = np.concatenate([on_paper(each, paper) for each in rows])
@@ -269,15 +268,13 @@ def _frame(drawn: Bool, pixels: float) -> tuple[Bool, int]:
     if not large.any() or large.all():
         return np.zeros_like(drawn), 0
     lines = [walls_of_grid(parts == part) for part in np.flatnonzero(large) + 1]
-    around = np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])
-    lines += [*boxes[~large][:, around]]
+    lines += [*boxes[~large][:, np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])]]
     owner = np.repeat(
         np.append(np.flatnonzero(large), np.flatnonzero(~large)), [len(each) for each in lines]
     )
     # On a sheet, there are thick walls and thin lines.
     thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
-    sheet = extent_of(thick) > 0.3 * extent_of(drawn)
-    found = is_frame(np.concatenate(lines) / pixels, sheet)
+    found = is_frame(np.concatenate(lines) / pixels, extent_of(thick) > 0.3 * extent_of(drawn))
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
     return np.asarray(np.append(False, framed)[parts]), int(framed.sum())
 
@@ -318,42 +315,24 @@ def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
     walls = _radii(drawn, parts, count) < 0.5 * THICKEST_SOLID * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, _half_thin(pixels))
-    opening = grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM)
-    return drawn & opening, doors
+    return drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM), doors
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
-    """The cells of the building and next to it, without legends and other separate drawings.
-
-    The building is what the largest connected walls surround, with those that only windows and
-    doors separate from them, unless others are as large.
-    """
+    """The cells that large thick parts surround, but for scale bars, and those next to them."""
     parts, _ = parts_of(grown(solid, CLOSE * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))
-    owner = parts[tuple(edge.T)]
-    edge = edge[order := np.argsort(owner, kind="stable")]
-    owner = owner[order]
-    each = np.split(edge[:, ::-1], np.flatnonzero(np.diff(owner)) + 1)
-    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in each], dtype=object))
-    area = shapely.area(hulls)
-    if not area.max(initial=0.0) > 0.0:
-        return np.ones_like(solid)
+    owner, number = np.unique(parts[tuple(edge.T)], return_inverse=True)
+    each = [shapely.multipoints(edge[own, ::-1]) for own in members_of(number)]
+    hulls = shapely.convex_hull(np.array(each, dtype=object))
     large = np.flatnonzero(shapely.length(hulls) > 4.0 * LARGEST_LETTER * pixels)
-    part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
-    own = np.argmax(area, keepdims=True)
-    if len(large):
-        own = large[part == part[np.argmax(area[large])]]
-    beside = [bar for bar in own if _is_bar(hulls[bar], hulls[own[own != bar]])]
-    if beside and _is_aside(solid, np.isin(parts, np.unique(owner)[beside]), pixels):
-        own = np.setdiff1d(own, beside)
-    main = shapely.convex_hull(shapely.union_all(hulls[own]))
-    apart = shapely.disjoint(hulls, main)
-    if area[apart].sum() > main.area:
-        return np.ones_like(solid)
-    kept = shapely.union_all([main, *hulls[area > 0.3 * main.area]]).buffer(0.3 * pixels)
-    image = Image.new("1", solid.shape[::-1])
-    for shape in shapely.get_parts(kept):
-        ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
+    bars = [bar for bar in large if _is_bar(hulls[bar], hulls[large[large != bar]])]
+    if bars and _is_aside(solid, np.isin(parts, owner[bars]), pixels):
+        large = np.setdiff1d(large, bars)
+    main = shapely.convex_hull(shapely.union_all(hulls[large])).buffer(0.3 * pixels)
+    image = Image.new("1", solid.shape[::-1], main.is_empty)
+    if not main.is_empty:
+        ImageDraw.Draw(image).polygon(main.exterior.coords, fill=1)
     return np.asarray(image, dtype=np.bool_)
 
 

@@ -54,6 +54,9 @@ INHERITED = frozenset(
     " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
 
+# Properties of style sheets that are moves of a transform, in the order in which they are applied.
+MOVES = ("translate", "rotate", "scale")
+
 # Distance [m] from the edge of a clip within which a line is on it: coordinates are rounded.
 ON_EDGE = 1e-6
 
@@ -152,8 +155,13 @@ class _ElementPainter(NamedTuple):
             names=names,
             layer=layer,
         )
-        if transformed and style.get("transform", "none") != "none":
-            state = state._replace(matrix=outer.matrix @ _transform(style, outer.size))
+        # Style sheets may move, turn and scale by properties of their own, in this order.
+        moves = " ".join(
+            f"{key}({style[key]})" for key in MOVES if style.get(key, "none") != "none"
+        )
+        moves = f"{moves} {style.get('transform', '')}".replace("none", "")
+        if transformed and moves.strip():
+            state = state._replace(matrix=outer.matrix @ _transform(style, moves, outer.size))
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -287,8 +295,7 @@ class _ElementPainter(NamedTuple):
 
     def _width(self, state: State) -> float:
         """The width of a stroke [m]."""
-        whole = math.hypot(*state.size) / math.sqrt(2.0)
-        width = _length(state.style, "stroke-width", whole, "1")
+        width = _length(state.style, "stroke-width", math.hypot(*state.size) / math.sqrt(2.0), "1")
         if state.style.get("vector-effect") == "non-scaling-stroke":
             return width * PIXEL * self.canvas.scale
         return width * math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
@@ -383,8 +390,8 @@ def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
     return state._replace(matrix=state.matrix @ _matrix(fitted), size=box[2:])
 
 
-def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
-    """The transform of an element, about its origin."""
+def _transform(style: dict[str, str], moves: str, size: tuple[float, ...]) -> Float:
+    """The transform of an element by some moves, about its origin."""
     words = style.get("transform-origin", "0 0").split()
     if style.get("transform-box", "view-box") != "view-box" and "transform-origin" in style:
         raise WorldError("has a transform-box, about which nothing is known here; apply transforms")
@@ -393,7 +400,7 @@ def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
         words = [*words[1:], "center"][:1] + words[:1]
     words = [sides.get(word, word) for word in [*words, "50%"]]
     x, y = (_length({"": word}, "", side) for word, side in zip(words, size, strict=False))
-    about: Float = _moved(x, y) @ _matrix(style["transform"]) @ _moved(-x, -y)
+    about: Float = _moved(x, y) @ _matrix(moves) @ _moved(-x, -y)
     return about
 
 
@@ -418,8 +425,7 @@ def _size(root: Element) -> tuple[float, float]:
             if not 0.0 < sides[key] <= LARGEST_COORDINATE:
                 raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
     _, _, wide, high = _box(root)
-    usual = sides["height"] * wide / high if "height" in sides else wide
-    width = sides.get("width", usual)
+    width = sides.get("width", sides["height"] * wide / high if "height" in sides else wide)
     return width, sides.get("height", width * high / wide)
 
 

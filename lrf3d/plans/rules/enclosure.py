@@ -9,11 +9,9 @@ import shapely
 from scipy.ndimage import distance_transform_edt, label
 
 from lrf3d.geometry.lines import Bool, Float, Int, lengths
+from lrf3d.plans.canvas import THICKEST_SOLID
 from lrf3d.plans.rules.left_out import drawn_on
 from lrf3d.world.grid_walls import extent_of, grown, on_border, parts_of, walls_of_grid
-
-# Largest mean thickness [m] of a wall that is drawn as an area; only a thicker area may be a floor.
-THICKEST_SOLID = 0.6
 
 # Number of cells along a plan whose rooms are sought, and of empty ones around it.
 CELLS = 600

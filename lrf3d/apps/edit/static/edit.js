@@ -568,7 +568,7 @@ function showPicked() {
       if (!(Number(value) > 0)) delete edits.robot.radius;
       if (!Object.keys(edits.robot).length) delete edits.robot;
     })));
-    card.append(paragraph("empty: as wide as its doors let it be", "small"));
+    card.append(paragraph("empty: the widest that fits its doors", "small"));
   } else if (tool === tools.obstacle) {
     for (const [text, key] of [["radius [m]", "radius"], ["speed [m/s]", "speed"]]) card.append(field(text, editor.obstacle[key], (value) => (editor.obstacle[key] = Number(value) || editor.obstacle[key])));
   } else if (picked?.one && tools.select.exists(picked.one)) {
