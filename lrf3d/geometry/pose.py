@@ -96,6 +96,8 @@ def as_poses(poses: object) -> Float:
 
 def compose(first: Float, second: Float) -> Float:
     """Poses (…, 3): ``compose(world_from_robot, robot_from_laser)`` is ``world_from_laser``."""
+    if first.ndim == second.ndim == 1:
+        return _composed_two(first.tolist(), second.tolist())
     cos = np.cos(first[..., 2])
     sin = np.sin(first[..., 2])
     x = first[..., 0] + cos * second[..., 0] - sin * second[..., 1]
@@ -126,8 +128,18 @@ def _between_two(first: list[float], second: list[float]) -> Float:
     return np.array([cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(other_heading - heading)])
 
 
+def _composed_two(first: list[float], second: list[float]) -> Float:
+    """`compose` for single poses, as plain numbers."""
+    x, y, heading = first
+    ahead, left, turn = second
+    cos = float(np.cos(heading))
+    sin = float(np.sin(heading))
+    there = x + cos * ahead - sin * left, y + sin * ahead + cos * left
+    return np.array([*there, wrap_angle(heading + turn)])
+
+
 def _poses(x: Float, y: Float, turn: Float) -> Float:
-    """Poses (…, 3). Most calls are for a single one, where ``np.stack`` takes half of the time."""
+    """Poses (…, 3); ``np.stack`` takes twice as long."""
     poses = np.empty((*x.shape, 3))
     poses[..., 0] = x
     poses[..., 1] = y

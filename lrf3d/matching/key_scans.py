@@ -8,7 +8,6 @@ are hit or new, and hardly any are passed.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -103,34 +102,37 @@ class ScanConverter:
 
     def candidate(self, scan: LaserScan | Moment, number: int = 0) -> Key:
         """Convert the scans of a moment to a candidate for a key scan, at the origin."""
-        scans = (scan,) if isinstance(scan, LaserScan) else scan
+        scans = _still(scan)
         for each in scans:
             kept = FORGETTING if self._noise else 0.0
             self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
         fans, *others = (fan_of(each, self.mount(each), self._noise) for each in scans)
         if others:
             fans = all_fans([fans, *others])._replace(keys=np.zeros(len(scans), np.int64))
-        hits = [points_of(each, self.mount(each)) for each in scans]
-        surface = self.surface(scans, hits)
-        return Key(number, np.zeros(3), surface, thinned(surface), np.concatenate(hits), fans)
+        surface, hits = self._seen(scans)
+        return Key(number, np.zeros(3), surface, thinned(surface), hits, fans)
 
     def mount(self, scan: LaserScan) -> Pose:
         """The pose of a scan's laser on the robot."""
         return self._laser if scan.mount == CENTRE else scan.mount
 
-    def surface(self, scan: LaserScan | Moment, hits: Iterable[Records] = ()) -> Records:
-        """The surface that the scans of a moment show, in the frame of the robot.
+    def surface(self, scan: LaserScan | Moment) -> Records:
+        """The surface that the scans of a moment show, in the frame of the robot."""
+        return self._seen(_still(scan))[0]
 
-        The points that each hit, if given, spare computing them for scans that need no unrolling.
-        """
-        scans = (scan,) if isinstance(scan, LaserScan) else scan
+    def _seen(self, scans: Moment) -> tuple[Records, Records]:
+        """The surface that scans show, and the points of all their returns."""
         noise = max(self._noise, LEAST_NOISE)
-        parts = list[Records]()
-        for each, points in zip_longest(scans, hits):
-            still = unrolled(each)
-            known = points if still is each else None
-            parts.append(surface_of_scan(still, self.mount(each), noise, known))
-        return concatenated(parts)
+        hits = [points_of(each, self.mount(each)) for each in scans]
+        seen = zip(scans, hits, strict=True)
+        parts = [surface_of_scan(each, self.mount(each), points, noise) for each, points in seen]
+        return concatenated(parts), concatenated(hits)
+
+
+def _still(scan: LaserScan | Moment) -> Moment:
+    """The scans of a moment, unrolled where the robot moved."""
+    scans = (scan,) if isinstance(scan, LaserScan) else scan
+    return tuple(each if each.motion is None else unrolled(each) for each in scans)
 
 
 def fan_of(scan: LaserScan, mount: Pose, noise: float) -> Fans:
@@ -148,7 +150,7 @@ def all_fans(fans: Iterable[Fans]) -> Fans:
     """Join the fans of several key scans, which are numbered from 0."""
     keys, *at, first, angles, ranges = zip(*fans, strict=True)
     numbers = np.repeat(np.arange(len(keys)), [len(each) for each in keys])
-    begins = np.cumsum(np.concatenate([[0], *map(np.diff, first)]))
+    begins = np.cumsum(np.concatenate([[0], *(each[1:] - each[:-1] for each in first)]))
     x, y, noise = map(np.concatenate, at)
     return Fans(numbers, x, y, noise, begins, np.concatenate(angles), np.concatenate(ranges))
 
@@ -171,15 +173,16 @@ def views_of(points: Records, poses: Float, fans: Fans) -> NDArray[np.uint8]:
             point = points[i]
             dx = at.x + at.cos * point.x - at.sin * point.y - fans.x[number]
             dy = at.y + at.sin * point.x + at.cos * point.y - fans.y[number]
-            away = np.arctan2(dy, dx) - begin
-            away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-            beam = _nearest_beam(fans.angles, first, last, begin + away, away / step)
             distance = np.sqrt(dx * dx + dy * dy)
             nx = at.cos * point.nx - at.sin * point.ny
             ny = at.sin * point.nx + at.cos * point.ny
             # A post has no normal.
-            flat = 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance
-            if first < beam < last and not flat:
+            if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
+                continue
+            away = np.arctan2(dy, dx) - begin
+            away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
+            beam = _nearest_beam(fans.angles, first, last, begin + away, away / step)
+            if first < beam < last:
                 view = _view_along(fans.ranges, beam, distance, DEVIATIONS * fans.noise[number])
                 views[key, i] = max(views[key, i], view)
     return views
@@ -227,9 +230,8 @@ def evidence(hits: Records, explained: float, poses: Float, fans: Fans) -> float
         return -np.inf
     counted = 120  # Points of a scan that are enough as evidence.
     views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // counted]), poses, fans)
-    hit = (views == HIT).any(axis=0)
-    passed = float(((views == PASSED).any(axis=0) & ~hit).mean())
-    shares = np.array([float(hit.mean()), explained])
+    *_, passed, hit = np.bincount(views.max(axis=0), minlength=HIT + 1) / views.shape[1]
+    shares = np.array([hit, explained])
     chance = 0.05  # Share of points that agree or disagree by chance.
     new = 0.1  # Weight of a point that is neither hit nor passed, relative to a passed one.
     against = passed + new * np.maximum(1.0 - shares - passed, 0.0)

@@ -158,15 +158,11 @@ def _near(
             wall = grid.surface[k]
             dx = x - wall.x
             dy = y - wall.y
-            square = dx * dx + dy * dy
-            if square > reach * reach + ALONG * ALONG:
-                continue
+            off = wall.nx * dx + wall.ny * dy
+            weight = _weight(dx * dx + dy * dy - off * off, off * off, reach * reach)
             # A post is compared with posts only.
             alike = wall.nx * nx + wall.ny * ny >= ALIGNED
-            if not (wall.nx == wall.ny == 0.0 if post else alike):
-                continue
-            off = wall.nx * dx + wall.ny * dy
-            weight = _weight(square - off * off, off * off, reach * reach)
+            weight = weight if (wall.nx == wall.ny == 0.0 if post else alike) else 0.0
             u, v = (dx, dy) if post else (wall.nx, wall.ny)
             total += weight
             sum_x += weight * u

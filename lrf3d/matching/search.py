@@ -210,8 +210,7 @@ class Submap:
     def grid(self) -> SurfaceGrid | None:
         """The walls of all key scans; None if there are none."""
         parts = zip(self.keys, self.poses, strict=True)
-        walls = concatenated(moved(key.walls, at) for key, at in parts)
-        return grid_of(walls) if len(walls) else None
+        return grid_of(concatenated(moved(key.walls, at) for key, at in parts))
 
     def seen_from(self, pose: Float) -> Float:
         """The pose (3,) of a robot as seen from each key scan (k, 3)."""

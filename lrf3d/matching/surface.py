@@ -13,7 +13,6 @@ from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
-from lrf3d.laser.range_finder import beam_directions
 
 # A point [m] and the unit normal there, which is zero at a post.
 SURFACE = record(x=float, y=float, nx=float, ny=float)
@@ -87,35 +86,26 @@ def range_noise(scan: LaserScan) -> float:
     # Gap [m] in a surface even where the noise is 0.3 m; it grows twice as fast as `CONNECTED`.
     apart = 0.5 + 2.0 * CONNECTED_GROWTH * middle
     differences = np.maximum(np.abs(before - middle), np.abs(after - middle))
-    known = rough[(differences < apart) & np.isfinite(rough)]
-    # The median gives a standard deviation, and a second difference has six times the variance.
-    return float(1.4826 * _median(known) / np.sqrt(6.0)) if len(known) else 0.0
-
-
-def _median(values: Float) -> float:
-    """The median of some values; ``np.median`` takes ten times as long for those of a scan."""
-    middle = len(values) // 2
-    ordered = np.sort(values)
-    return float(ordered[middle] if len(values) % 2 else ordered[middle - 1 : middle + 1].mean())
+    known = np.sort(rough[(differences < apart) & np.isfinite(rough)])
+    # The median; `np.median` takes ten times as long for the values of a scan.
+    middle = known[(len(known) - 1) // 2 : len(known) // 2 + 1]
+    # It gives a standard deviation, and a second difference has six times the variance.
+    return float(1.4826 * middle.mean() / np.sqrt(6.0)) if len(known) else 0.0
 
 
 def points_of(scan: LaserScan, mount: Pose) -> Records:
     """The returns of a scan as points without normals, in the frame of the robot."""
     hits = scan.hits
-    directions = beam_directions(0.0, scan.angles[hits] + mount.theta)
-    points = np.zeros(len(directions), SURFACE)
-    points["x"], points["y"] = (scan.ranges[hits, None] * directions + np.array(mount[:2])).T
+    ranges = scan.ranges[hits]
+    headings = scan.angles[hits] + mount.theta
+    points = np.zeros(len(ranges), SURFACE)
+    points["x"] = ranges * np.cos(headings) + mount.x
+    points["y"] = ranges * np.sin(headings) + mount.y
     return points
 
 
-def surface_of_scan(
-    scan: LaserScan, mount: Pose, noise: float = LEAST_NOISE, points: Records | None = None
-) -> Records:
-    """Convert a scan, by the mount of its laser, to the surface in the frame of the robot.
-
-    Its `points_of` are worked out if not given.
-    """
-    points = points_of(scan, mount) if points is None else points
+def surface_of_scan(scan: LaserScan, mount: Pose, points: Records, noise: float) -> Records:
+    """Convert a scan and its `points_of`, by the mount of its laser, to the surface they show."""
     x, y, _ = mount
     step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
     posts = _posts(points, scan.ranges[scan.hits], scan.angles[scan.hits], step, noise)
@@ -322,9 +312,9 @@ class SurfaceGrid(NamedTuple):
     cell: float  # The side of a cell [m].
 
 
-def grid_of(surface: Records) -> SurfaceGrid:
-    """Sort a surface of at least one point into cells."""
-    return SurfaceGrid(*_sorted(surface))
+def grid_of(surface: Records) -> SurfaceGrid | None:
+    """Sort a surface into cells; None if it has no point."""
+    return SurfaceGrid(*_sorted(surface)) if len(surface) else None
 
 
 @compiled

@@ -172,13 +172,14 @@ class LoopCloser:
         The path between the old key scans is that along the graph: they may be from different
         visits to a place.
         """
-        pairs = np.array([(each.old, each.new) for each in closures], np.int64)
-        olds, news = pairs.reshape(-1, 2).T
-        lengths = self.paths.lengths(newest.old, STRETCH)[olds]
-        away = np.abs(self.driven[news] - self.driven[newest.new])
-        near = np.flatnonzero((lengths < STRETCH) & (away < STRETCH))
-        others = [closures[k] for k in near.tolist()]
-        agree = self._agree(others, newest, (lengths + away)[near]) if others else near
+        away = np.abs(self.driven - self.driven[newest.new])
+        lengths = self.paths.lengths(newest.old, STRETCH)
+        near = (away < STRETCH).tolist()
+        others = [each for each in closures if near[each.new] and lengths[each.old] < STRETCH]
+        if not others:
+            return {}
+        olds, news = np.array([(each.old, each.new) for each in others]).T
+        agree = self._agree(others, newest, lengths[olds] + away[news])
         return dict(zip(others, agree.tolist(), strict=True))
 
     def _accept(self, newest: Closure, *, at_end: bool = False) -> list[Closure]:
@@ -390,7 +391,7 @@ def closure_edges(closures: list[Closure]) -> Records:
 def _bounded(spread: Float) -> Float:
     """A covariance (3, 3) of a search window within the bounds on its standard deviations."""
     bounded: Float = spread + np.diag(np.square([LEAST_SPREAD, LEAST_SPREAD, LEAST_TURN_SPREAD]))
-    bounded[:2, :2] /= max(float(np.linalg.norm(bounded[:2, :2], 2)) / MOST_SPREAD**2, 1.0)
+    bounded[:2, :2] /= max(np.linalg.eigvalsh(bounded[:2, :2]).max() / MOST_SPREAD**2, 1.0)
     bounded[2, 2] = min(bounded[2, 2], MOST_TURN_SPREAD**2)
     return bounded
 

@@ -25,7 +25,7 @@ from lrf3d.matching.key_scans import (
 )
 from lrf3d.matching.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.matching.search import CLEARLY, Submap, clearest
-from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, moved, thinned
+from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, grid_of, moved, thinned
 from lrf3d.slam.motion import DOUBTFUL, Coasting, KeyStep, Prediction, Wheels, size_of
 
 # Distance to the next key scan [m]. Errors hardly change from 0.4 to 0.6 m.
@@ -60,6 +60,9 @@ WATCHED = 12
 
 # Number of these whose beams must pass a point for it to count as a dynamic obstacle.
 THROUGH = 2
+
+# Squared Mahalanobis distance of a match from a prediction beyond which noise does not explain it.
+SLIPPED = DEVIATIONS**2
 
 # Information [1/m²] below which scans do not fix a direction, and leave it to the odometry: that of
 # a standard deviation of 0.02 m.
@@ -105,14 +108,16 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
 class Placed(NamedTuple):
     """A scan as placed around an ``expected`` step: its match, and whether it is accepted.
 
-    ``still`` is the scan without its dynamic obstacles. The prediction is ``contradicted`` if the
-    scan fits clearly better elsewhere.
+    ``still`` is the scan without its dynamic obstacles; ``slip`` is the squared Mahalanobis
+    distance of the match from the expected step. The prediction is ``contradicted`` if the scan
+    fits clearly better elsewhere.
     """
 
     match: Match
     accepted: bool
     still: Key
     expected: Prediction
+    slip: float
     contradicted: bool = False
 
 
@@ -155,7 +160,7 @@ class FrontEnd:
         if jump is not None:
             placed = jump
             increment = None
-        match, accepted, still, expected, self._contradicted = placed
+        match, accepted, still, expected, _, self._contradicted = placed
         covariance = self._covariance(placed)
         x, y, heading = match.pose if accepted else compose(self.pose, expected.step)
         pose = np.array([x, y, wrap_angle(heading)])
@@ -214,8 +219,7 @@ class FrontEnd:
         """
         far = self._is_far(placed.expected.step, since)
         # A scan may contradict the wheels, and yet leave one direction to them.
-        slipped = self._has_slipped(placed.match, placed.expected)
-        half_seen = slipped and weakest_direction(placed.match.information)[1] < WEAK
+        half_seen = placed.slip > SLIPPED and weakest_direction(placed.match.information)[1] < WEAK
         if not far and placed.accepted and not half_seen:
             return None
         other = self._placed(scan, coasting._replace(doubtful=DOUBTFUL, trusted=True))
@@ -228,7 +232,7 @@ class FrontEnd:
         covariance = expected.covariance
         if placed.accepted:
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
-            return covariance * (1.0 + self._slip(placed.match, expected) / PRIOR_SCALE**2)
+            return covariance * (1.0 + placed.slip / PRIOR_SCALE**2)
         if not expected.trusted or self._passed(placed.still, compose(self.pose, expected.step)):
             # The wheels have slipped by an unknown step.
             covariance = covariance + np.diag(expected.window**2)
@@ -258,7 +262,9 @@ class FrontEnd:
         poor = not expected.trusted and placed.match.explained < FOUND_SHARE
         lost = poor or not placed.accepted
         if lost and (relocated := self._at_any_heading(scan, expected)):
-            placed = placed._replace(match=relocated, accepted=True, still=scan)
+            placed = placed._replace(
+                match=relocated, accepted=True, still=scan, slip=self._slip(relocated, expected)
+            )
         return placed
 
     def _passed(self, scan: Key, pose: Float) -> bool:
@@ -278,20 +284,17 @@ class FrontEnd:
         prior = turned(np.asarray(np.linalg.inv(expected.uncertain)), heading)
         match = self._map.match(scan, guess, prior)
         if match is None:
-            return Placed(Match(guess, np.zeros((3, 3)), 0.0, np.inf), False, scan, expected)
-        doubtful = match.explained < expected.doubtful or self._has_slipped(match, expected)
+            return Placed(Match(guess, np.zeros((3, 3)), 0.0, np.inf), False, scan, expected, 0.0)
+        slip = self._slip(match, expected)
+        doubtful = match.explained < expected.doubtful or slip > SLIPPED
         if doubtful and len(scan.surface) >= LEAST_POINTS and not self._broken:
             return self._searched(scan, match, expected)
-        return Placed(match, match.explained > TRACKED_SHARE, scan, expected)
+        return Placed(match, match.explained > TRACKED_SHARE, scan, expected, slip)
 
     def _slip(self, match: Match, expected: Prediction) -> float:
         """Squared Mahalanobis distance of a match from a prediction."""
         error = between(expected.step, between(self.pose, match.pose))
         return float(error @ np.linalg.solve(expected.uncertain, error))
-
-    def _has_slipped(self, match: Match, expected: Prediction) -> bool:
-        """Whether a match is farther from a prediction than its noise explains."""
-        return self._slip(match, expected) > DEVIATIONS**2
 
     def _searched(self, scan: Key, match: Match, expected: Prediction) -> Placed:
         """Place a scan where it is likeliest around the prediction.
@@ -325,8 +328,15 @@ class FrontEnd:
         # In a corridor of glass scans fit badly everywhere, and best where the robot was before:
         # that does not contradict the wheels.
         certain = fits.match.explained > CERTAIN_SHARE
-        contradicted = better and certain and self._has_slipped(fits.match, expected)
-        return Placed(best.match, best.evidence > 0.0, scan, expected, contradicted)
+        contradicted = better and certain and self._slip(fits.match, expected) > SLIPPED
+        return Placed(
+            best.match,
+            best.evidence > 0.0,
+            scan,
+            expected,
+            self._slip(best.match, expected),
+            contradicted,
+        )
 
     def _at_any_heading(self, scan: Key, expected: Prediction) -> Match | None:
         """The match where a lost scan clearly fits best, whatever its heading."""
@@ -412,11 +422,12 @@ def refined(
     refined_poses = poses.copy()
     grid = None
     anchors = set(anchored.tolist())
+    walls = [moved(key.walls, pose) for key, pose in zip(keys, key_poses, strict=True)]
     for scan, (surface, pose) in enumerate(zip(surfaces, poses, strict=True)):
         if scan in anchors:
             apart = np.hypot(*(key_poses[:, :2] - pose[:2]).T)
             nearest = np.argsort(apart, kind="stable")[:surrounding]
-            grid = Submap([keys[k] for k in nearest.tolist()], key_poses[nearest]).grid
+            grid = grid_of(concatenated([walls[k] for k in nearest.tolist()]))
         if grid is None:
             continue
         *_, heading = pose.tolist()

@@ -11,7 +11,6 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
-from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter, seen_through_both
 from lrf3d.recordings.repair.judging import explained
 
@@ -49,6 +48,6 @@ def _is_lifted(
         return False
     if min(share(before, last), share(first, after)) < AGREEING:
         return False
-    one, other = (converter.candidate(unrolled(scans[k])) for k in (last, first))
+    one, other = (converter.candidate(scans[k]) for k in (last, first))
     passed, seen = seen_through_both([one], other, between(poses[[last]], poses[first]))
     return passed > THROUGH * seen

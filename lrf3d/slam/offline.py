@@ -31,6 +31,7 @@ from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.places.joining import joined
+from lrf3d.slam.slam import Tracker
 from lrf3d.slam.solution import LiftedParts, SolvedLog, maps_of, nothing_in_common, run_of
 
 # Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a loop
@@ -304,13 +305,13 @@ def _check_pairs(name: str, pairs: Any, recording: Recording) -> None:
 
 def _calibrated(recording: Recording) -> Wheels:
     """The errors of the wheels, from tracking the beginning once before the drive is solved."""
-    slam = Slam(laser_offset=recording.log.odometry.laser_offset)
+    tracker = Tracker(laser_offset=recording.log.odometry.laser_offset)
     # Without odometry there are no wheels to calibrate.
     for scan, increment in zip(
         recording.scans[: CALIBRATED * recording.log.placed], recording.increments, strict=False
     ):
-        slam.update(scan, increment)
-    return slam.wheels
+        tracker.track(scan, increment)
+    return tracker.front.wheels
 
 
 def _solved(

@@ -94,7 +94,10 @@ class Tracker:
         self._time = time
         rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
         scans = tuple(
-            unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
+            unrolled(each, each.duration * rate if each.motion is None else None)
+            if each.time_increment
+            else each
+            for each in scans
         )
         return scans, increment, since if since > 0.0 else 1.0
 

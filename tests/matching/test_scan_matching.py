@@ -20,9 +20,11 @@ from lrf3d.matching.scan_matching import (
 from lrf3d.matching.surface import (
     ALONG,
     CELL,
+    LEAST_NOISE,
     SURFACE,
     grid_of,
     moved,
+    points_of,
     range_noise,
     surface_of_scan,
     thinned,
@@ -34,8 +36,11 @@ LASER = Pose(0.0, 0.0, 0.0)
 
 
 def surface_at(world, pose, beams=181, **lrf):
-    scan = PlanarCaster(world).cast(LaserRangeFinder(beams=beams, **lrf), pose)
-    return surface_of_scan(scan, LASER)
+    return surface_of(PlanarCaster(world).cast(LaserRangeFinder(beams=beams, **lrf), pose))
+
+
+def surface_of(scan, noise=LEAST_NOISE):
+    return surface_of_scan(scan, LASER, points_of(scan, LASER), noise)
 
 
 @pytest.mark.parametrize("beams", [16, 30, 60, 181])
@@ -63,7 +68,7 @@ def test_near_walls_are_thinned_but_both_faces_of_a_wall_stay():
 
 def test_a_point_without_a_straight_neighbourhood_is_left_out():
     scan = LaserScan((0, 0, 0), 0.2 * np.arange(5), [5.0, 1.0, 5.0, 1.0, 5.0])
-    assert len(surface_of_scan(scan, LASER)) == 0
+    assert len(surface_of(scan)) == 0
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
@@ -72,7 +77,7 @@ def test_range_noise_is_estimated_from_a_scan_and_walls_are_found_despite_it(sig
     scan = PlanarCaster(ROOM).cast(LaserRangeFinder(beams=361), (3.0, 1.5, 0.0))
     noisy = LaserScan(scan.pose, scan.angles, scan.ranges + sigma * rng.normal(size=361))
     assert range_noise(noisy) == pytest.approx(sigma, rel=0.2, abs=0.01)
-    surface = surface_of_scan(noisy, LASER, max(range_noise(noisy), 0.01))
+    surface = surface_of(noisy, max(range_noise(noisy), LEAST_NOISE))
     assert len(surface) > (60 if sigma > 0.2 else 250)
     # A point lies on the line through its neighbours, nearer to the wall than it was measured.
     there = moved(surface, np.array([3.0, 1.5, 0.0]))

@@ -254,7 +254,7 @@ class Optics:
         distances = line_distances(place, self._lines, lines)
         for line, apart in zip(lines, distances, strict=True):
             row = int(apart.argmin())
-            own = self._lines[apart.argmin()]
+            own = self._lines[row]
             if apart[row] >= CELL:
                 row = int(np.where(self._votes["kind"], np.inf, self._votes["last"]).argmin())
                 self._votes[row] = 0

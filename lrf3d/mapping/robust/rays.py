@@ -45,12 +45,6 @@ LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
 LEAST_HITS = 0.5
 
 
-@borrower
-def _unpacked(cell: int) -> tuple[int, int]:
-    """Column and row of a packed cell."""
-    return (cell & ((1 << ROW_BITS) - 1)) - (1 << 31), cell >> ROW_BITS
-
-
 @inner
 def _enter(
     x: float, y: float, dx: float, dy: float, scale: float
@@ -126,7 +120,8 @@ def add_beams(
         # A beam passes a cell if it is free up to the middle of its path through the cell.
         while enters + exits <= last:
             if (cell ^ inside) & LEAVES:
-                column, row = _unpacked(cell)
+                column = (cell & ((1 << ROW_BITS) - 1)) - (1 << 31)
+                row = cell >> ROW_BITS
                 block = take_block(cells, column, row)
                 if block < 0:
                     # Nothing was hit around here: on to the next square.
@@ -318,12 +313,11 @@ def add_hit(
     walls: Walls, unowned: Int,
 ) -> None:  # fmt: skip
     """Add the return of a beam from a place [m], in a direction [turns], to its cluster."""
-    x, y = place
     reading = beams.ranges[beam]
     deviation = beams.deviations[beam]
     dx, dy = beams.units[beam]
-    x = x + reading * dx
-    y = y + reading * dy
+    x = place[0] + reading * dx
+    y = place[1] + reading * dy
     way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
     column, row = cell_of(x, y)
     block = take_block(cells, column, row)

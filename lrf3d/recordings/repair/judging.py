@@ -12,7 +12,6 @@ from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
-from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair.turns import MOST_DISTANCE, PAIR
@@ -61,7 +60,7 @@ def explained(
     shares = []
     for pair in pairs:
         check()
-        before, after = (converter.candidate(unrolled(scan_of(number))) for number in pair)
+        before, after = (converter.candidate(scan_of(number)) for number in pair)
         step = between(*poses[pair])
         match = Submap([before], np.zeros((1, 3))).match(after, step, INFORMATION)
         shares.append(match.explained if match else 0.0)

@@ -16,7 +16,6 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.judging import LEAST_COMPARED, pairs_along
@@ -77,9 +76,7 @@ def _motions(recording: Recording) -> tuple[Float, Float]:
     for pair in pairs_along(poses):
         check()
         step = between(*poses[pair])
-        before, after = (
-            recording.converter.candidate(unrolled(recording.scans[number])) for number in pair
-        )
+        before, after = (recording.converter.candidate(recording.scans[number]) for number in pair)
         places = Submap([before], np.zeros((1, 3))).places(after, step, WINDOW)
         motions += [(step, match.pose) for match, _ in places[:1] if match.explained > 0.5]
     driven, seen = np.array(motions).reshape(-1, 2, 3).swapaxes(0, 1)

@@ -10,7 +10,6 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float
 from lrf3d.laser import LaserScan
-from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair.wheel_path import WheelPath
@@ -47,7 +46,7 @@ def turns_between(
     chosen = np.flatnonzero((np.abs(turn) > SHOWN_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
         pair = scans[number : number + 2]
-        first, following = (converter.candidate(unrolled(scan)) for scan in pair)
+        first, following = (converter.candidate(scan) for scan in pair)
         before = Submap([first], np.zeros((1, 3)))
         guess = np.array([x[number], y[number], 0.0])
         for match, _ in before.places(following, guess, PAIR)[:1]:
