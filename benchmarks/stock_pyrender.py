@@ -5,18 +5,23 @@ mesh for each building, a sun that throws shadows, and a picture that is read ba
 """
 
 import numpy as np
+import pyglet
 import shapely
 import trimesh
 
 from lrf3d.geometry.lines import Float
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.buffers import GL, make_current, pyrender
+from lrf3d.studio.render.buffers import GL, make_current
 from lrf3d.studio.scene.bodies import robot_body, world_from_robot
 from lrf3d.studio.scene.cameras import chase
 from lrf3d.studio.scene.look import SUN
 from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline
+
+# pyrender imports its viewer, which opens a window unless this is set.
+pyglet.options["headless"] = True
+import pyrender  # noqa: E402
 
 _LAND = 200.0
 """How far the ground reaches past the world [m]."""

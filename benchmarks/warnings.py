@@ -31,7 +31,12 @@ from lrf3d.slam.solution import rising
 # Words of each kind of warning or repair.
 KINDS = {
     "the mount of the laser": ("laser's mount", "not the laser's"),
-    "poses that contradict the scans": ("contradict the scans", "poses jump", "stay at one place"),
+    "poses that contradict the scans": (
+        "contradict the scans",
+        "poses jump",
+        "stay at one place",
+        "not those of its robot",
+    ),
     "a laser that turns clockwise": ("clockwise", "mirrored"),
     "stamps that are late or early": ("are stamped",),
     "jumps of the odometry": ("jump",),

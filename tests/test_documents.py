@@ -22,7 +22,8 @@ from lrf3d.world.schema import OBJECT, OBSTACLE
 README = PAGES[0]
 LONG = {
     *("casting.md", "crosscheck.md", "film.md", "localisation.md", "long-runs.md", "notebooks.md"),
-    *("range-finder.md", "slam.md", "sweeps.md", "tour.md", "worlds.md"),
+    *("own-algorithms.md", "range-finder.md", "slam.md", "sweeps.md", "tour.md", "view.md"),
+    "worlds.md",
 }
 """Pages whose snippets take more than some seconds."""
 
@@ -95,7 +96,13 @@ def test_every_snippet_runs(page, workshop):
         assert len(errors) == 3 and max(errors) < 0.02
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in ("lrf3d render", "lrf3d share")))
+        for name in EXAMPLES
+    ],
+)
 def test_the_example_of_every_command_runs(name, workshop):
     assert EXAMPLES[name].startswith(f"{name} ")
     workshop.shell(EXAMPLES[name])

@@ -11,6 +11,7 @@ import pytest
 
 import lrf3d
 from lrf3d import plot, ros, scoring
+from lrf3d.recordings import LaserLog
 
 
 class Odd:
@@ -82,7 +83,9 @@ DOORS = {
     "LineMap": lambda run, wrong: lrf3d.LineMap(wrong, [0], [9]),
     "slam_log": lambda run, wrong: lrf3d.slam_log(wrong),
     "serve": lambda run, wrong: ros.serve(wrong),
-    "slam_log close": lambda run, wrong: lrf3d.slam_log(DRIVE, close=[wrong]),
+    "slam_log close": lambda run, wrong: lrf3d.slam_log(
+        LaserLog("two", [*run.scans]), close=[wrong]
+    ),
     "sweep's workers": lambda run, wrong: lrf3d.sweep("paper_room", seeds=1, workers=wrong),
     "sweep": lambda run, wrong: lrf3d.sweep("paper_room", axes=wrong, seeds=0),
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),

@@ -20,8 +20,14 @@ ROOT = Path(__file__).parents[1]
 TYPED = re.findall(r"`lrf3d ([^`]*examples/[^`]*)`", (ROOT / "README.md").read_text("utf-8"))
 """Commands of the README's table on files that lie in the repository."""
 
+LONG = ("run examples/town", "run examples/flat.png", "localise")
+"""How those begin that take more than some seconds."""
 
-@pytest.mark.parametrize("words", TYPED)
+
+@pytest.mark.parametrize(
+    "words",
+    [pytest.param(each, marks=[pytest.mark.slow] * each.startswith(LONG)) for each in TYPED],
+)
 def test_a_command_of_the_readme_can_be_typed_as_it_is_shown(words, tmp_path, monkeypatch):
     # What shows pages would serve them until it is stopped.
     monkeypatch.setattr("lrf3d.apps.edit.server.serve_pages", lambda *_, **__: None)

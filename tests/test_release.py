@@ -68,7 +68,7 @@ def test_a_users_program_is_checked_against_the_types_of_the_wheel(tmp_path):
     venv.create(tmp_path / "venv", symlinks=os.name != "nt")
     (site,) = (tmp_path / "venv").rglob("site-packages")
     zipfile.ZipFile(next(tmp_path.glob("*.whl"))).extractall(site)
-    assert [each.name for each in (site / "lrf3d/assets").iterdir()] == ["robot.glb"]
+    assert [each.name for each in (site / "lrf3d/assets").iterdir()] == ["robot.npz"]
     (site / "needed.pth").write_text(str(Path(mypy.__file__).parents[1]))
     (tmp_path / "user.py").write_text(USER + "".join(examples()), encoding="utf-8")
     python = tmp_path / "venv" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -32,6 +33,8 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
     from multiprocessing import active_children, get_context, resource_tracker
 
     others = active_children()
+    # Of a program that is ended at once its tracker removes the locks, without a word.
+    sys.warnoptions += {"ignore:resource_tracker"} - {*sys.warnoptions}
     try:
         pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_watch)
     except OSError as error:

@@ -89,19 +89,36 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
 
     counts = sample_counts(segments)
     walls = walls[lengths(walls) > 0.0]
-    row = np.repeat(np.arange(len(segments)), counts)
-    share = (np.arange(len(row)) - (np.cumsum(counts) - counts)[row] + 0.5) / counts[row]
-    places = segments[row, :2] + share[:, None] * (segments[row, 2:] - segments[row, :2])
-    points = shapely.points(places)
-    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
-    sample, wall = shapely.STRtree(lines).query(points, predicate="dwithin", distance=reach)
-    alike = np.abs(cross(directions(segments[row[sample]]), directions(walls[wall])))
-    sample = sample[alike <= np.sin(angle)]
-    wall = wall[alike <= np.sin(angle)]
+    ahead = directions(walls)
+    own, wall = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2))).query(
+        shapely.linestrings(segments.reshape(-1, 2, 2)), predicate="dwithin", distance=reach
+    )
+    wall = wall[counts[own] > 0]
+    own = own[counts[own] > 0]
+    alike = np.abs(cross(directions(segments[own]), ahead[wall])) <= np.sin(angle)
+    own = own[alike]
+    wall = wall[alike]
+    # Of each pair, only samples next to the wall or within reach of its ends can be near.
+    piece = lengths(segments) / np.maximum(counts, 1)
+    ends = walls[wall].reshape(-1, 2, 2) - segments[own, None, :2]
+    station = (ends * directions(segments[own])[:, None]).sum(axis=2)
+    first = np.floor((station.min(axis=1) - reach) / piece[own]).clip(0, counts[own])
+    last = np.ceil((station.max(axis=1) + reach) / piece[own]).clip(0, counts[own])
+    sizes = (last - first).astype(np.int64)
+    pair = np.repeat(np.arange(len(own)), sizes)
+    share = np.arange(len(pair)) - (np.cumsum(sizes) - sizes - first)[pair]
+    sample = ((np.cumsum(counts) - counts)[own][pair] + share).astype(np.int64)
+    own = own[pair]
+    wall = wall[pair]
+    share = (share + 0.5) / counts[own]
+    place = segments[own, :2] + share[:, None] * (segments[own, 2:] - segments[own, :2])
+    off = place - walls[wall, :2]
+    forward = (off * ahead[wall]).sum(axis=1)
+    aside = np.abs(cross(ahead[wall], off))
+    away = np.hypot(aside, forward - forward.clip(0.0, lengths(walls)[wall]))
     # The nearest is written last.
-    order = np.argsort(-shapely.distance(points[sample], lines[wall]), kind="stable")
-    sample = sample[order]
-    wall = wall[order]
-    offsets = np.full(len(row), np.inf)
-    offsets[sample] = np.abs(cross(directions(walls[wall]), places[sample] - walls[wall, :2]))
+    order = np.argsort(-away, kind="stable")
+    order = order[away[order] <= reach]
+    offsets = np.full(counts.sum(), np.inf)
+    offsets[sample[order]] = aside[order]
     return offsets

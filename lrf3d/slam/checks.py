@@ -7,6 +7,7 @@ than declared, and `doubtful_poses` poses that cannot be those of its scans.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -15,11 +16,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import cKDTree
 
 from lrf3d.base.interrupts import check
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import Bool, Float
 from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
+from lrf3d.recordings.repair.judging import WIDEST, is_clear
 from lrf3d.slam.motion import size_of
 
 # Largest distance [m] between key scans that are compared: most of what they see is the same.
@@ -42,9 +44,6 @@ PAIRS_TO_JUDGE = 5
 # Largest distance [m] between scans that must show the same walls: in a log with a scan every metre
 # and a half, two scans share so little that even right poses seem wrong.
 MOST_APART = 1.2
-
-# Largest turn [rad] between them.
-MOST_TURNED = 1.0
 
 # Distance [m] that no robot moves between two scans: poses that do are in other units.
 UNLIKELY = 30.0
@@ -84,14 +83,18 @@ class SelfCheck(NamedTuple):
         # all of them may see a door that was closed or a lorry that has left, and lasers with ten
         # beams see false corners.
         most_through_part = 0.2
-        compared = self.key_scans_compared > 0
-        return compared and self.violation <= most and self.worst_violation <= most_through_part
+        return (
+            self.key_scans_compared > 0
+            and self.violation <= most
+            and self.worst_violation <= most_through_part
+        )
 
     @property
     def unjudged(self) -> str:
         """Why the map could not be checked, in a sentence; "" if places were compared."""
-        again = f"no place was seen again after {self.later:.0f} m: nothing checks the map"
-        return "" if self.key_scans_compared else again
+        return f"no place was seen again after {self.later:.0f} m: nothing checks the map" * (
+            not self.key_scans_compared
+        )
 
     def sentences(self) -> list[str]:
         """The contradiction in one sentence; an empty list if there is none."""
@@ -186,7 +189,9 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
     declared = found[0, 1]
     clearly = 1.5  # Factor by which scans must fit better with another mount to report it.
     close = 0.02  # Distance [m] that they must fit better in addition.
-    if best == (0, 1) or declared < clearly * found[best] + close:
+    # With poses of another drive, scans fit at no mount better than if the robot had stood.
+    most = clearly * found[best] + close
+    if best == (0, 1) or declared < most or np.median(_standing(own, pairs)) < most:
         return None
     turn = (turn + 179) % 360 - 179
     seems = [f"turned by {turn}°"] * (turn != 0) + ["mirrored"] * (sense < 0)
@@ -196,15 +201,19 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
     )
 
 
+def leaps(steps: Float) -> Bool:
+    """Which of the steps (k,) [m] from scan to scan no robot drives."""
+    # They are over 3 m long, and ten times as long as nearly all.
+    return np.asarray(steps > max(3.0, 10.0 * float(np.quantile(steps, 0.95))))
+
+
 def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
     """Report in a sentence why the poses cannot be those of the scans; None if they can."""
     own, robots, pairs = _paired(scans)
     if len(own) <= PAIRS_TO_JUDGE:
         return None
     steps = np.hypot(*np.diff(robots[:, :2], axis=0).T)
-    jump = 3.0  # Least step that is a jump [m].
-    usual = 10.0  # Least step that is a jump, as a multiple of nearly all steps.
-    if steps.max() > max(jump, usual * float(np.quantile(steps, 0.95))):
+    if leaps(steps).any():
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
     contradicted = 0.5  # Distance [m] between scans from which no mount explains their poses.
@@ -212,11 +221,26 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
         far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
         return f"the poses stay at one place, but {moved}" if far > contradicted else None
-    far = float(np.median([_distance(own[a], own[b]) for a, b in pairs]))
-    if len(pairs) < PAIRS_TO_JUDGE or far < contradicted:
+    return _contradiction(own, pairs, contradicted)
+
+
+def _contradiction(
+    own: Sequence[LaserScan], pairs: Sequence[tuple[int, int]], contradicted: float
+) -> str | None:
+    """Why the poses of pairs of scans cannot be theirs; None if they can.
+
+    Scans far apart differ by much at right poses, too, but less than if the robot had stood.
+    """
+    apart = np.array([_distance(own[a], own[b]) for a, b in pairs])
+    losses = apart - _standing(own, pairs)
+    far = float(np.median(apart))
+    is_far = len(pairs) >= PAIRS_TO_JUDGE and far >= contradicted and losses.mean() > 0.0
+    if not (is_far or is_clear(losses)):
         return None
-    apart = f"scans from nearby poses differ by {far:.2g} m"
-    return f"the poses contradict the scans: {apart}; are they this robot's, in metres?"
+    return (
+        f"the poses contradict the scans: scans from nearby poses differ by {far:.2g} m, more than"
+        " if the robot had stood; are they this robot's, in metres?"
+    )
 
 
 def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tuple[int, int]]]:
@@ -242,11 +266,17 @@ def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tu
     for number in range(1, len(robots)):
         distance, turn = size_of(between(robots[first], robots[number]))
         if distance > apart or turn > turned:
-            close = distance < MOST_APART and turn < MOST_TURNED
+            close = distance < MOST_APART and turn < WIDEST
             if close or distance > UNLIKELY:
                 pairs.append((first, number))
             first = number
     return own, robots, pairs[:: max(len(pairs) // PAIRS, 1)]
+
+
+def _standing(own: Sequence[LaserScan], pairs: Sequence[tuple[int, int]]) -> Float:
+    """Distances (p,) [m] between the points of pairs of scans, as if the robot had stood."""
+    stood = ((own[a], replace(own[b], pose=own[a].pose)) for a, b in pairs)
+    return np.array([_distance(*pair) for pair in stood])
 
 
 def _distance(before: LaserScan, after: LaserScan, turn: float = 0.0, sense: int = 1) -> float:

@@ -15,12 +15,10 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.matching.key_scans import ScanConverter, seen_through_both
 from lrf3d.recordings.repair.judging import explained
 
-# Largest share of points that scans before and after a lift explain: 0.03 to 0.43 were seen.
-ACROSS = 0.6
-
-# Least share of points that adjacent scans explain on each side of a lift. Scans of which the local
-# map explains as much are not examined.
-AGREEING = 0.75
+# Share of points that adjacent scans explain on each side of a lift, and that no two scans explain
+# across it: at lifts 0.7 and more, and at most 0.43, also in logs with a scan a metre. Scans of
+# which the local map explains as much are not examined.
+AGREEING = 0.6
 
 # Least share of the points in view that beams pass through at a lift. A quick turn shows as little
 # of the scan before, but nothing that contradicts it.
@@ -47,7 +45,7 @@ def _is_lifted(
     def share(*pair: int) -> float:
         return float(explained(converter, scans.__getitem__, poses, [[*pair]])[0])
 
-    if any(share(*pair) > ACROSS for pair in ((last, first), (before, first), (last, after))):
+    if any(share(*pair) > AGREEING for pair in ((last, first), (before, first), (last, after))):
         return False
     if min(share(before, last), share(first, after)) < AGREEING:
         return False

@@ -31,7 +31,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.estimated_trajectory import NO_COVARIANCES, NO_POSES, NO_SCANS
 from lrf3d.simulation.run import Run, is_snapshot
 from lrf3d.slam import Slam
-from lrf3d.slam.checks import SelfCheck, doubtful_mount
+from lrf3d.slam.checks import SelfCheck, doubtful_mount, leaps
 from lrf3d.slam.closures import Refusal
 from lrf3d.slam.lifts import lifts
 from lrf3d.slam.places.joining import Joined
@@ -193,8 +193,10 @@ class SolvedLog:
         reasons = Counter(each.why for each in self.refused)
         why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
         refused = counted(len(self.refused), "loop closure")
-        tried = f"scans {first} to {last}: {refused} refused: {why}"
-        return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
+        return [
+            f"scans {first} to {last}: {refused} refused: {why}; --close A:B and --not A:B say"
+            " what is known of two scans"
+        ]
 
     @property
     def odometry(self) -> str:
@@ -234,8 +236,7 @@ class SolvedLog:
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         wheels = NO_POSES
         if self.log.placed:
-            driven = self.recording.path.at(self.recording.taken_at)
-            wheels = compose(driven, np.array(mount))
+            wheels = compose(self.recording.path.at(self.recording.taken_at), np.array(mount))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen), wheels)
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.moments, poses, maps, estimate)
@@ -246,23 +247,19 @@ class SolvedLog:
         lines = slice(None) if self.parts is None else self.parts.placed
         return self.log.odometry.times[lines], self.line_poses[lines]
 
-    @property
-    def _slams(self) -> list[Slam]:
-        return [self.slam] if self.parts is None else self.parts.slams
-
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         log = self.log
         slam = self.slam
         line_map = self.run.map
-        slams = self._slams
+        slams = [slam] if self.parts is None else self.parts.slams
         tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
-        errors = "turn_share", "turn_rad_per_m", "distance_share"
         steps = np.hypot(*np.diff(self.run.trajectory.poses[:, :2], axis=0).T)
         # The leap to each part, or from one drive to the next, is no part of the path.
         from_end = np.cumsum([len(each.tracked) for each in slams[::-1]])
         steps[-from_end[from_end <= len(steps)]] = 0.0
+        steps[leaps(steps)] = 0.0  # Those within an earlier drive.
         return {
             "name": log.name,
             "log": {
@@ -274,7 +271,13 @@ class SolvedLog:
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {
                 "lag_lines": float(self.recording.lags.mean()),
-                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
+                **dict(
+                    zip(
+                        ("turn_share", "turn_rad_per_m", "distance_share"),
+                        slam.wheels.biases.tolist(),
+                        strict=True,
+                    )
+                ),
                 "solved_times": self.passes,
             },
             "slam": {

@@ -28,7 +28,7 @@ def here_and_soon(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(60)
+    signal.alarm(300)
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)

@@ -117,7 +117,7 @@ def test_what_hears_no_signal_is_ended_by_a_second_one_or_after_a_while(number, 
         time.sleep(0.3)
         assert process.poll() is None
         process.send_signal(number)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     kept = "0 of 3 scans kept; go on with --resume"
     assert (process.returncode, err) == (128 + number, f"lrf3d: stopped; {kept}\n")
     assert not [*tmp_path.rglob("*unfinished*"), *tmp_path.rglob("*.lock")]
@@ -192,6 +192,22 @@ def test_a_pool_that_is_left_early_ends_without_a_word(monkeypatch):
     assert raised == []
 
 
+LEAVING = """
+import os
+from lrf3d.base.cores import process_pool
+if __name__ == "__main__":
+    with process_pool(1):
+        os._exit(3)
+"""
+
+
+def test_a_program_that_is_ended_at_once_says_nothing_of_its_locks(tmp_path):
+    (tmp_path / "leaving.py").write_text(LEAVING)
+    command = [sys.executable, tmp_path / "leaving.py"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (3, "")
+
+
 def test_a_signal_stops_what_reads_a_file_at_once():
     """Parsers check for no signal, and may make something else of what it raises."""
     code = """
@@ -213,5 +229,5 @@ for wrong in (False, True):
         print("stopped", flush=True)
     ignore_signals()
 """
-    made = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, text=True)
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (made.stdout, made.stderr) == ("stopped\n" * 2, "")

@@ -11,16 +11,17 @@ from lrf3d import (
     InputError,
     LaserRangeFinder,
     Pose,
+    Scenario,
     Simulation,
     Trajectory,
     World,
     WorldError,
+    load_scenario,
+    simulate_fleet,
 )
 from lrf3d.casting.collision import Body, CollisionChecker
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.robot.kinematics import hold
-from lrf3d.simulation.fleet import simulate_fleet
-from lrf3d.simulation.scenario import Scenario, load_scenario
 
 BOX = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]
 WALL = World([[2.0, -5.0, 2.0, 5.0]])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from rational import ExactWorld, cast_exact
 
-from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.base.errors import InputError
+from lrf3d import EmbreeCaster, InputError, LaserRangeFinder, PlanarCaster, World
 
 AHEAD = (1.0, 0.0)
 
@@ -79,14 +78,15 @@ def test_single_rays_are_exact_at_corners_along_walls_and_from_walls():
 
 
 @pytest.mark.parametrize("beams", [1, 2, 20, 21])
-@pytest.mark.parametrize("kind", ["plaster", "mirror"])
+@pytest.mark.parametrize("kind", ["plaster", "mirror", "glass"])
 def test_ranges_alone_a_scan_and_a_batch_are_the_same_for_few_and_many_beams(beams, kind):
     rng = np.random.default_rng(beams)
     walls = rng.uniform(-6, 6, (40, 4))
-    world = World(walls, np.zeros(40, int), materials=[kind] * (kind == "mirror"))
+    world = World(walls, np.zeros(40, int), materials=[kind] * (kind != "plaster"))
     lrf, poses = LaserRangeFinder(beams=beams, range_max=30.0), rng.uniform(-5, 5, (20, 3))
     for caster in (PlanarCaster(world), EmbreeCaster(world)):
         batch, hits = caster.scan_batch(lrf, poses)
+        assert np.array_equal(caster.cast_batch(lrf, poses), batch)
         for pose, wanted, walls in zip(poses, batch, hits, strict=True):
             assert caster.ranges(lrf, pose).tolist() == wanted.tolist()
             assert caster.cast(lrf, pose).ranges.tolist() == wanted.tolist()

@@ -176,14 +176,3 @@ def test_of_more_echoes_than_are_reported_the_brightest_stay():
         assert len(found) > 16
         kept = sorted(float(echo.way) for echo in found[:5])
         assert scans[0].echoes[beam] == pytest.approx(kept, rel=1e-14)
-
-
-def test_a_batch_is_its_scans():
-    world = world_of((2, -3, 2, 3, "glass"), (-3, -3, -3, 3, "mirror"), (0, 4, 5, 4, "brick"))
-    poses = np.random.default_rng(1).uniform(-1.5, 1.5, (50, 3))
-    caster = PlanarCaster(world)
-    ranges, walls = caster.scan_batch(ROUND, poses)
-    scans = [caster.cast(ROUND, pose) for pose in poses]
-    assert (ranges == [scan.ranges for scan in scans]).all()
-    assert (walls == [scan.walls for scan in scans]).all()
-    assert (caster.cast_batch(ROUND, poses) == ranges).all()

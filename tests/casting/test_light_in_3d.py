@@ -8,8 +8,7 @@ import pytest
 from exact_light import shares, surface_of
 from lit_worlds import PERFECT, WHITE, world_of
 
-from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.base.errors import InputError
+from lrf3d import EmbreeCaster, InputError, LaserRangeFinder, PlanarCaster, World
 from lrf3d.laser.range_finder import layer_directions
 from lrf3d.world import Material
 

@@ -6,11 +6,18 @@ import pytest
 from rational import ExactWorld
 
 import lrf3d
-from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world
-from lrf3d.base.errors import InputError
-from lrf3d.casting import EmbreeCaster
+from lrf3d import (
+    DynamicObstacle,
+    EmbreeCaster,
+    InputError,
+    LaserRangeFinder,
+    PlanarCaster,
+    Trajectory,
+    World,
+    load_world,
+)
 from lrf3d.casting.crowd import Crowd
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.robot.following import Patrol
 from lrf3d.simulation.sensor import Sensor

@@ -25,7 +25,7 @@ OPTIONS = [
 ]
 """Chromium draws in software, and as root it wants to be told that this is meant."""
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 """After this time [s] what has not come will not come."""
 
 

@@ -36,7 +36,7 @@ shares, brightness, intensity = (getattr(kernel, "py_func", kernel) for kernel i
 def surface_of(material: Material) -> SimpleNamespace:
     """A material as the kernels take it."""
     values = (*material.optics, material.mirrors)
-    return SimpleNamespace(**dict(zip(SURFACE.names, values, strict=True)))
+    return SimpleNamespace(**dict(zip(SURFACE.names or (), values, strict=True)))
 
 
 class Echo(NamedTuple):

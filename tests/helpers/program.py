@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import sys
 from subprocess import CompletedProcess
 from unittest import mock
@@ -26,6 +27,13 @@ def lrf3d(*arguments, cwd=".", program=None):
             main(program)
     except SystemExit as end:
         return CompletedProcess(arguments, end.code or 0, out.getvalue(), err.getvalue())
+
+
+def told(*arguments, cwd=".", warns=False):
+    """The value that a command prints, which says no word besides unless it warns."""
+    done = lrf3d(*arguments, "--json", cwd=cwd)
+    assert done.returncode == 0 and (warns or not done.stderr), done.stderr
+    return json.loads(done.stdout)
 
 
 def refused(*arguments, cwd="."):

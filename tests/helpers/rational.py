@@ -102,10 +102,9 @@ def cast_layer(
     found = [-z / rise] if rise < 0 else []
     for ends, height in walls:
         ax, ay, bx, by = map(Fraction, ends)
-        for t in _stretch(ax - x, ay - y, bx - x, by - y, dx, dy):
+        for begin, end in _stretch(ax - x, ay - y, bx - x, by - y, dx, dy):
             high = Fraction(height) - z
             # On a wall along the beam it comes down to the top between the two ends.
-            begin, end = t
             if rise < 0 and begin * rise > high:
                 begin = max(begin, high / rise)
             if begin <= end and -z <= begin * rise <= high:

@@ -1,15 +1,13 @@
 import numpy as np
 import pytest
 
-from lrf3d.casting import PlanarCaster
-from lrf3d.geometry.pose import Pose, between
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, Pose, World
+from lrf3d.geometry.pose import between
 from lrf3d.matching import key_scans
 from lrf3d.matching.key_scans import HIDDEN, HIT, PASSED, ScanConverter, evidence, fan_of, views_of
 from lrf3d.matching.surface import SURFACE, thinned
 from lrf3d.slam.front_end import FrontEnd
 from lrf3d.slam.motion import Prediction
-from lrf3d.world import World
 
 HERE, AHEAD = Pose(0, 0, 0), np.linspace(-0.5, 0.5, 11)
 

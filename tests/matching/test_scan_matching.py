@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.casting import PlanarCaster
-from lrf3d.geometry.pose import Pose, between, compose
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, Pose, World
+from lrf3d.geometry.pose import between, compose
 from lrf3d.matching.scan_matching import (
     ALIGNED,
     FIRST_SCALE,
@@ -28,7 +27,6 @@ from lrf3d.matching.surface import (
     surface_of_scan,
     thinned,
 )
-from lrf3d.world import World
 
 ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
 CORRIDOR = World([[-100, 0, 100, 0], [-100, 2, 100, 2]])

@@ -1,10 +1,8 @@
 """Logs that are made worse on purpose."""
 
-import json
-
 import numpy as np
 import pytest
-from program import lrf3d, refused
+from program import refused, told
 from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.apps.export import export_run
@@ -68,9 +66,8 @@ def test_the_shares_and_the_noise_are_those_asked_for(path):
 
 def test_the_command_reports_what_it_did(path, tmp_path):
     out = tmp_path / "new" / "worse.log.gz"
-    done = lrf3d("degrade", path, "--drop", "0.3", "--every", "2", "--out", out, "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    summary, worse = json.loads(done.stdout), load_log(out)
+    summary = told("degrade", path, "--drop", "0.3", "--every", "2", "--out", out)
+    worse = load_log(out)
     assert summary["scans"] == len(worse) == 10 and summary["returns"] == 910
     assert summary["returns"] - summary["returns_lost"] == sum(s.hits.sum() for s in worse.scans)
 

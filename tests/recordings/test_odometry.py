@@ -82,7 +82,13 @@ ORDERS = {
 }
 
 
-@pytest.mark.parametrize("name", ORDERS)
+# Two of the orders are enough for fast tests.
+FAST = ("a part of it twice", "backwards in time")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=[pytest.mark.slow] * (each not in FAST)) for each in ORDERS]
+)
 def test_a_log_that_is_doubled_or_out_of_order_is_solved_as_if_it_were_not(recorded, name):
     log, true = recorded
     order, found = ORDERS[name]
@@ -93,7 +99,7 @@ def test_a_log_that_is_doubled_or_out_of_order_is_solved_as_if_it_were_not(recor
     assert len(solution.recording.sentences) == (name != "as it is")
 
 
-@pytest.mark.parametrize("lines", [[60], [60, 61]])
+@pytest.mark.parametrize("lines", [[60], pytest.param([60, 61], marks=pytest.mark.slow)])
 def test_odometry_that_jumps_goes_on_as_before(recorded, lines):
     log, true = recorded
     wheels = log.wheels.poses.copy()

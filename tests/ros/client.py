@@ -38,7 +38,7 @@ class Watcher:
         listen(Odometry, "odom", self.odometry.append, 10)
         listen(Odometry, "ground_truth", self.truth.append, 10)
         listen(Clock, "/clock", self.hear_clock, qos_profile_sensor_data)
-        self.spin(15, lambda: self.scans and self.truth and self.odometry and self.moved_at)
+        self.spin(60, lambda: self.scans and self.truth and self.odometry and self.moved_at)
 
     def hear_scan(self, message, info):
         self.latency.append((time.time_ns() - info["source_timestamp"]) / 1e6)
@@ -97,7 +97,7 @@ def square(kind, side=0.5):
     """Drive a square by odometry alone."""
     watcher, message = Watcher(), {"Twist": Twist, "TwistStamped": TwistStamped}[kind]
     publisher = watcher.node.create_publisher(message, "cmd_vel", 10)
-    watcher.spin(10, publisher.get_subscription_count)
+    watcher.spin(60, publisher.get_subscription_count)
 
     def go(speed, turn):
         command = message()
@@ -159,7 +159,7 @@ def record(folder, scans):
         listen(Odometry, "odom", 500)
         listen(TFMessage, "tf", 500)
         listen(TFMessage, "tf_static", LATCHED)
-        end = time.monotonic() + 60
+        end = time.monotonic() + 300
         while count < int(scans) and time.monotonic() < end:
             rclpy.spin_once(node, timeout_sec=0.1)
     print(json.dumps({"scans": count}))
@@ -174,12 +174,12 @@ def orders(x, y):
     to, command = (node.create_publisher(PoseStamped, "set_pose", 1),
                    node.create_publisher(Twist, "cmd_vel", 5))  # fmt: skip
     for client in (pause, reset, step):
-        assert client.wait_for_service(10)
-    watcher.spin(10, lambda: to.get_subscription_count() and command.get_subscription_count())
+        assert client.wait_for_service(60)
+    watcher.spin(60, lambda: to.get_subscription_count() and command.get_subscription_count())
 
     def call(client, request):
         answer = client.call_async(request)
-        rclpy.spin_until_future_complete(node, answer, timeout_sec=10)
+        rclpy.spin_until_future_complete(node, answer, timeout_sec=60)
         assert answer.result().success
         watcher.spin(1.0)
         return watcher.clock[-1]
@@ -204,10 +204,10 @@ def orders(x, y):
     fast.linear.x, wrong.linear.x = 0.1, nan
     fast.linear.y = 0.1
     command.publish(fast)
-    watcher.spin(5.0, watcher.speed)
+    watcher.spin(60.0, watcher.speed)
     seen["fast"] = watcher.speed()
     command.publish(wrong)
-    watcher.spin(5.0, lambda: not watcher.speed())
+    watcher.spin(60.0, lambda: not watcher.speed())
     seen["stopped"] = watcher.speed()
     call(reset, Trigger.Request())
     seen["reset"] = [a - b for a, b in zip(watcher.here(), start, strict=True)]

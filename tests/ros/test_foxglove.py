@@ -14,7 +14,7 @@ connect = pytest.importorskip("websockets.sync.client").connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 
 # A busy machine may be late.
-WANTED = {"subprotocols": ["foxglove.sdk.v1"], "max_size": None, "open_timeout": 60}
+WANTED = {"subprotocols": ["foxglove.sdk.v1"], "max_size": None, "open_timeout": 300}
 
 
 @pytest.fixture
@@ -36,10 +36,10 @@ def server():
 
     thread = threading.Thread(target=run)
     thread.start()
-    assert ready.wait(60)
+    assert ready.wait(300)
     yield addresses[0], said
     interrupts._asked = 2
-    thread.join(20)
+    thread.join(300)
     assert not thread.is_alive()
 
 
@@ -60,10 +60,10 @@ def test_a_client_gets_the_topics_and_drives_the_robot(server):
                       "schemaName": "geometry_msgs/msg/Twist"}  # fmt: skip
         client.send(json.dumps({"op": "advertise", "channels": [advertised]}))
         command(b"\0")
-        end, positions = time.monotonic() + 60, []
+        end, positions = time.monotonic() + 300, []
         wanted_topics = {"/scan", "/odom", "/tf", "/tf_static", "/map", "/clock"}
         while time.monotonic() < end and (len({*positions}) < 3 or not wanted_topics <= {*seen}):
-            message = client.recv(timeout=30)
+            message = client.recv(timeout=300)
             if isinstance(message, str):
                 for each in json.loads(message).get("channels", ()):
                     topics[each["id"]] = each
@@ -126,7 +126,7 @@ def test_a_flooding_client_is_cut_off_and_others_are_served(server):
                 flood.send(b"\1\7\0\0\0" + twist(1.0))
         times = []
         while len(times) < 5:
-            message = calm.recv(timeout=30)
+            message = calm.recv(timeout=300)
             if isinstance(message, bytes) and message[0] == 2:
                 times.append(struct.unpack("<Q", message[1:])[0])
     assert times == sorted({*times}) and any("over 500 messages" in line for _, line in said)

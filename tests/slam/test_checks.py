@@ -10,6 +10,10 @@ from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.slam import checks
 from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 
+PEN = lrf3d.World([[0, 0, 3, 0], [3, 0, 3, 2], [3, 2, 0, 2], [0, 2, 0, 0], [1.4, 0, 1.4, 0.8]])
+SHORT = lrf3d.LaserRangeFinder(beams=91, range_max=4.0)
+LAP = [(0.5, 0.5), (0.6, 1.5), (2.4, 1.5), (2.5, 0.5), (2.4, 1.5), (0.6, 1.5)]
+
 
 @pytest.fixture(scope="module")
 def scans():
@@ -48,6 +52,16 @@ def test_poses_that_do_not_fit_the_scans_are_named(changed, reason, scans):
     assert reason in (doubt or "") and bool(doubt) == bool(reason)
 
 
+def test_poses_of_another_drive_are_named_in_a_small_pen():
+    poses = lrf3d.follow_route(np.array([*LAP, *LAP]), speed=0.5, dt=0.4).poses
+    taken = [lrf3d.PlanarCaster(PEN).cast(SHORT, pose) for pose in poses]
+    foreign = [
+        replace(scan, pose=lrf3d.Pose(*pose)) for scan, pose in zip(taken, poses[::-1], strict=True)
+    ]
+    assert doubtful_mount(foreign) is None and doubtful_poses(taken) is None
+    assert "contradict the scans" in (doubtful_poses(foreign) or "")
+
+
 def test_parts_of_a_turn_are_compared_with_their_like(scans):
     caster = lrf3d.PlanarCaster(lrf3d.load_scenario("corridor").world)
     places = np.array([scan.pose for scan in scans])
@@ -63,7 +77,7 @@ def test_parts_of_a_turn_are_compared_with_their_like(scans):
 
 @pytest.mark.parametrize(("declared", "named"), [(0.015, False), (0.025, False), (0.029, True)])
 def test_a_mount_is_named_only_where_it_fits_clearly_better(declared, named, scans, monkeypatch):
-    def apart(one, other, turn, sense):
+    def apart(one, other, turn=None, sense=None):
         return {(0, 1): declared, (90, 1): 0.005}.get((turn, sense), 1.0)
 
     monkeypatch.setattr(checks, "_distance", apart)
@@ -86,18 +100,10 @@ def test_the_worst_part_of_a_drive_is_that_whose_beams_pass_most(
     assert check.key_scans_compared == count - 1
 
 
-def test_only_returns_are_points_of_a_scan():
-    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1, 0.2, 0.3], [2.0, np.inf, 0.0, -np.inf], [-1] * 4)
-    assert checks._points(scan, 1).tolist() == [[2.0, 0.0]]
-
-
 @pytest.mark.parametrize(("turned", "said"), [(0.0, ""), (0.4, "the map contradicts itself")])
 def test_in_a_small_pen_a_wrong_map_is_named_after_a_few_metres(turned, said):
-    pen = lrf3d.World([[0, 0, 3, 0], [3, 0, 3, 2], [3, 2, 0, 2], [0, 2, 0, 0], [1.4, 0, 1.4, 0.8]])
-    lrf = lrf3d.LaserRangeFinder(beams=91, range_max=4.0)
-    lap = [(0.5, 0.5), (0.6, 1.5), (2.4, 1.5), (2.5, 0.5), (2.4, 1.5), (0.6, 1.5)]
-    poses = lrf3d.follow_route(np.array([*lap, *lap]), speed=0.5, dt=1.0).poses
-    keys = [ScanConverter().candidate(lrf3d.PlanarCaster(pen).cast(lrf, each)) for each in poses]
+    poses = lrf3d.follow_route(np.array([*LAP, *LAP]), speed=0.5, dt=1.0).poses
+    keys = [ScanConverter().candidate(lrf3d.PlanarCaster(PEN).cast(SHORT, each)) for each in poses]
     driven = np.linspace(0.0, 16.0, len(keys))
     claimed = compose(np.array([0.0, 0.0, turned]), poses)
     claimed = np.where((driven < 8.0)[:, None], poses, claimed)

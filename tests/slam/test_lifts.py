@@ -28,15 +28,16 @@ HALL = lrf3d.World(
 )
 
 
-@pytest.mark.parametrize("step, moved, found", [
-    ([4.5, 2.5, 2.0], False, [4]),
-    ([4.5, 2.5, 2.0], True, []),
-    ([0.0, 0.0, 2.2], True, []),
-], ids=["lifted", "driven", "quick turn"])  # fmt: skip
-def test_a_lift_is_found_where_both_sides_agree_and_beams_contradict(step, moved, found):
-    poses = np.array([[1.5 + 0.1 * k, 3.0, 0.1 * k] for k in range(8)])
+@pytest.mark.parametrize("wide, turn, step, moved, found", [
+    (1.6, 0.1, [4.5, 2.5, 2.0], False, [4]),
+    (0.7, 0.4, [0.5, 2.5, 1.5], False, [4]),
+    (1.6, 0.1, [4.5, 2.5, 2.0], True, []),
+    (1.6, 0.1, [0.0, 0.0, 2.2], True, []),
+], ids=["lifted", "few scans", "driven", "quick turn"])  # fmt: skip
+def test_a_lift_is_found_where_sides_agree_and_beams_contradict(wide, turn, step, moved, found):
+    poses = np.array([[1.5 + turn * k, 3.0, turn * k] for k in range(8)])
     there = poses + (np.arange(8) >= 4)[:, None] * np.array(step)
-    lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2, 181, range_max=12.0)
+    lrf = lrf3d.LaserRangeFinder(-wide, wide, 181, range_max=12.0)
     scans = [lrf3d.PlanarCaster(ROOM).cast(lrf, pose) for pose in there]
     claimed = there if moved else poses
     known = [replace(scan, pose=pose) for scan, pose in zip(scans, claimed, strict=True)]

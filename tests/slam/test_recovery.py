@@ -17,7 +17,7 @@ from lrf3d.recordings.repair.repairs import figures_of
 from lrf3d.slam.offline import solve_log
 
 
-@pytest.mark.parametrize("first, last", [(50, 80), (0, None)])
+@pytest.mark.parametrize("first, last", [(50, 80), pytest.param(0, None, marks=pytest.mark.slow)])
 def test_the_robot_is_followed_where_its_encoders_stand_still(first, last):
     scans, wheels, true = drive(rooms(2), through(2))
     steps = between(wheels[:-1], wheels[1:])
@@ -45,7 +45,7 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     assert wrong.max() < 0.15
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_few_beams_reveal_reversed_encoders_over_several_scans(seed):
     """Encoders without a direction report that a robot drives ahead that drives back."""
     lrf = lrf3d.LaserRangeFinder(beams=61, range_max=8.0)
@@ -57,7 +57,7 @@ def test_few_beams_reveal_reversed_encoders_over_several_scans(seed):
     assert errors(true[back], solved(moved, path_of(wheels[0], steps)).poses).max() < 0.2
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
     """It sees walls for the first time: the place of the last scan explains more of them."""
     lrf = lrf3d.LaserRangeFinder(beams=181, range_max=5.0)

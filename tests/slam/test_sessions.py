@@ -6,6 +6,7 @@ import pytest
 import shapely
 from drives import NoMap, drive, recorded
 from program import lrf3d as program
+from program import told
 from scipy.ndimage import binary_dilation
 
 import lrf3d
@@ -49,7 +50,7 @@ def errors(found, *parts):
     return np.hypot(off[:, 0], off[:, 1])[found.known], np.abs(wrap_angle(off[:, 2]))[found.known]
 
 
-@pytest.mark.parametrize("kind", ["world", "run"])
+@pytest.mark.parametrize("kind", ["world", pytest.param("run", marks=pytest.mark.slow)])
 def test_a_drive_is_found_on_a_plan_and_on_a_map_without_a_first_pose(kind):
     known = ROOMS
     if kind == "run":
@@ -104,9 +105,7 @@ def test_localise_writes_poses_and_a_picture(tmp_path):
     run = lrf3d.simulate(ROOMS, lrf3d.follow_route(np.array(BACK), dt=0.25), rng=0)
     lrf3d.export_run(run, "carmen", path)
     lrf3d.save_world(ROOMS, world)
-    done = program("localise", world, path, "--out", tmp_path / "out", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    summary = json.loads(done.stdout)
+    summary = told("localise", world, path, "--out", tmp_path / "out")
     assert summary["stretches"][0]["probability"] >= 0.99
     table = np.loadtxt(tmp_path / "out/trajectory.tum")
     assert len(table) == summary["scans_localised"] > 0.8 * len(run)

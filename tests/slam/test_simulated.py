@@ -34,7 +34,8 @@ def test_online_estimates_are_stored_with_covariances_of_some_scans(corridor):
     assert gaps[-1] == estimate.known_scans[-2] // COVARIANCE_SHARE > COVARIANCE_INTERVAL
 
 
-@pytest.mark.parametrize("kind", ["carmen", pytest.param("mcap", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["carmen", "mcap"])
 def test_a_simulated_recording_is_solved_from_what_its_wheels_measured(corridor, kind, tmp_path):
     run, _ = corridor
     path = tmp_path / {"carmen": "run.log.gz", "mcap": "run.mcap"}[kind]

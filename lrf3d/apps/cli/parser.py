@@ -35,8 +35,10 @@ def run_command(words: Sequence[str]) -> int | None:
     except InputError as error:
         say(str(error))
         return 2
-    from lrf3d.apps.cli.inputs import start
+    from lrf3d.base.lean import lean_loading
 
+    with lean_loading():
+        from lrf3d.apps.cli.inputs import start
     return start(args)
 
 

@@ -21,7 +21,7 @@ from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.judging import LEAST_COMPARED, pairs_along
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import CLEARLY
+from lrf3d.recordings.repair.turns import CLEARLY, SHOWN_TURN
 
 # Least distance of the laser from the centre [m], or turn [rad], that is corrected: less moves a
 # map no more than the odometry's own noise does.
@@ -47,7 +47,7 @@ def find(recording: Recording) -> Pose | None:
     if is_said or not log.placed:
         return None
     driven, seen = _motions(recording)
-    if len(seen) < LEAST_COMPARED:
+    if not _show_a_mount(driven, seen):
         return None
     (_, centred), straight, turned = (
         _fitted(driven, seen, farthest)
@@ -57,6 +57,17 @@ def find(recording: Recording) -> Pose | None:
     mount, off = turned if straight[1] > CLEARLY * turned[1] else straight
     is_away = max(np.hypot(mount.x, mount.y), abs(mount.theta)) > LEAST
     return mount if is_away and centred > CLEARLY * off else None
+
+
+def _show_a_mount(driven: Float, seen: Float) -> bool:
+    """Whether motions (k, 3) of the robot and of its laser are enough, and turn alike.
+
+    No mount explains turns that scans do not show: those are poses of another drive.
+    """
+    turns = driven[:, 2]
+    return len(turns) >= LEAST_COMPARED and bool(
+        np.abs(turns).mean() < SHOWN_TURN or seen[:, 2] @ turns > 0.5 * turns @ turns
+    )
 
 
 def _motions(recording: Recording) -> tuple[Float, Float]:

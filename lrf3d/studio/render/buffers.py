@@ -1,54 +1,33 @@
 """The context, buffers, textures and programs of OpenGL, and its module ``GL`` for what draws.
 
 The context and the buffers are pyrender's. Its private members are used here and nowhere else: the
-``_platform`` of its ``OffscreenRenderer``, to make the one context of a process current, and the
 ``_vaid`` and ``_buffers`` of its ``Primitive``, which ``_add_to_context`` fills, so that each
 vertex attribute has a buffer that can be rewritten.
 """
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.base.errors import MissingLibraryError
 from lrf3d.geometry.lines import Single, quad_indices
-from lrf3d.studio.render.gl import INSTALL_LINE, import_libraries
+from lrf3d.studio.render.gl import context, import_libraries
 from lrf3d.studio.render.glsl import shader_source
 from lrf3d.studio.scene.look import Setting
 from lrf3d.studio.scene.shapes import Lens
 
 GL: Any
-pyrender: Any
-GL, pyrender = import_libraries()
+_primitive: Any
+GL, _primitive = import_libraries()
 
 Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
 
-@cache
-def _context() -> Any:
-    """The one OpenGL context of this process, current in the thread that asks first.
-
-    It is pyrender's and is never deleted: that would end every other context of the process.
-
-    Raises:
-        MissingLibraryError: The libraries are there, but no driver that they could start.
-    """
-    try:
-        return pyrender.OffscreenRenderer(16, 16)
-    except Exception as error:
-        # pyrender asserts what EGL answers, so that any failure may come as anything.
-        raise MissingLibraryError(
-            f"OpenGL cannot start ({error!r}); install its software driver: {INSTALL_LINE}"
-        ) from error
-
-
 def make_current() -> None:
     """Let this thread draw."""
-    _context()._platform.make_current()
+    context().make_current()
 
 
 def rewrite(kind: int, values: NDArray[Any]) -> None:
@@ -101,7 +80,7 @@ class Texture:
         GL.glDeleteTextures([self.id])
 
 
-class Buffer(pyrender.Primitive):  # type: ignore[misc]
+class Buffer(_primitive.Primitive):  # type: ignore[misc]
     """Vertices, whose attributes are rewritten where their arrays have changed.
 
     The mode, an OpenGL constant, is what they make up; a count of them, or of indices, is drawn.

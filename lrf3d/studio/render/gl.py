@@ -9,6 +9,9 @@ import os
 import sys
 import warnings
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
 from typing import Any
 
 from lrf3d.base.errors import MissingLibraryError
@@ -20,15 +23,6 @@ INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
 
 # Command that installs a software driver, where the libraries are there but nothing draws.
 DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
-
-# EGL's number for displays that are devices.
-_DEVICE = 0x313F
-
-# EGL's number for OpenGL.
-_OPENGL = 0x30A2
-
-# EGL's numbers for the context that pyrender makes: OpenGL 4.1, core profile.
-_CONTEXT = (0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038)
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
@@ -55,73 +49,86 @@ def _failure() -> str:
         found = ctypes.util.find_library("GL") is not None or sys.platform == "win32"
         return "" if found else "no OpenGL library on this machine"
     try:
-        egl, _ = map(ctypes.CDLL, ("libEGL.so.1", "libGL.so.1"))
+        for name in ("libEGL.so.1", "libGL.so.1"):
+            ctypes.CDLL(name)
     except OSError:
         return f"no OpenGL library on this machine; install it: {INSTALL_LINE}"
-    if not _starts(egl):
+    try:
+        context()
+    except MissingLibraryError:
         return f"OpenGL is installed, but no driver of it starts; install one: {DRIVER_LINE}"
+    from OpenGL import EGL
+
+    # Any thread may draw.
+    none = EGL.EGL_NO_SURFACE, EGL.EGL_NO_SURFACE, EGL.EGL_NO_CONTEXT
+    EGL.eglMakeCurrent(EGL.eglGetCurrentDisplay(), *none)
     return ""
 
 
-def _starts(egl: ctypes.CDLL) -> bool:
-    """Whether EGL makes a context as pyrender does, on the first of its devices.
+@cache
+def context() -> Any:
+    """The one OpenGL context of this process, current in the thread that asks first.
 
-    The display is not closed: it would end the contexts that others in this process have on it.
+    It is pyrender's and is never deleted: that would end every other context of the process.
+
+    Raises:
+        MissingLibraryError: The libraries are there, but no driver that they could start.
     """
-    pointer = ctypes.c_void_p
-    egl.eglGetProcAddress.restype = egl.eglGetDisplay.restype = egl.eglCreateContext.restype = (
-        pointer
-    )
-    query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
-    display_of = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
-    device = pointer()
-    count = ctypes.c_int()
-    if query and display_of:
-        find = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
-        if not find(1, ctypes.byref(device), ctypes.byref(count)) or not count.value:
-            return False
-        show = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, pointer)(display_of)
-        display = pointer(show(_DEVICE, device, None))
-    else:
-        display = pointer(egl.eglGetDisplay(None))
-    if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(_OPENGL):
-        return False
-    wanted = (ctypes.c_int * len(_CONTEXT))(*_CONTEXT)
-    context = pointer(egl.eglCreateContext(display, None, None, wanted))
-    return bool(context) and bool(egl.eglDestroyContext(display, context))
+    try:
+        if not sys.platform.startswith("linux"):
+            made = _part_of_pyrender("platforms.pyglet_platform").PygletPlatform(1, 1)
+        else:
+            # EGL draws with and without a display, so that a film looks the same on both.
+            # OSMesa, which is often named here, does not work with the PyOpenGL that pyrender pins.
+            os.environ["PYOPENGL_PLATFORM"] = "egl"
+            egl = _part_of_pyrender("platforms.egl")
+            device = egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0")))
+            made = egl.EGLPlatform(1, 1, device)
+        made.init_context()
+    except Exception as error:
+        # pyrender asserts what EGL answers, so that any failure may come as anything.
+        raise MissingLibraryError(
+            f"OpenGL cannot start ({error!r}); install its software driver: {INSTALL_LINE}"
+        ) from error
+    return made
 
 
 def import_libraries() -> tuple[Any, Any]:
-    """Import OpenGL.GL and pyrender, with what each of them needs set before.
+    """Import OpenGL.GL, and what pyrender has for buffers.
 
     Raises:
         MissingLibraryError: There is no OpenGL on this machine.
     """
     require_gl()
-    if sys.platform.startswith("linux"):
-        # EGL draws with and without a display, so that a film looks the same on both.
-        # OSMesa, which is often named here, does not work with the PyOpenGL that pyrender pins.
-        os.environ["PYOPENGL_PLATFORM"] = "egl"
+    try:
+        primitive = _part_of_pyrender("primitive")
+        from OpenGL import GL
+    except (ImportError, OSError, AttributeError) as error:
+        raise MissingLibraryError(
+            f"OpenGL cannot be loaded ({error}); install it: {INSTALL_LINE}; {_INSTEAD}"
+        ) from error
+    return GL, primitive
+
+
+def _part_of_pyrender(name: str) -> Any:
+    """A module of pyrender without its viewer, its scenes and trimesh, which take a second.
+
+    Who imports pyrender afterwards gets all of it.
+    """
+    part = ModuleType("pyrender")
+    spec = find_spec("pyrender")
+    part.__path__ = list((spec and spec.submodule_search_locations) or [])
     with warnings.catch_warnings():
         # What these libraries import warns of things that their users cannot fix.
         warnings.simplefilter("ignore")
+        _adapt()
+        whole = sys.modules.setdefault("pyrender", part)
         try:
-            import OpenGL
-            import pyglet
-
-            if "OpenGL.GL" not in sys.modules:
-                # A check after every call costs more than many of the calls.
-                OpenGL.ERROR_CHECKING = False
-            # pyrender imports its viewer, which opens a window on import unless headless is set.
-            pyglet.options["headless"] = True
-            _adapt()
-            import pyrender
-            from OpenGL import GL
-        except (ImportError, OSError, AttributeError) as error:
-            raise MissingLibraryError(
-                f"OpenGL cannot be loaded ({error}); install it: {INSTALL_LINE}; {_INSTEAD}"
-            ) from error
-    return GL, pyrender
+            return import_module(f"pyrender.{name}")
+        finally:
+            if whole is part:
+                for each in [each for each in sys.modules if each.split(".")[0] == "pyrender"]:
+                    del sys.modules[each]
 
 
 def _adapt() -> None:
@@ -130,6 +137,11 @@ def _adapt() -> None:
     It does not find the type of ``ctypes.byref``, which was renamed in Python 3.12: "No
     array-type handler". With its checks off, a name of EGL's is missing.
     """
+    import OpenGL
+
+    if "OpenGL.GL" not in sys.modules:
+        # A check after every call costs more than many of the calls.
+        OpenGL.ERROR_CHECKING = False
     from OpenGL.plugins import FormatHandler
     from OpenGL.raw.EGL import _errors
 

@@ -76,19 +76,27 @@ def edge_share(bright: NDArray[np.int16], x: int, y: int) -> tuple[float, int, i
     return 0.5 - nearest / (back + ahead), beyond[0], beyond[1]
 
 
+@borrower
+def unpack(packed: NDArray[np.uint32], row: Pixels) -> None:
+    """Fill in the colours (w, 3) of pixels in numbers (w,)."""
+    for x in range(len(packed)):
+        pixel = packed[x]
+        row[x, 0] = np.uint8(pixel)
+        row[x, 1] = np.uint8(pixel >> 8)
+        row[x, 2] = np.uint8(pixel >> 16)
+
+
 @compiled
 def smooth_edges(
-    picture: Pixels,
-    source: Pixels,
     packed: NDArray[np.uint32],
     bright: NDArray[np.int16],
     contrast: NDArray[np.int16],
+    picture: Pixels,
 ) -> None:
-    """Blend pixels (h, w, 4) at edges with the pixels beyond.
+    """Fill in a picture (h, w, 3) of pixels in numbers (h, w), blended at edges with those beyond.
 
-    The source is a copy of the picture, and packed (h, w) is the same memory with a pixel in a
-    number. Its brightness is filled into bright (h, w), and the contrast over the least at edges
-    into contrast (h, w): in these plain loops the processor works on many pixels at a time.
+    Its brightness is filled into bright (h, w), and the contrast over the least at edges into
+    contrast (h, w): in these plain loops the processor works on many pixels at a time.
     """
     height, width = bright.shape
     for y in range(height):
@@ -98,6 +106,7 @@ def smooth_edges(
             green = pixel >> 8 & 255
             blue = pixel >> 16 & 255
             bright[y, x] = np.int16((5 * red + 9 * green + 2 * blue) >> 4)
+        unpack(packed[y], picture[y])
     for y in range(1, height - 1):
         for x in range(1, width - 1):
             n = bright[y - 1, x]
@@ -109,9 +118,12 @@ def smooth_edges(
             contrast[y, x] = most - least - max(np.int16(_LEAST), np.int16(most >> 3))
     for y in range(1, height - 1):
         for x in range(1, width - 1):
-            if contrast[y, x] < 0 or source[y, x, 3] < _WHOLE:
+            if contrast[y, x] < 0 or packed[y, x] >> 24 < _WHOLE:
                 continue
             share, dx, dy = edge_share(bright, x, y)
+            here = np.int64(packed[y, x])
+            there = np.int64(packed[y + dy, x + dx])
             for k in range(3):
-                there = float(source[y + dy, x + dx, k])
-                picture[y, x, k] = source[y, x, k] + share * (there - source[y, x, k])
+                low = here >> 8 * k & 255
+                high = there >> 8 * k & 255
+                picture[y, x, k] = low + share * (high - low)

@@ -123,13 +123,16 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Imag
     for row in drawn:
         picture.paste(row, (gap, top))
         top += row.height
-    *colours, letter = np.moveaxis(np.asarray(picture)[-size[1] :, : size[0]] / WHITE, 2, 0)
-    share = 1.0 - (1.0 - shade[-size[1] :, : size[0]]) * (1.0 - letter)
-    tints = np.dstack(colours) * (letter / np.maximum(share, TINY))[..., None]
-    tint, cover = (
-        Image.fromarray(np.rint(WHITE * each).astype(np.uint8)) for each in (tints, share)
-    )
-    return tint, cover
+    shade = shade[-size[1] :, : size[0]]
+    letters = np.asarray(picture)[-size[1] :, : size[0]]
+    inked = letters[..., 3] > 0
+    *colours, letter = letters[inked].T / WHITE
+    share = 1.0 - (1.0 - shade[inked]) * (1.0 - letter)
+    cover = np.rint(WHITE * shade).astype(np.uint8)
+    cover[inked] = np.rint(WHITE * share)
+    tint = np.zeros_like(letters[..., :3])
+    tint[inked] = np.rint(WHITE * (np.stack(colours) * (letter / np.maximum(share, TINY))).T)
+    return Image.fromarray(tint), Image.fromarray(cover)
 
 
 def lay_label(picture: Pixels, label: Label) -> None:

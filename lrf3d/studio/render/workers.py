@@ -1,9 +1,8 @@
 """The pictures of a film in their order, drawn by processes of this machine at the same time.
 
-Each process, ``python -m lrf3d.studio.render.workers JOB NUMBER COUNT PIPE``, draws every n-th
-picture. It waits while nobody reads its pipe, so that a film of any length takes no more memory
-than a short one. No pool of Python's is used: its processes would run the script again that asks
-for the film.
+Each process draws every n-th picture. It waits while nobody reads its pipe, so that a film of any
+length takes no more memory than a short one. No pool of Python's is used: its processes would run
+the script again that asks for the film.
 """
 
 import math
@@ -34,6 +33,15 @@ from lrf3d.studio.scene.stage.stage import Stage
 
 # Number of frames of which fewer take a process longer to start than it saves.
 _FRAMES_A_WORKER = 20
+
+# What a process runs, with the file of the job, its number, that of all, and its end of the pipe.
+_PROGRAM = """
+import sys
+from lrf3d.base.lean import lean_loading
+with lean_loading():
+    from lrf3d.studio.render.workers import main
+main(*sys.argv[1:])
+"""
 
 # Time between two checks whether the film is to be stopped [s].
 _WAIT = 0.1
@@ -94,7 +102,7 @@ def _process(
     with end, log.open("wb") as said:
         arguments = [scratch / "job", number, count, end.fileno()]
         process = subprocess.Popen(
-            [sys.executable, "-m", "lrf3d.studio.render.workers", *map(str, arguments)],
+            [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
             stdin=subprocess.DEVNULL,
             stdout=said,
             stderr=said,
@@ -147,7 +155,3 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)
     except Lrf3dError as error:
         end.send(error)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

@@ -1,4 +1,4 @@
-"""Bodies as they are drawn: the robot, from ``assets/robot.glb``, a goal, and dynamic obstacles.
+"""Bodies as they are drawn: the robot, from ``assets/robot.npz``, a goal, and dynamic obstacles.
 
 All have a pose: they are triangles in their own frames, and shadows and darts where they stand.
 """
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-import trimesh
 from numpy.typing import ArrayLike
 
 from lrf3d.base.files import data_folder
@@ -98,27 +97,26 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
 
     Another robot has another colour (3,).
     """
-    mesh = _robot_mesh()
-    visual: Any = mesh.visual
-    # glTF has y up, films have z up.
-    x, z, y = mesh.vertices.T
-    normals = np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    parts = _robot_parts()
+    x, y, z = parts["places"].astype(float).T
     size = _size(radius)
     low = min(size, 1.0)
     stretch = max(_LEAST_STRETCH, (laser_height / low - _DECK) / (_RING - _DECK))
     z = low * z + np.maximum(low * (z - _DECK), 0.0) * (stretch - 1.0)
-    vertices = np.column_stack([size * x, -size * y, z])
-    colours = np.asarray(visual.vertex_colors)[:, :3] / WHITE
+    vertices = np.column_stack([size * x, size * y, z])
+    colours = parts["colours"] / WHITE
     # Of the colours in the file, the one next to the robot's is its own.
     off = np.abs(colours - ROBOT).max(axis=1)
     colours = np.where((off == off.min())[:, None], colour, colours)
-    return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
+    lit = _lit(colours, parts["normals"].astype(float))
+    return Faces(single(vertices[parts["faces"]]), single(lit[parts["faces"]]))
 
 
 @cache
-def _robot_mesh() -> Any:
-    # Meshes of trimesh have reference cycles, and would stay until the garbage collector runs.
-    return trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
+def _robot_parts() -> dict[str, Any]:
+    """Places (v, 3) [m], normals (v, 3) and colours (v, 3) of vertices; faces (t, 3) of them."""
+    with np.load(data_folder("assets") / "robot.npz") as file:
+        return dict(file)
 
 
 def _lit(colours: Float, normals: Float) -> Float:

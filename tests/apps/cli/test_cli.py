@@ -58,7 +58,7 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="closes streams as a shell does")
-@pytest.mark.parametrize("closed", ["2>&-", "<&-", ">&- 2>&-"])
+@pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
 def test_streams_that_the_shell_has_closed_lose_nothing(room, tmp_path, closed):
     words = f'"{sys.executable}" -m lrf3d run {room} --scans 2 --no-video --out out {closed}'
     assert subprocess.run(["sh", "-c", words], cwd=tmp_path).returncode == 0
@@ -109,24 +109,23 @@ def test_help_shows_an_example(command):
     assert "Example: lrf3d" in done.stdout
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        *(["run"], ["render"], ["slam"], ["view"], ["sweep"], ["export", "--to", "glb"]),
-        ["slam", "there.log", "--relations"],
-    ],
-)
-def test_an_unknown_name_is_reported_before_anything_heavy_is_imported(command):
-    words = [*command, "missing.log" if command[0] in ("map", "slam") else "nowhere"]
-    code = (
-        "import sys\nfrom lrf3d.apps.cli import main\n"
-        f"sys.argv = ['lrf3d', *{words}]\n"
-        "try:\n    main()\n"
-        "finally:\n    print({'numba', 'scipy.sparse', 'matplotlib'} & {*sys.modules})"
-    )
+def test_an_unknown_name_is_reported_before_anything_heavy_is_imported():
+    code = """
+import sys
+from lrf3d.apps.cli import main
+commands = "run", "render", "view", "sweep", "export --to glb", "slam", "slam a.log --relations"
+for words in commands:
+    name = "missing.log" if words.startswith("slam") else "nowhere"
+    sys.argv = ["lrf3d", *words.split(), name]
+    try:
+        main()
+    except SystemExit as end:
+        print(end.code, words, {"numba", "scipy.sparse", "matplotlib"} & {*sys.modules})
+"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 1 and done.stderr.count("\n") == 1
-    assert done.stdout == "set()\n"
+    said = done.stdout.splitlines()
+    assert len(said) == 7 == done.stderr.count("\n")
+    assert all(line.startswith("1 ") and line.endswith(" set()") for line in said), said
 
 
 @pytest.mark.parametrize(
@@ -235,7 +234,7 @@ def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tm
     process.send_signal(signal.SIGHUP)
     assert process.poll() is None
     process.send_signal(signal.SIGTERM)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     assert process.returncode == 143
     assert re.fullmatch(r"lrf3d: stopped(; .* scans kept; go on with --resume)?\n", err)
 

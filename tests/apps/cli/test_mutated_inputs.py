@@ -23,7 +23,7 @@ COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
 FEW = 4
 """Those that are tried also where slow tests are left out."""
 
-SECONDS = 60
+SECONDS = 300
 """What an input may take [s]; one that takes longer ends the process of the tests."""
 
 TOKENS = [

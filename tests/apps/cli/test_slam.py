@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drives import path_of
 from program import lrf3d as program
-from program import refused
+from program import refused, told
 
 import lrf3d
 from lrf3d.geometry.pose import compose
@@ -60,9 +60,7 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     relations = tmp_path / "room.relations"
     relations.write_text(f"0 {len(true) - 1} {relative[0]} {relative[1]} {relative[2]}\n")
     folder = tmp_path / "out"
-    done = program("slam", log, "--relations", relations, "--out", folder, "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    summary = json.loads(done.stdout)
+    summary = told("slam", log, "--relations", relations, "--out", folder)
     assert summary == json.loads((folder / "summary.json").read_text())
     written = {path.name for path in folder.iterdir()}
     expected = {"run.npz", "map.geojson", "map.png", "trajectory.tum", "summary.json"}
@@ -117,8 +115,7 @@ def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
 
 def solved(log, tmp_path):
     """The rows of trajectory.tum that ``lrf3d slam`` writes."""
-    done = program("slam", log, "--out", tmp_path / "out", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
+    told("slam", log, "--out", tmp_path / "out")
     return np.loadtxt(tmp_path / "out" / "trajectory.tum")
 
 
@@ -201,7 +198,5 @@ def test_a_map_of_nothing_is_a_failure(log, tmp_path, factor):
 def test_a_run_with_slam_reports_its_errors(tmp_path):
     folder = tmp_path / "out"
     arguments = ("run", "corridor", "--slam", "--scans", "60", "--no-video", "--out", folder)
-    done = program(*arguments, "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout)["report"]["slam_largest_error_m"] < 0.15
+    assert told(*arguments)["report"]["slam_largest_error_m"] < 0.15
     assert "--slam: it is a mapper itself" in refused(*arguments, "--mode", "paper")

@@ -3,7 +3,7 @@ from argparse import Namespace
 
 import numpy as np
 import pytest
-from program import lrf3d, refused
+from program import lrf3d, refused, told
 
 from lrf3d import load_run, load_world
 from lrf3d.apps.cli import inputs
@@ -12,33 +12,25 @@ from lrf3d.simulation.scenario import read_scenario_file, scenario_of
 
 
 def test_a_generated_world_goes_through_every_format(tmp_path):
-    done = lrf3d(
-        "world", "generate", "rooms", "--seed", 2, "--size", 16, "--out", tmp_path / "a.toml"
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    told("world", "generate", "rooms", "--seed", 2, "--size", 16, "--out", tmp_path / "a.toml")
     walls = {}
     for source, target in (("a.toml", "b.geojson"), ("b.geojson", "c.glb"), ("c.glb", "d.yaml")):
-        done = lrf3d("world", "convert", tmp_path / source, tmp_path / target, "--json")
-        assert done.returncode == 0, done.stderr
-        report = json.loads(done.stdout)
+        report = told("world", "convert", tmp_path / source, tmp_path / target, warns=True)
         walls[target] = report["walls"]
         assert report["written"] == str(tmp_path / target)
     assert walls["b.geojson"] == walls["c.glb"] == walls["d.yaml"] > 20
     picture = tmp_path / "d.png"
-    done = lrf3d("world", "show", tmp_path / "d.yaml", "--out", picture, "--json")
-    assert json.loads(done.stdout)["walls"] == pytest.approx(walls["d.yaml"], rel=0.2)
+    shown = told("world", "show", tmp_path / "d.yaml", "--out", picture)
+    assert shown["walls"] == pytest.approx(walls["d.yaml"], rel=0.2)
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_scale_and_resolution_are_what_is_written(tmp_path):
     path = tmp_path / "room.yaml"
-    done = lrf3d(
-        "world", "convert", "paper_room", path, "--scale", 0.5, "--resolution", 0.1, "--json"
-    )
-    assert done.returncode == 0, done.stderr
-    (_, _), (x2, y2) = json.loads(done.stdout)["bounds_m"]
-    assert {"city", "paper_room"} <= {*json.loads(lrf3d("world", "show", "--json").stdout)}
-    plain = json.loads(lrf3d("world", "show", "paper_room", "--json").stdout)["bounds_m"]
+    done = told("world", "convert", "paper_room", path, "--scale", 0.5, "--resolution", 0.1)
+    (_, _), (x2, y2) = done["bounds_m"]
+    assert {"city", "paper_room"} <= {*told("world", "show")}
+    plain = told("world", "show", "paper_room")["bounds_m"]
     assert [x2, y2] == pytest.approx([0.5 * plain[1][0], 0.5 * plain[1][1]])
     assert "resolution: 0.1" in path.read_text()
 
@@ -132,9 +124,9 @@ def test_trees_are_shown_as_they_are_converted(tmp_path):
         f"<way id='1'>{house}<tag k='building' v='yes'/></way></osm>"
     )
     for command in (["show"], ["convert", tmp_path / "a.toml"]):
-        words = ["world", command[0], tmp_path / "a.osm", *command[1:], "--json"]
+        words = ["world", command[0], tmp_path / "a.osm", *command[1:]]
         for more, objects in ([], 1), (["--trees"], 2):
-            assert json.loads(lrf3d(*words, *more).stdout)["objects"] == objects
+            assert told(*words, *more, warns=True)["objects"] == objects
     assert refused("world", "show", tmp_path / "a.toml", "--trees")
 
 

@@ -90,15 +90,15 @@ def test_a_dask_scheduler_gives_the_same(room, tmp_path):
     try:
         from distributed import Client
 
-        with Client(scheduler_file=str(ready), timeout=60) as client:
-            client.wait_for_workers(1, timeout=60)
+        with Client(scheduler_file=str(ready), timeout=300) as client:
+            client.wait_for_workers(1, timeout=300)
             address = client.scheduler.address
         with executor_of(None, address) as executor:
             there = run_plan(plan, tmp_path / "there", executor)
     finally:
         for process in started:
             process.terminate()
-            process.wait(30)
+            process.wait(300)
     assert there.rows == run_plan(plan, tmp_path / "here", None).rows
 
 

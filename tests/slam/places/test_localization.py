@@ -1,11 +1,10 @@
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from program import lrf3d
+from program import told
 from synthetic_run import box, make_run, make_world
 
 from lrf3d.base.errors import InputError
@@ -199,9 +198,6 @@ def test_localise_prints_one_json_object(tmp_path):
         '[[object]]\nname = "walls"\npoints = [[0, 0], [10, 0], [10, 8], [0, 8]]\nclosed = true\n'
         "[robot]\nroute = [[2, 2], [8, 2]]\nspeed = 2.0\nscan_interval = 0.5\n"
     )
-    command = ["localise", path, "--seeds", "2", "--workers", "1", "--known", "map", "--json"]
-    done = lrf3d(*command)
-    assert (done.returncode, done.stderr) == (0, "")
-    report = json.loads(done.stdout)
+    report = told("localise", path, "--seeds", "2", "--workers", "1", "--known", "map")
     assert report["seeds"] == 2 and report["known"] == "map"
     assert report["mean_position_error_m"] < 0.05

@@ -11,13 +11,10 @@ from matplotlib.text import Text
 from synthetic_run import around, box, make_run, make_world, ring
 
 import lrf3d
-from lrf3d.base.errors import OutputError
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
+from lrf3d import LaserRangeFinder, LineMap, OutputError, World
 from lrf3d.mapping.tints import object_tints
 from lrf3d.studio.figures.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.studio.figures.plot import INSIDE, MOST_POINTS
-from lrf3d.world import World
 
 AWAY = (85000.0, 447500.0)
 

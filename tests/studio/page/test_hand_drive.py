@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from yard import OBSTACLE, YARD, hand
 
-from lrf3d.geometry.pose import Pose
-from lrf3d.simulation.scenario import Scenario
+from lrf3d import Pose, Scenario, World
 from lrf3d.studio.page.hand_drive import HandDrive
-from lrf3d.world import World
 
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):

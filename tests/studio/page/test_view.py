@@ -15,15 +15,19 @@ from test_glb import simulated
 from test_render import city_run
 from yard import OBSTACLE, YARD
 
-from lrf3d.apps.export import export_run
-from lrf3d.base.errors import MissingLibraryError, OutputError
-from lrf3d.recordings import load_run, save_run
-from lrf3d.simulation.scenario import load_scenario
+from lrf3d import (
+    MissingLibraryError,
+    OutputError,
+    World,
+    export_run,
+    load_run,
+    load_scenario,
+    save_run,
+)
 from lrf3d.studio.page.hand_drive import HandDrive
 from lrf3d.studio.page.page_file import page_file
 from lrf3d.studio.page.server import bound, run_view, serve, world_view
 from lrf3d.studio.scene.timeline import Timeline
-from lrf3d.world import World
 
 
 @pytest.fixture

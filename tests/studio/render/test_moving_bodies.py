@@ -7,9 +7,8 @@ import pytest
 from test_render import SIZE, city_run, needs_gl, on_picture, room_run
 
 import lrf3d
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.recordings import load_run, save_run
-from lrf3d.robot import Trajectory
+from lrf3d import DynamicObstacle, Trajectory, load_run, save_run
+from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.studio.render.film import Film, frame
 from lrf3d.world.cameras import FilmPlan
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, World
 from lrf3d.studio.render import beside
 from lrf3d.studio.render.film import Film, frame
 from lrf3d.studio.render.text import row_of
-from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city
 

@@ -7,16 +7,11 @@ import pytest
 import shapely
 import synthetic_run
 
-from lrf3d.casting import PlanarCaster
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
-from lrf3d.robot import Trajectory
-from lrf3d.simulation.run import Run
+from lrf3d import LaserRangeFinder, LineMap, PlanarCaster, Run, Trajectory, World
 from lrf3d.studio.render.film import Film
 from lrf3d.studio.scene.marks import draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import Faces, PosedFaces
 from lrf3d.studio.scene.timeline import Timeline, drive_keys
-from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
 
 needs_gl = pytest.mark.gl
