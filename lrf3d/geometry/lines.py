@@ -63,19 +63,24 @@ def _is_masked(values: Any) -> bool:
     return "numpy.ma" in sys.modules and isinstance(values, np.ma.MaskedArray)
 
 
+def least_of(values: NDArray[Any]) -> float:
+    """The smallest number of an array, 0 of none, NaN if one is; ``min`` takes thrice as long."""
+    return values.item(values.argmin()) if values.size else 0.0
+
+
 def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     """Values from outside as a read-only array.
 
     They are copied, unless they are such an array already, contiguous and not writeable. Messages
     call them by the name.
     """
-    held = isinstance(values, np.ndarray) and not _is_masked(values)
-    held = held and values.dtype == dtype and values.flags.c_contiguous
+    plain = isinstance(values, np.ndarray) and not _is_masked(values)
     whole = values
     while isinstance(whole, np.ndarray) and not whole.flags.writeable:
         # All arrays that it is a view of must be read-only, too.
         whole = whole.base
-    if held and not isinstance(whole, np.ndarray):
+    fits = plain and values.dtype == dtype and values.flags.c_contiguous
+    if fits and not isinstance(whole, np.ndarray):
         return values
     array = numbers(values, name)
     if array.dtype.kind == "f" and np.dtype(dtype).kind in "iu" and not np.isfinite(array).all():
@@ -260,6 +265,5 @@ def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]
 
 def quad_indices(quads: int) -> NDArray[np.uint32]:
     """Indices (6 · quads,) of two triangles for each four vertices around a quad."""
-    first = np.arange(quads, dtype=np.uint32)[:, None] * 4
     corners = np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)
-    return (first + corners).ravel()
+    return (4 * np.arange(quads, dtype=np.uint32)[:, None] + corners).ravel()

@@ -17,7 +17,7 @@ from lrf3d.base.errors import InputError, missing_extra, shown
 from lrf3d.casting import PlanarCaster
 from lrf3d.casting.collision import Body, CollisionChecker, robots_among
 from lrf3d.casting.crowd import moves_of
-from lrf3d.geometry.lines import Float, Int, is_finite, numbers, whole_number, wrap_angle
+from lrf3d.geometry.lines import Float, Int, is_finite, numbers, sealed, whole_number, wrap_angle
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser import LaserScan, Noise, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
@@ -328,11 +328,13 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
                 now = np.flatnonzero(self._times == time)
                 ranges = truth[now]
                 met = walls[now]
-                own = self._own[now]
-                self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
+                self._crowd.stop_scans(lrf, poses[now], time, ranges, met, self._own[now])
                 truth[now] = ranges
                 walls[now] = met
-            batch = ScanBatch(lrf.angles, truth, walls, lrf.range_min, lrf.range_max)
+            # Noises that take single scans get rows of them, without copies.
+            batch = ScanBatch(
+                lrf.angles, sealed(truth), sealed(walls), lrf.range_min, lrf.range_max
+            )
             scans = []
         measured = sensor.noisy_ranges(batch, rng)
         if measured is None:
@@ -354,8 +356,9 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         away = self.goals - self.poses[:, :2]
         distances = self.distances()
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
-        near = np.minimum(distances, self._farthest)
-        goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
+        goal = np.column_stack([
+            np.minimum(distances, self._farthest), np.cos(bearings), np.sin(bearings),
+        ])  # fmt: skip
         ranges = np.clip(self.scan[0], 0.0, self._reach)
         clouds = self._cloud_observer.observe(self.poses, self._times, self._own, self.np_random)
         return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32), **clouds}

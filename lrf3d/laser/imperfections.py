@@ -51,23 +51,34 @@ class AngleNoise(Unscattered):
         check_scan(scan)
         if self.sigma == 0.0 or len(scan.angles) < 2:
             return scan
-        angles = scan.angles + generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
-        after = np.clip(np.searchsorted(scan.angles, angles), 1, len(scan.angles) - 1)
-        before = after - 1
-        turn = scan.angles[after] - scan.angles[before]
-        ahead = np.clip(angles - scan.angles[before], 0.0, turn)
-        near, far = (np.take_along_axis(scan.ranges, beams, axis=-1) for beams in (before, after))
-        ranges = np.where(2.0 * ahead > turn, far, near)
+        beams = scan.angles
+        angles = beams + generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
+        turns = np.diff(beams)
+        # Most noise leads from a beam at most to its neighbours, and then no beam is looked up.
+        close = np.abs(angles - beams).max() < turns.min()
+        after = (
+            np.arange(len(beams)) + (angles > beams) if close else np.searchsorted(beams, angles)
+        )
+        before = np.clip(after, 1, len(turns)) - 1
+        turn = turns.take(before)
+        ahead = np.clip(angles - beams.take(before), 0.0, turn)
+        # Numbers of beams in all scans: taking by them needs half of the time of other indices.
+        scans = np.arange(0, scan.ranges.size, len(beams)).reshape(*scan.ranges.shape[:-1], 1)
+        near, far = (scan.ranges.take(scans + beam) for beam in (before, before + 1))
+        wall, other = (scan.walls.take(scans + beam) for beam in (before, before + 1))
         # At the beams themselves the measured ranges are kept, to the last bit.
-        inside = np.take_along_axis(on_one_wall(scan), before, axis=-1) & (ahead > 0.0)
-        inside &= (ahead < turn) & np.isfinite(near) & np.isfinite(far)
-        near = near[inside]
-        far = far[inside]
-        turn = turn[inside]
-        ahead = ahead[inside]
-        opposite = near * np.sin(ahead) + far * np.sin(turn - ahead)
-        ranges[inside] = near * far * np.sin(turn) / opposite
-        return replace(scan, ranges=ranges)
+        returned = (wall >= 0) & (wall == other) & np.isfinite(near) & np.isfinite(far)
+        ranges = np.where(2.0 * ahead > turn, far, near)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            opposite = near * np.sin(ahead) + far * np.sin(turn - ahead)
+            return replace(
+                scan,
+                ranges=np.where(
+                    returned & (ahead > 0.0) & (ahead < turn),
+                    near * far * np.sin(turn) / opposite,
+                    ranges,
+                ),
+            )
 
 
 @dataclass(frozen=True, slots=True)

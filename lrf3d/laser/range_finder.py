@@ -131,7 +131,8 @@ class LaserRangeFinder(Value):
     @cached_property
     def angles(self) -> Float:
         """Angles of the beams (beams,) [rad], 0 ahead; θ_s of the paper is angles + π/2."""
-        return sealed(np.linspace(self.angle_min, self.angle_max, self.beams))
+        # A copy, as NumPy's is a view of an array that may be written, which scans would copy.
+        return sealed(np.linspace(self.angle_min, self.angle_max, self.beams).copy())
 
     @cached_property
     def fan(self) -> Float:

@@ -20,6 +20,7 @@ from lrf3d.geometry.lines import (
     Float,
     Int,
     Value,
+    least_of,
     number,
     read_only,
     sealed,
@@ -274,11 +275,12 @@ def returned(ranges: Float, range_max: float) -> Float:
 
     Negative ones, which noise makes of short ones, are too near, −inf.
     """
-    beyond = ~(ranges < range_max) & (ranges != np.inf)
-    if beyond.any():
-        ranges = sealed(np.where(beyond, np.inf, ranges))
-    negative = (ranges < 0.0) & (ranges != -np.inf)
-    return sealed(np.where(negative, -np.inf, ranges)) if negative.any() else ranges
+    within = ranges < range_max
+    # Nearly all scans stay as they are.
+    missed = np.count_nonzero(np.isinf(ranges)) if least_of(ranges) >= 0.0 else 0
+    if np.count_nonzero(within) + missed == ranges.size:
+        return ranges
+    return sealed(np.where(ranges < 0.0, -np.inf, np.where(within, ranges, np.inf)))
 
 
 def _of_beams(values: Any, beams: int, name: str) -> Float | None:

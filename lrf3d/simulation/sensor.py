@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
 from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.casting.skyline import Conditions
-from lrf3d.geometry.lines import Float, Records
+from lrf3d.geometry.lines import Float, Records, least_of
 from lrf3d.geometry.pose import Pose, as_pose, between
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Lidar, Noise
 from lrf3d.laser.scan import LIGHT, ScanBatch
@@ -112,8 +112,8 @@ class Sensor:
 
     def _far_enough(self, ranges: Float) -> Float:
         """Set ranges that noise moved below range_min to −inf."""
-        near = (ranges < self.lrf.range_min) & (ranges > -np.inf)
-        return np.where(near, -np.inf, ranges) if near.any() else ranges
+        limit = self.lrf.range_min
+        return ranges if least_of(ranges) >= limit else np.where(ranges < limit, -np.inf, ranges)
 
     def cast(self, pose: Float, time: float, attitude: tuple[float, float] = LEVEL) -> LaserScan:
         """The true scan that begins at a time [s], where the robot is at a pose (3,).

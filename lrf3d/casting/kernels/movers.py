@@ -22,7 +22,7 @@ from lrf3d.casting.kernels.beams import (
 )
 from lrf3d.casting.kernels.fan import Fan
 from lrf3d.casting.kernels.grid import MoverGrid, fill, rows_in
-from lrf3d.casting.kernels.predicates import Beam, Wall
+from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import borrower, compiled, inner, record
@@ -58,8 +58,9 @@ HELD = -1.0
 # The origin of an obstacle at a moment [m], and its reach.
 PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 
-# Parts of a scan; the obstacles near each part are looked up once.
-PARTS = 16
+# Parts of a scan; the obstacles near each part are looked up once. Looking costs as much as testing
+# eight beams: of 4 to 16 parts eight were the fastest for 64 beams among 1,024 robots.
+PARTS = 8
 
 # [rad] Largest angle between the first beam of a part and the last.
 MOST_SPAN = 3.0
@@ -207,14 +208,22 @@ def side_at(sides: Records, row: int) -> Wall:
 
 @borrower
 def _meet_clearly(
-    sides: Records, first: int, stop: int, beam: Beam, nearest: Nearest
+    sides: Records, first: int, stop: int, beam: Beam, doubt: float, nearest: Nearest
 ) -> tuple[int, float, float]:
     """The nearest of some sides and the nearest so far, as of `Nearest`; the row may be UNDECIDED.
 
-    It makes no arrays, and so counts no references.
+    The sides go round an outline; how far a corner is beside the beam is known up to a doubt. It
+    makes no arrays, and so counts no references.
     """
+    q = beam.dx * (sides[first].py - beam.oy) - beam.dy * (sides[first].px - beam.ox)
     for row in range(first, stop):
-        verdict, low, high = judged(side_at(sides, row), beam, nearest)
+        side = side_at(sides, row)
+        p = q
+        q = beam.dx * (side.qy - beam.oy) - beam.dy * (side.qx - beam.ox)
+        # Most sides lie beside the beam.
+        if min(p, q) > doubt or max(p, q) < -doubt:
+            continue
+        verdict, low, high = judged(side, beam, nearest)
         if verdict == TAKEN:
             nearest = Nearest(row, low, high)
         elif verdict == OPEN:
@@ -306,12 +315,7 @@ def _stop_beams(
     of a side may be UNDECIDED.
     """
     row, low, high = met
-    height, own = seen
     placed = among.placed
-    right_x = fan.dx[part[0]]
-    right_y = fan.dy[part[0]]
-    left_x = fan.dx[part[1] - 1]
-    left_y = fan.dy[part[1] - 1]
     low_x = high_x = fan.x
     low_y = high_y = fan.y
     farthest = 0.0
@@ -328,24 +332,31 @@ def _stop_beams(
     for candidate in range(rows_in(grid, placed, box, near)):
         j = near[candidate]
         mover = among.movers[j]
-        if j == own or mover.height < height:
-            continue
         east = placed[j].x - fan.x
         north = placed[j].y - fan.y
         away = math.sqrt(east * east + north * north)
         wide = placed[j].reach * ROOM + 1e-12 * (abs(placed[j].x) + abs(placed[j].y) + away)
         nearest = away / ROOM - wide
-        beside = right_x * north - right_y * east < -wide or left_x * north - left_y * east > wide
-        if beside or nearest > farthest:
+        right = fan.dx[part[0]] * north - fan.dy[part[0]] * east
+        left = fan.dx[part[1] - 1] * north - fan.dy[part[1] - 1] * east
+        # The height comes last, as it is rarely in the cache.
+        if (
+            min(right, -left) < -wide
+            or nearest > farthest
+            or j == seen[1]
+            or mover.height < seen[0]
+        ):
             continue
+        doubt = 4.0 * FILTER * (away + wide)
         for i in range(part[0], part[1]):
             beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
             across = beam.dx * north - beam.dy * east
             if abs(across) > wide or high[i] < nearest or row[i] == UNDECIDED:
                 continue
             before = Nearest(row[i], low[i], high[i])
-            found = _meet_clearly(among.sides, mover.first, mover.stop, beam, before)
-            row[i], low[i], high[i] = found
+            row[i], low[i], high[i] = _meet_clearly(
+                among.sides, mover.first, mover.stop, beam, doubt, before
+            )
 
 
 @inner
