@@ -151,8 +151,10 @@ def _card(run: Run, playback: float) -> Label:
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         rest = f"what it never saw stays dark  ·  {objects}"
-    others = [*_drifted(run, playback), *((words, _PALE) for words in _glass_words(run))]
-    return _label([(found, _INK), *(others or [(rest, _PALE)])], _SIZE)
+    alone, *loops = _drifted(run, playback) or [("", _INK)]
+    others = [*loops, *((words, _PALE) for words in _glass_words(run))] or [(rest, _PALE)]
+    # What a drive without its laser comes to is the point of a film of SLAM.
+    return _label([alone, (found, _PALE if alone[0] else _INK), *others], _SIZE)
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
@@ -161,7 +163,7 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
     if drift is None or run.estimate is None:
         return []
     loops = counted(len(run.estimate.closures), "loop closure")
-    alone = f"━ odometry alone ends {_metres(drift.total)} off"
+    alone = f"━ Odometry alone ends {_metres(drift.total)} off"
     return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 
 
