@@ -92,10 +92,15 @@ def _metres(length: float) -> str:
     return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
 
 
+def has_card(run: Run, moment: Moment, view: Look) -> bool:
+    """Whether the panel of a moment through a look is the card."""
+    # A last stop is shown for a while.
+    return view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1)
+
+
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    # A last stop is shown for a while.
-    if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
+    if has_card(run, moment, view):
         return _CARDS.of(run, partial(_card, run, playback))
     head, *said = view.said or [""]
     head = head or _caption(run, moment, view.shot, playback)
@@ -137,14 +142,19 @@ def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
-    if not (run.knows_truth and len(run.world.segments)):
+    if not run.maps:
+        found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
+        rest = "what it never saw stays dark"
+    elif not (run.knows_truth and len(run.world.segments)):
         found = f"{counted(len(run.map), 'segment')}, {objects}"
         rest = ""
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         rest = f"what it never saw stays dark  ·  {objects}"
-    others = [*_drifted(run, playback), *((words, _PALE) for words in _glass_words(run))]
-    return _label([(found, _INK), *(others or [(rest, _PALE)])], _SIZE)
+    alone, *loops = _drifted(run, playback) or [("", _INK)]
+    others = [*loops, *((words, _PALE) for words in _glass_words(run))] or [(rest, _PALE)]
+    # What a drive without its laser comes to is the point of a film of SLAM.
+    return _label([alone, (found, _PALE if alone[0] else _INK), *others], _SIZE)
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
@@ -153,7 +163,7 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
     if drift is None or run.estimate is None:
         return []
     loops = counted(len(run.estimate.closures), "loop closure")
-    alone = f"━ odometry alone ends {_metres(drift.total)} off"
+    alone = f"━ Odometry alone ends {_metres(drift.total)} off"
     return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 
 
