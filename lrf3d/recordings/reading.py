@@ -12,13 +12,14 @@ from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
 from lrf3d.geometry.lines import as_rows, number, whole_number
 from lrf3d.recordings.formats.arrays import (
+    BEGINNING,
+    DOCUMENTS,
     LONG_BEGINNING,
-    RECORDS,
     TOPIC,
+    are_records,
     array_table,
     is_foreign,
     is_messages,
-    is_records,
     record_table,
 )
 from lrf3d.recordings.formats.carmen import WORDS
@@ -194,7 +195,8 @@ def _format_of(path: Path, columns: str | None) -> Format:
     named = by_ending(path, "log")
     name = "" if named is None else named.name
     if columns and name not in ("arrays", "run"):
-        in_records = {"@", "*"}.isdisjoint(columns) and is_records(path) and not is_messages(path)
+        is_document = DOCUMENTS(head_of(path, BEGINNING, "a log"))
+        in_records = is_document and {"@", "*"}.isdisjoint(columns) and not is_messages(path)
         return by_name("log", "records" if in_records else "text")
     if (path / "run.npz").exists():
         return by_name("log", "run")
@@ -220,7 +222,7 @@ def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
         return by_name("log", "messages")
     if is_text and re.search(WORDS, head):
         return by_name("log", "CARMEN")
-    if is_text and RECORDS(head):
+    if is_text and are_records(head):
         return by_name("log", "records")
     if is_carmen and not re.search(rb"(?m)^\s*[-+.\d]+[\s,;]", head):
         return by_name("log", "CARMEN")

@@ -40,10 +40,19 @@ def test_open_space_stands_out_though_many_walls_are_nearly_as_far():
     assert NO_RETURN.find(scans).far > 7.98
 
 
-@pytest.mark.parametrize("declared, far", [(8.0, 7.8), (np.inf, None)])
-def test_no_return_may_spread_over_a_band_below_the_declared_range(declared, far):
+@pytest.mark.parametrize(
+    "declared, far, other",
+    [
+        (8.0, 7.8, 6.0),
+        (np.inf, None, 6.0),
+        # A wall near the limit of a laser that marks no return.
+        (8.0, None, np.inf),
+    ],
+)
+def test_no_return_may_spread_over_a_band_below_the_declared_range(declared, far, other):
     rng = np.random.default_rng(0)
     ranges = rng.uniform(1.0, 6.0, (100, 21))
+    ranges[:, -1] = other
     for row in ranges:
         row[(first := rng.integers(0, 15)) : first + 6] = 8.0 - 0.15 * rng.random(6)
     scans = [LaserScan((0, 0, 0), ANGLES, row, range_max=declared) for row in ranges]

@@ -61,6 +61,9 @@ FORMS = {
     "JSON with a name for each beam": "\n".join(
         json.dumps({name: None if word == "6.0" else float(word)
                     for name, word in zip(NAMES, row, strict=True)}) for row in ROWS),
+    "JSON with names in the order of letters": "\n".join(
+        json.dumps(dict(zip(NAMES, map(float, row), strict=True)), sort_keys=True)
+        for row in ROWS),
     "dates": joined([["datetime", *NAMES[1:]], *dated("Z")]),
     "dates with a zone": joined([["datetime", *NAMES[1:]], *dated("+02:00")]),
     "days since 1900": joined([NAMES, *([repr(45000.5 + float(row[0]) / 86400), *row[1:]]
@@ -199,6 +202,58 @@ def test_readings_have_their_bearings_where_others_are_missing(scale, tmp_path):
         assert np.degrees(scan.angles[scan.hits]) == pytest.approx(np.arange(-90, 90)[own])
 
 
+def test_bearings_of_a_turn_give_a_beam_each(tmp_path):
+    path = tmp_path / "lidar.txt"
+    turns = np.arange(0.0, 360.0 * COUNT) + np.random.default_rng(2).normal(0.0, 0.05, 360 * COUNT)
+    ranges = np.random.default_rng(1).uniform(1.0, 6.0, 360 * COUNT)
+    lines = [f"{r:.3f} {b:.2f}" for r, b in zip(ranges, turns % 360.0, strict=True)]
+    # A first reading that is no number is no name.
+    path.write_text("\n".join(["inf 0.3", *lines[1:]]))
+    log = load_log(path)
+    assert len(log.scans[0].ranges) == 360 and np.isfinite(log.scans[5].ranges).mean() > 0.99
+
+
+def test_arrays_of_one_scan_keep_their_bearings(tmp_path):
+    bearings = np.radians(np.arange(180, 540) % 360)
+    np.savez(tmp_path / "lidar.npz", ranges=np.resize(RANGES, 360), angles=bearings)
+    log = load_log(tmp_path / "lidar.npz")
+    assert len(log) == 1 and log.scans[0].ranges == pytest.approx(np.resize(RANGES, 360))
+
+
+def test_a_record_without_its_stamp_or_its_scan_is_refused(tmp_path):
+    path = tmp_path / "drive.jsonl"
+    rows = [{"t0": float(row[0]), "scan0": [*map(float, row[4:])]} for row in ROWS]
+    rows[4]["t0"] = rows[7]["scan0"] = None
+    path.write_text("\n".join(map(json.dumps, rows)))
+    log = load_log(path)
+    assert len(log) == COUNT - 2 and log.bad_count == 2
+
+
+def test_scans_of_points_may_have_fewer_or_none(tmp_path):
+    path = tmp_path / "drive.jsonl"
+    rows = [{"time": float(row[0]), "scan": [
+        {"angle": k - 90.0, "range": float(r)} for k, r in enumerate(row[4:])]}
+        for row in ROWS]  # fmt: skip
+    rows[3]["scan"] = rows[3]["scan"][:170]
+    path.write_text("\n".join(map(json.dumps, rows)))
+    assert np.isfinite(load_log(path).scans[3].ranges).sum() == 170
+    rows = [{"time": row["time"], "scan": [[*each.values()] for each in row["scan"]]}
+            for row in rows]  # fmt: skip
+    rows[-1]["scan"] = [[k - 90.0, None] for k in range(BEAMS)]
+    path.write_text("\n".join(map(json.dumps, rows)))
+    assert len(load_log(path)) == COUNT - 1
+
+
+def test_columns_of_a_format_apply_to_a_table_with_lists(tmp_path):
+    path = tmp_path / "drive.csv"
+    path.write_text("\n".join(["a,b,c,d,e", *(f'{",".join(row[:4])},"{row[4:]}"' for row in ROWS)]))
+    log = load_log(path, format="stamp, x, y, theta, ranges:cm, first=-1.5, last=1.5")
+    assert log.poses == pytest.approx(POSES) and log.scans[0].angles[0] == -1.5
+    path.write_text("\n".join(json.dumps({"t": 1.0 * k, "ranges": [2.0]}) for k in range(9)))
+    with pytest.raises(InputError, match="found by their names"):
+        load_log(path, format="stamp, ranges")
+
+
 def test_bearings_tell_scans_in_columns_from_scans_in_rows(tmp_path):
     bearings = np.tile(np.radians(np.arange(-90, 90)), (COUNT, 1))
     np.savez(tmp_path / "lidar.npz", r=RANGES.T, theta=bearings.T)
@@ -213,6 +268,8 @@ def test_advice_fits_what_lines_hold(tmp_path):
     with pytest.raises(InputError, match=r"'ranges\*180@1'"):
         load_log(path)
     assert len(load_log(path, format="ranges*180@1")) == COUNT
+    path.write_text(joined([[*row[4:-1], "null"] for row in ROWS]))
+    assert len(load_log(path)) == COUNT
     # Poses are no readings.
     path.write_text(joined(POSES.tolist()))
     with pytest.raises(InputError, match=r"by --format$"):

@@ -24,19 +24,21 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
-from lrf3d.recordings.formats.text.dialects import DIALECTS
+from lrf3d.recordings.formats.text.dialects import DIALECTS, Words
 from lrf3d.recordings.formats.text.form import Form
-from lrf3d.recordings.formats.text.guesses import SERIES, by_names
+from lrf3d.recordings.formats.text.guesses import SERIES, by_names, swept
 from lrf3d.recordings.formats.text.layout import Layout, described
 from lrf3d.recordings.formats.text.lines import in_seconds, untyped
 from lrf3d.recordings.formats.text.words import SHORT, named
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
-# Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since a
-# header may have thousands of columns.
-RECORDS = re.compile(
-    rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
+# Matches what JSON and printed messages of ROS begin with.
+DOCUMENTS = re.compile(rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):").match
+
+# Matches what a CSV of lists begins with; no byte twice, since a header may have thousands of
+# columns.
+LISTS = re.compile(
     rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,;]*+[,;])+?[^\w,;\[(]*+[\[(]"
 ).match
 
@@ -67,7 +69,12 @@ def is_foreign(path: Path) -> bool:
 
 def is_records(path: Path) -> bool:
     """Whether a file holds records."""
-    return bool(RECORDS(head_of(path, BEGINNING)))
+    return are_records(head_of(path, BEGINNING))
+
+
+def are_records(head: bytes) -> bool:
+    """Whether records begin with these bytes."""
+    return bool(DOCUMENTS(head) or LISTS(head))
 
 
 def is_messages(path: Path) -> bool:
@@ -121,7 +128,7 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str, format: str | None
     table = Table.named(intake, numbers)
     layout.settle(table)
     if format:
-        described(format, []).settle(table)
+        _given(format, what).settle(table)
     _shape(table)
     if table.values.get("ranges", np.empty(0)).ndim != 2:
         names = one_line(", ".join(f"{name} {array.shape}" for name, array in arrays.items()), 200)
@@ -132,22 +139,44 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str, format: str | None
     return table
 
 
+def _given(format: str, what: str) -> Layout:
+    """The settings and units that a format gives for arrays, which names tell apart."""
+    layout = described(format, [])
+    if others := sorted(layout.columns.keys() - layout.units.keys() - {"ranges"}):
+        raise InputError(f"--format: {others[0]}: {what} are found by their names; expected a unit")
+    return layout
+
+
 def _joined(arrays: dict[str, Float]) -> tuple[dict[str, Float], Layout]:
     """Arrays with one of ranges (k, n) for those of records that have a name for each beam."""
-    columns = {name: each for name, each in arrays.items() if each.ndim == 1}
+    # Names that were sorted may have range_10 before range_2.
+    columns = {name: arrays[name] for name in sorted(arrays, key=_place) if arrays[name].ndim == 1}
     wide = any(each.ndim > 1 and meaning(name)[0] == "ranges" for name, each in arrays.items())
     if wide or len({*map(len, columns.values())}) != 1:
         return arrays, Layout()
     rows = np.column_stack([*columns.values()])
     header = named(columns)
     layout = by_names(Form(DIALECTS[-1], header, "", 0, [header]))
-    beams = layout.beams or 0
-    if beams <= SHORT:
+    if not _has_beams(layout, header):
         return arrays, Layout()
     begin = layout.columns["ranges"]
+    beams = layout.beams or 0
     series = {*[*columns][begin : begin + beams]}
     others = {name: each for name, each in arrays.items() if name not in series}
     return others | {"ranges": rows[:, begin : begin + beams]}, layout
+
+
+def _has_beams(layout: Layout, header: Words) -> bool:
+    """Whether a scan of named beams was found: the names are bearings, or say that they are."""
+    if (layout.beams or 0) <= SHORT:
+        return False
+    return layout.bearings is not None or meaning(header[layout.columns["ranges"]])[0] == "ranges"
+
+
+def _place(name: str) -> tuple[str, float]:
+    """The place of a name: the series that it belongs to, if any, and its number in this."""
+    found = SERIES(name.lower())
+    return (found[1], float(found[2])) if found else ("", -np.inf)
 
 
 def _shape(table: Table) -> None:
@@ -160,10 +189,21 @@ def _shape(table: Table) -> None:
         table.values["ranges"] = ranges.T
         if bearings.size == ranges.size:
             table.values["angles"] = bearings.reshape(ranges.shape).T.ravel()
+    elif ranges.ndim == 1 and (table.settings or _is_scan(table)):
+        table.values["ranges"] = ranges[None]
     elif ranges.ndim == 1 and 0 < len(ranges) == len(bearings):
         table.gather(ranges)
-    elif ranges.ndim == 1 and table.settings:
-        table.values["ranges"] = ranges[None]
+
+
+def _is_scan(table: Table) -> bool:
+    """Whether readings are one scan: bearings go a turn at most, and there is one stamp."""
+    bearings = table.values.get("angles", np.empty(0))
+    others = table.values.keys() - {"ranges", "angles"}
+    return (
+        len(bearings) > 1
+        and swept(bearings) > 0.0
+        and all(len(table.values[role]) == 1 for role in others)
+    )
 
 
 def _part_pairs(table: Table, pairs: Float) -> None:
@@ -186,6 +226,8 @@ def _are_columns(table: Table, rows: int, columns: int) -> bool:
     counts = {len(table.values[role]) for role in others}
     bearings = table.values.get("angles", np.empty(0))
     if bearings.size == rows * columns:
+        if rows != columns and counts in ({rows}, {columns}):
+            return counts == {columns}
         # Bearings differ from beam to beam, not from scan to scan.
         apart = bearings.reshape(rows, columns)
         return bool(np.nanmedian(np.ptp(apart, axis=1)) < np.nanmedian(np.ptp(apart, axis=0)))
@@ -209,7 +251,7 @@ def records(intake: Intake) -> dict[str, Float]:
             continue
         try:
             row = dict(_flat(read(part), ""))
-            if rows and row.keys() != rows[0].keys():
+            if rows and _kinds(row) != _kinds(rows[0]):
                 raise ValueError("other fields than the first")
         except (ValueError, TypeError, RecursionError) as error:
             intake.refuse(number, one_line(str(error), 90), "record")
@@ -218,6 +260,11 @@ def records(intake: Intake) -> dict[str, Float]:
     if not rows:
         raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
     return _columns(rows, intake.notes)
+
+
+def _kinds(row: dict[str, Float]) -> dict[str, bool]:
+    """The names of the fields of a record, and whether each is a scan."""
+    return {name: each.ndim > 0 and meaning(name)[0] == "ranges" for name, each in row.items()}
 
 
 def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
@@ -365,7 +412,8 @@ def _floats(value: Any) -> Float:
 def _of_numbers(value: Any, name: str) -> Iterator[tuple[str, Float]]:
     if isinstance(value, list) and CUT in value:
         raise ValueError(WHOLE)
-    if value is not None or SERIES(name):
+    # A beam without return has no number.
+    if value is not None or (SERIES(name) and meaning(name)[0] in ("", "ranges")):
         with suppress(ValueError, TypeError):
             # None marks a missing reading; an array of arrays holds cells of MATLAB.
             cells = isinstance(value, np.ndarray) and value.dtype.kind == "O"

@@ -187,8 +187,11 @@ class Table:
         if not ranges.size:
             raise InputError(f"{self.intake.path}: ranges {ranges.shape}: no scan in it")
         if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
-            # Each scan has angles of its own.
-            self.gather(ranges.ravel(), np.arange(0, ranges.size + 1, ranges.shape[1]))
+            # Each scan has angles of its own; those with fewer are filled up.
+            known = np.isfinite(self.values["angles"])
+            self.values["angles"] = self.values["angles"][known]
+            sizes = known.reshape(ranges.shape).sum(axis=1)
+            self.gather(ranges.ravel()[known], np.append(0, np.cumsum(sizes)))
         ranges = self._ranges()
         angles = self._angles()
         times = self.times()
@@ -411,9 +414,15 @@ def _unit_of(stamps: Float, usual: float) -> str:
 def _beams_of(bearings: Float, begins: Int) -> int:
     """Number of beams over all bearings of scans that begin here and may lack some readings."""
     usual = np.median(np.diff(begins))
-    steps = np.delete(np.abs(np.diff(bearings)), begins[1:-1] - 1)
+    # A scan may have no reading.
+    jumps = begins[(begins > 0) & (begins < len(bearings))] - 1
+    steps = np.delete(np.abs(np.diff(bearings)), jumps)
+    if not steps.any():
+        return round(float(usual))
     # Few readings have none next to them.
-    beams = np.ptp(bearings) / np.median(steps[steps > 0.0]) + 1.0 if steps.any() else 1.0
+    step = np.median(steps[steps > 0.0])
+    wide = np.ptp(bearings)
+    beams = 2.0 * np.pi / step if wide > WHOLE_TURN else wide / step + 1.0
     return round(float(np.clip(beams, usual, MOST_MISSING * usual)))
 
 

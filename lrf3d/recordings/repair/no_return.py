@@ -48,6 +48,9 @@ UNRELATED = 0.2
 # Share of the readings in that band that are walls.
 RARE = 0.05
 
+# Share of readings without a number from which these mean no return, so that no others do.
+MARKED = 0.01
+
 # Largest share of scans in which beams of the band read it: those of a robot at rest always do.
 ALWAYS = 0.8
 
@@ -116,7 +119,7 @@ def _spread(scans: Sequence[Float], declared: float) -> float:
     table = np.array(scans)
     finite = np.isfinite(table)
     largest = table[finite].max(initial=0.0)
-    if abs(declared - largest) > SPREAD:
+    if (~finite).mean() > MARKED or abs(declared - largest) > SPREAD:
         return np.inf
     below = finite & (table > largest - BELOW)
     band = below & (table > largest - SPREAD)
@@ -128,7 +131,7 @@ def _spread(scans: Sequence[Float], declared: float) -> float:
         return np.inf
     # Some walls lie in the band, too.
     depth = largest - np.quantile(table[band], RARE)
-    apart = np.abs(np.diff(table))[pairs].mean()
+    apart = np.abs(table[:, 1:][pairs] - table[:, :-1][pairs]).mean()
     return float(largest - (1.0 + UNRELATED) * depth) if apart > UNRELATED * depth else np.inf
 
 

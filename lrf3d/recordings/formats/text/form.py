@@ -14,6 +14,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.recordings.formats.text.dialects import Dialect, Words, dialect_of
 from lrf3d.recordings.formats.text.lines import texts_of
 from lrf3d.recordings.formats.text.words import (
+    MISSING,
     SHORT,
     are_names,
     is_number,
@@ -88,7 +89,11 @@ class Form:
     @property
     def has_numbers(self) -> bool:
         """Whether it is steady and no label ends the lines."""
-        return self.is_steady and any(is_number(words[-1]) for words in self.sample)
+        return self.is_steady and any(map(_is_reading, (words[-1] for words in self.sample)))
+
+
+def _is_reading(word: str) -> bool:
+    return is_number(word) or bool(MISSING(word.strip()))
 
 
 def form_of(path: Path) -> Form:

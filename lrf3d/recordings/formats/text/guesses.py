@@ -115,7 +115,7 @@ def formats_for(form: Form) -> list[str]:
     """Formats that may read a text in which nothing was found."""
     rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
     if form.length <= SHORT:
-        fits = [k for k in range(min(form.length, 2)) if _swept(rows[:, k]) > LEAST_SWEEP]
+        fits = [k for k in range(min(form.length, 2)) if swept(rows[:, k]) > LEAST_SWEEP]
         specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits]
     else:
         specs = [_wide_format(form, rows)] * form.is_steady
@@ -125,20 +125,21 @@ def formats_for(form: Form) -> list[str]:
 
 
 def _wide_format(form: Form, rows: Float) -> str:
-    """A format of a scan a line, at usual bearings if some fit; "" if the numbers are no ranges."""
+    """A format of a scan a line at usual bearings; "" if none fit, or the numbers are no ranges."""
     stamp = "stamp@1, " * rises(form.sample, 0)
     begin = len(stamp[:1])
     # Words after the numbers are labels.
-    end = int(np.flatnonzero(np.isfinite(rows).any(axis=0)).max()) + 1
+    end = int(np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=-1)) + 1
     # A scan does not begin with a column of zeros.
     usual = [k for k in range(begin, end) if end - k in FANS and rows[:, k].any()]
-    begin = usual[0] if usual else begin
+    if not usual:
+        return ""
+    begin = usual[0]
     ranges = rows[:, begin:end]
     beams = f"*{end - begin}" * (end < form.length)
-    fan = ", first=-90deg, last=90deg" * (not usual)
     # Of negative numbers there is one, that of beams without return.
     likely = len({*ranges[ranges < 0.0].tolist()}) <= 1
-    return f"{stamp}ranges{beams}@{begin + 1}{fan}" * likely
+    return f"{stamp}ranges{beams}@{begin + 1}" * likely
 
 
 def by_names(form: Form) -> Layout:
@@ -178,7 +179,9 @@ def _take_fan(layout: Layout, base: str, names: Words, begin: int) -> None:
     bearings = np.array([float(found[2]) for found in map(SERIES, names) if found])
     wide = np.ptp(bearings)
     # Names that count from 0 or 1 are the numbers of the beams, not their bearings.
-    counts = bearings[0] in (0.0, 1.0) and wide == len(bearings) - 1
+    counts = bearings.min() in (0.0, 1.0) and wide == len(bearings) - 1
+    if counts and role == "ranges" and (np.diff(bearings) != 1.0).any():
+        raise InputError(f"columns {names[0]} to {names[-1]}: not in the order of their numbers")
     if not counts and wide <= TURNS[1]:
         layout.bearings = bearings
     # A single angle next to a whole scan is the heading of the robot.
@@ -284,7 +287,7 @@ def _further(columns: Sequence[Float], found: dict[str, int]) -> Words:
 
 def _bearings_among(columns: Sequence[Float]) -> list[int]:
     """The columns that may be bearings; a file of two columns may be a single scan."""
-    if len(columns) == 2 and _swept(columns[0]) > LEAST_SWEEP * TURNS[0]:
+    if len(columns) == 2 and swept(columns[0]) > LEAST_SWEEP * TURNS[0]:
         return [0]
     return [k for k, column in enumerate(columns) if _goes_round(column)]
 
@@ -332,10 +335,10 @@ def _by_pairs(form: Form) -> Layout | None:
 
 def _are_pairs(row: Float) -> bool:
     """Whether every other number is a bearing of one scan."""
-    return len(row) % 2 == 0 and len(row) >= 2 * FEWEST_COUNTED and _swept(row[::2]) > LEAST_SWEEP
+    return len(row) % 2 == 0 and len(row) >= 2 * FEWEST_COUNTED and swept(row[::2]) > LEAST_SWEEP
 
 
-def _swept(bearings: Float) -> float:
+def swept(bearings: Float) -> float:
     """How far numbers go as the bearings of one scan: one way, in even steps, a turn at most.
 
     This is 0 for others; bearings may begin anew within the scan, as at 0°.
@@ -345,10 +348,10 @@ def _swept(bearings: Float) -> float:
     if turn is None or len(bearings) < 2:
         return 0.0
     steps = (np.diff(bearings) + 0.5 * turn) % turn - 0.5 * turn
-    swept = float(np.abs(steps).sum())
+    whole = float(np.abs(steps).sum())
     one_way = bool((steps > 0.0).all() or (steps < 0.0).all())
     even = np.abs(steps).max() < UNEVEN * np.median(np.abs(steps))
-    return swept if one_way and even and swept <= LARGEST_SWEEP * turn else 0.0
+    return whole if one_way and even and whole <= LARGEST_SWEEP * turn else 0.0
 
 
 def _by_length(form: Form) -> Layout | None:

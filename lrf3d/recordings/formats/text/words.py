@@ -70,9 +70,9 @@ def are_names(words: Sequence[str]) -> bool:
     first, *others = filter(None, words)
     if not all(map(is_number, others)):
         return True
-    # Tables have bearings beside a corner that is no number.
-    no_number = not np.isfinite(values_of([first])).any()
-    return no_number and bool((np.diff(values_of(others)) > 0.0).all())
+    # Tables have bearings beside a corner that is no number, or NaN; a reading may be NaN, too.
+    is_corner = not is_number(first) or (len(others) > SHORT and not np.isfinite(float(first)))
+    return is_corner and bool((np.diff(values_of(others)) > 0.0).all())
 
 
 def rises(rows: Sequence[Sequence[str]], place: int) -> bool:
