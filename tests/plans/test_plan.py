@@ -43,12 +43,6 @@ SYMBOLS = {
         [(11.7, 5.9), (12, 6)],
         [(12.4, 6.2), (12, 6)],
     ],
-    # A north arrow on a drawing without a frame.
-    "outside lines": [
-        [(13 + np.cos(a), 5 + np.sin(a)) for a in np.linspace(0, 2 * np.pi, 25)],
-        [(12.6, 5), (13, 6), (13.4, 5)],
-        [(13, 4), (13, 6)],
-    ],
     "annotation line": [
         # Two dimensions side by side with ticks, one with arrows, and their extension lines.
         *([(x - 0.1, 7.9), (x + 0.1, 8.1)] for x in (0, 5, 10)),
