@@ -97,7 +97,8 @@ class Rule(NamedTuple):
 def _opened(strokes: Strokes) -> Bool:
     drawn = strokes.remaining & np.isin(strokes.role, MAY_OPEN)
     doors, opened = find_doors(strokes.segments, strokes.line, drawn)
-    strokes.doors += doors + sliding_doors(strokes.segments, strokes.line, strokes.role)
+    strokes.doors += doors
+    strokes.doors += sliding_doors(strokes.segments, strokes.line, strokes.role, doors)
     return opened
 
 
