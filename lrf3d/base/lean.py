@@ -16,6 +16,7 @@ def lean_loading() -> Iterator[None]:
     Both take a third of the time in which SciPy and matplotlib load. No garbage is collected in it,
     and what it loads is not searched for garbage afterwards.
     """
+    collects = gc.isenabled()
     gc.disable()
     import numpy as np
 
@@ -26,8 +27,9 @@ def lean_loading() -> Iterator[None]:
         yield
     finally:
         inspect.getdoc = _DOCUMENTATION
-        gc.freeze()
-        gc.enable()
+        if collects:
+            gc.freeze()
+            gc.enable()
         # What was loaded after all stays.
         for name in left_out:
             if vars(np).get(name) is None:

@@ -277,8 +277,8 @@ def returned(ranges: Float, range_max: float) -> Float:
     """
     within = ranges < range_max
     # Nearly all scans stay as they are.
-    missed = np.count_nonzero(np.isinf(ranges)) if least_of(ranges) >= 0.0 else 0
-    if np.count_nonzero(within) + missed == ranges.size:
+    missed = np.count_nonzero(ranges == np.inf)
+    if least_of(ranges) >= 0.0 and np.count_nonzero(within) + missed == ranges.size:
         return ranges
     return sealed(np.where(ranges < 0.0, -np.inf, np.where(within, ranges, np.inf)))
 

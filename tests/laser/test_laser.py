@@ -59,6 +59,11 @@ def test_what_is_not_within_range_max_and_nan_count_as_no_return(miss):
     assert scan.hits.tolist() == [True, False, False]
 
 
+def test_a_negative_range_is_too_near_also_where_all_beams_return():
+    scan = LaserScan((0, 0, 0), [0.0, 0.1, 0.2], [-0.01, 1.0, 2.0], range_max=20.0)
+    assert scan.ranges.tolist() == [-np.inf, 1.0, 2.0]
+
+
 @pytest.mark.parametrize("largest", [float(np.finfo(np.float32).max), 1e20, np.inf])
 def test_a_range_max_beyond_all_coordinates_is_unknown(largest):
     scan = LaserScan((0, 0, 0), [0.0, 0.1], [5.0, largest], range_max=largest)

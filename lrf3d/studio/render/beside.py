@@ -1,6 +1,6 @@
 """The map beside a picture: from straight above, with its name, a legend and a scale."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,16 +62,10 @@ class MapBeside:
         self.close: Float | None = None
         self._colours = colours if name else ()
         self._letter = letter
-        self.window = scene.inset_view(high / wide, turns=True)
+        self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
         run: Any = scene.run
-        self._walls, self._numbers = visible_to(run)
-
-    def found(self, time: float) -> tuple[Int, Int]:
-        """The walls of the world that the map has at a time [s], and those its robot could see."""
-        run: Any = self._scene.run
-        mapped = self._scene.timeline.moment(time).mapped
-        return self._numbers[found_after(run, mapped)], self._numbers
+        self._walls, _ = visible_to(run)
 
     @property
     def lost(self) -> Float:
@@ -113,22 +107,24 @@ class MapBeside:
     def legend(self) -> list[Image.Image]:
         """What is seen in maps, and their scale."""
         run: Any = self._scene.run
-        own = self._colours[:1]
+        own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
         segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
         seen = ("■", tuple(2 * part for part in _ink(look.EXPLORED)))
-        robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not own)
+        robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
         long = round(self.window.bar / self.window.width * self.size[0])
         scale = Image.new("RGB", (self.size[0], round(LINE * self._letter)), look.PLAN_BACK)
         middle = scale.height // 2
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
-        order = "walls in the map" if own else "walls, first to last found"
-        walls = [self._row(*segments, (order, PALE))] * bool(len(run.maps))
+        order = "walls in the map" if own else "walls, by time found"
+        walls = [self._row(*segments, (order, PALE))]
+        if self._scene.structures.mirrors.any() and not self._colours:
+            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("reflected walls", PALE)))
         # Only outlines at the height of the laser are measured.
-        scenery = [self._row(("windows and roofs: scenery", PALE))]
+        scenery = [self._row(("roofs: scenery", PALE))]
         return [
-            *walls,
+            *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),
             *scenery * (not self._scene.structures.indoor),
             *robot,
@@ -139,16 +135,27 @@ class MapBeside:
         return row_of(words, self._letter, self.size[0])
 
 
-def together(maps: Sequence[MapBeside], time: float) -> tuple[str, ...]:
-    """What the maps of several robots hold at a time [s]: together, and each for itself."""
-    found, visible = zip(*(each.found(time) for each in maps), strict=True)
+def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
+    """What the maps of several robots hold at a time [s]: together, and each for itself.
+
+    Nothing where no walls are known that they could see.
+    """
+    found, visible = zip(*(_found(scene, time) for scene in team.values()), strict=True)
     count = len(np.unique(np.concatenate(visible)))
     all_found = len(np.unique(np.concatenate(found)))
     each_found = (
-        f"{each.name.capitalize()}: {len(own)} of the {len(seen)} walls that it could see"
-        for each, own, seen in zip(maps, found, visible, strict=True)
+        f"{name.capitalize()}: {len(own)} of the {len(seen)} walls that it could see"
+        for name, own, seen in zip(team, found, visible, strict=True)
     )
-    return f"{len(maps)} maps together: {all_found} of {count} walls found", *each_found
+    words = f"{len(team)} maps together: {all_found} of {count} walls found", *each_found
+    return words if count else ("",)
+
+
+def _found(scene: Scene, time: float) -> tuple[Int, Int]:
+    """The walls of the world that a map has at a time [s], and those its robot could see."""
+    run: Any = scene.run
+    _, numbers = visible_to(run)
+    return numbers[found_after(run, scene.timeline.moment(time).mapped)], numbers
 
 
 def _ink(colour: Iterable[float]) -> tuple[int, ...]:

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.base.errors import DrawingError
 from lrf3d.geometry.lines import Single, quad_indices
-from lrf3d.studio.render.gl import context, import_libraries
+from lrf3d.studio.render.gl import context, import_libraries, require_gl
 from lrf3d.studio.render.glsl import shader_source
 from lrf3d.studio.scene.look import Setting
 from lrf3d.studio.scene.shapes import Lens
@@ -26,8 +27,18 @@ Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
 
 def make_current() -> None:
-    """Let this thread draw."""
-    context().make_current()
+    """Let this thread draw.
+
+    Raises:
+        DrawingError: Another thread draws.
+    """
+    require_gl()
+    try:
+        context().make_current()
+    except AssertionError as error:
+        raise DrawingError(
+            "OpenGL draws in another thread; draw all pictures in one, or with the renderer embree"
+        ) from error
 
 
 def rewrite(kind: int, values: NDArray[Any]) -> None:

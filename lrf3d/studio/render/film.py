@@ -169,12 +169,12 @@ class Film:
         self.scene = Scene(self.timeline, chosen.goal, stage, team=team)
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
-        self._scenes = [
-            Scene(Timeline(each, playback=chosen.playback), None, painted)
-            for each, painted in maps.values()
-        ]
+        self._scenes = {
+            name: Scene(Timeline(each, playback=chosen.playback), None, painted)
+            for name, (each, painted) in maps.items()
+        }
         room = self._lay_out(chosen)
-        self.maps = self._maps_in(room, chosen, maps, colours)
+        self.maps = self._maps_in(room, chosen, colours)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
         self._strip = bool(self.maps) * (not chosen.below) * (room[0] + 2 * self._gap)
         self._below = chosen.below and bool(self.maps)
@@ -184,9 +184,9 @@ class Film:
             self._size = width, height - 2 * self._head - self.maps[0].size[1]
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
-        self._drawers = [_renderer(each.stage, self._size, chosen) for each in self._scenes] or [
-            self.renderer
-        ]
+        self._drawers = [
+            _renderer(each.stage, self._size, chosen) for each in self._scenes.values()
+        ] or [self.renderer]
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
@@ -208,20 +208,16 @@ class Film:
         return round(_WIDEST * width) - 2 * self._gap, high
 
     def _maps_in(
-        self,
-        room: tuple[int, int],
-        chosen: FilmOptions,
-        names: Collection[str],
-        colours: list[Colour],
+        self, room: tuple[int, int], chosen: FilmOptions, colours: list[Colour]
     ) -> list[MapBeside]:
         """The maps beside the picture, in a room for each; none if it is too small."""
         if "inset" not in chosen.layers or min(room) < _LEAST_SIDE:
             return []
-        walls = colours if names else [PALE_WALL]
-        named = zip(names or [chosen.title], self._scenes or [self.scene], strict=True)
+        walls = colours if self._scenes else [PALE_WALL]
+        named = self._scenes or {chosen.title: self.scene}
         return [
             MapBeside(scene, room, self._letter, name, pair)
-            for (name, scene), *pair in zip(named, walls, colours, strict=False)
+            for (name, scene), *pair in zip(named.items(), walls, colours, strict=False)
         ]
 
     def draw(self, time: float) -> Pixels:
@@ -232,7 +228,7 @@ class Film:
         # What is left of the picture; the strip leaves it to the right.
         width, _ = self._size
         columns = width - view.inset * self._strip
-        shine = [mark for each in self._scenes[1:] for mark in each.shine(time)]
+        shine = [mark for each in [*self._scenes.values()][1:] for mark in each.shine(time)]
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
         picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
@@ -241,14 +237,14 @@ class Film:
 
     def _label(self, moment: Moment, view: Look) -> Label:
         """The text of a moment, of several robots with what their maps hold."""
-        words = together(self.maps, moment.time) if self._scenes and self.maps else ("",)
+        words = together(self._scenes, moment.time) if self._scenes else ("",)
         heads = dict.fromkeys(("rise", "whole"), words[0])
         heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
         if head := heads.get(view.shot):
             view = replace(view, said=(head, *view.said[1:]))
         label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
-        if any(words) and view.shot == "end":
-            label = label._replace(text=words, colours=(INK, *[PALE] * len(self.maps)))
+        if any(words) and panel.has_card(self.run, moment, view):
+            label = label._replace(text=words, colours=(INK, *[PALE] * len(self._scenes)))
         return label
 
     def _beside(self, picture: Pixels, time: float) -> Pixels:

@@ -11,6 +11,7 @@ import warnings
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from threading import RLock
 from types import ModuleType
 from typing import Any
 
@@ -24,12 +25,16 @@ INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
 # Command that installs a software driver, where the libraries are there but nothing draws.
 DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
 
+# One thread at a time starts OpenGL.
+_STARTS = RLock()
+
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
 
 def gl_available() -> bool:
     """Whether OpenGL can draw: its libraries are there, and a driver starts."""
-    return not _failure()
+    with _STARTS:
+        return not _failure()
 
 
 def require_gl() -> None:
@@ -38,8 +43,8 @@ def require_gl() -> None:
     Raises:
         MissingLibraryError: It cannot.
     """
-    if failure := _failure():
-        raise MissingLibraryError(f"{failure}; {_INSTEAD}")
+    if not gl_available():
+        raise MissingLibraryError(f"{_failure()}; {_INSTEAD}")
 
 
 @cache
@@ -101,8 +106,9 @@ def import_libraries() -> tuple[Any, Any]:
     """
     require_gl()
     try:
-        primitive = _part_of_pyrender("primitive")
-        from OpenGL import GL
+        with _STARTS:
+            primitive = _part_of_pyrender("primitive")
+            from OpenGL import GL
     except (ImportError, OSError, AttributeError) as error:
         raise MissingLibraryError(
             f"OpenGL cannot be loaded ({error}); install it: {INSTALL_LINE}; {_INSTEAD}"

@@ -200,20 +200,20 @@ class DrawnMap:
     ) -> "DrawnMap":
         """Take a map snapshot of a run; −1 is the empty map before the first.
 
-        All may have one colour.
+        All may have one colour, but for false rooms, which are red.
         """
         if number < 0:
             return cls.plain(look.NOTHING)
         last = run.snapshot_after(sys.maxsize)
         frame = np.tile(structures.origin, 2)
         drawn, whole = (run.maps[k].segments - frame for k in (number, last))
-        if colour:
-            return cls.plain(drawn, colour)
-        order = np.sort(_first_mapped(whole, exposure))
-        times = _first_mapped(drawn, exposure)
-        # What was found at once has one colour, half-way between what is earlier and later.
-        ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
-        colours = look.found_colours(0.5 * ranks / max(1, len(order)))
+        colours = np.tile(colour or look.PALE_WALL, (len(drawn), 1))
+        if colour is None:
+            order = np.sort(_first_mapped(whole, exposure))
+            times = _first_mapped(drawn, exposure)
+            # What was found at once has one colour, half-way between what is earlier and later.
+            ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
+            colours = look.found_colours(0.5 * ranks / max(1, len(order)))
         if structures.mirrors.any():
             # A wall may go on into its reflection.
             drawn, owner = _pieces(drawn)

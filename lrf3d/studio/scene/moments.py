@@ -99,7 +99,8 @@ class Scene:
     """All that can be seen of a run, with a goal on the ground where one is given.
 
     What stands in the run's world may have been painted already. A live one is lit by scans as they
-    come. Of a team of robots, each of a run, walls have the colour of the one that found them.
+    come. Of a team of robots, each of a run, walls have the colour of the one that found them; so
+    do those of a run that meets other robots.
     """
 
     def __init__(
@@ -133,7 +134,9 @@ class Scene:
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
         self._drift = Drift.of(run, self.origin, timeline.playback)
-        self._team: Mapping[Any, look.Colour | None] = team or {run: None}
+        # Among robots, a colour is a robot, not when a wall was found.
+        own = look.TRAIL_COLOUR if self._robots else None
+        self.team: Mapping[Any, look.Colour | None] = team or {run: own}
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -244,7 +247,7 @@ class Scene:
                 if run is self.run
                 else int(np.searchsorted(run.trajectory.times, when, "right")) - 1
             )
-            for run in self._team
+            for run in self.team
         )
         return self._maps.of(key, partial(self._drawn_map, key))
 
@@ -253,7 +256,7 @@ class Scene:
         known = self.live.exposure if self.live else exposure
         parts = [
             DrawnMap.from_snapshot(run, number, self.structures, known, colour)
-            for (run, colour), number in zip(self._team.items(), numbers, strict=True)
+            for (run, colour), number in zip(self.team.items(), numbers, strict=True)
         ]
         drawn = DrawnMap(
             np.concatenate([part.segments for part in parts]),
@@ -419,11 +422,14 @@ class Scene:
             self.exposure.clock(moment.now, self.timeline.playback),
         )
 
-    def inset_view(self, *shape: float, turns: bool = False) -> InsetView:
-        """What the inset shows: the whole world or, in a large one, what is around the robot."""
+    def inset_view(self, *shape: float, turns: bool = False, compared: bool = False) -> InsetView:
+        """What the inset shows: the whole world or, in a large one, what is around the robot.
+
+        A false room is in it, too, but not where it is compared: each run has its own.
+        """
         places = [self.run.trajectory.poses[:, :2] - self.origin, self.structures.places]
-        # A false room is in it, too.
-        subject = None if self.live else subject_of(self.run, self.timeline.playback)
+        alone = not (self.live or compared)
+        subject = subject_of(self.run, self.timeline.playback) if alone else None
         if subject and subject.aim is not None:
             places.append(subject.places - self.origin)
         return InsetView.of(np.concatenate(places), *shape, turns=turns)

@@ -92,10 +92,15 @@ def _metres(length: float) -> str:
     return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
 
 
+def has_card(run: Run, moment: Moment, view: Look) -> bool:
+    """Whether the panel of a moment through a look is the card."""
+    # A last stop is shown for a while.
+    return view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1)
+
+
 def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    # A last stop is shown for a while.
-    if view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1):
+    if has_card(run, moment, view):
         return _CARDS.of(run, partial(_card, run, playback))
     head, *said = view.said or [""]
     head = head or _caption(run, moment, view.shot, playback)
@@ -137,7 +142,10 @@ def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
-    if not (run.knows_truth and len(run.world.segments)):
+    if not run.maps:
+        found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
+        rest = "what it never saw stays dark"
+    elif not (run.knows_truth and len(run.world.segments)):
         found = f"{counted(len(run.map), 'segment')}, {objects}"
         rest = ""
     else:

@@ -1,6 +1,8 @@
 """What films skip: parts out of sight and frames that repeat; nothing of it shows."""
 
 import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -140,6 +142,22 @@ def test_a_film_is_freed_where_its_context_is_not_current():
     film.close()
     make_current()
     assert not GL.glIsFramebuffer(target)
+
+
+@needs_gl
+def test_threads_find_opengl_at_once_and_draw_one_at_a_time():
+    program = """
+from concurrent.futures import ThreadPoolExecutor
+from lrf3d.studio.render.gl import gl_available
+with ThreadPoolExecutor(4) as threads:
+    assert all(threads.map(lambda _: gl_available(), range(4)))
+    from lrf3d.studio.render.buffers import make_current
+    make_current()
+    assert "another thread" in str(threads.submit(make_current).exception())
+"""
+    path = os.pathsep.join(filter(None, sys.path))
+    environment = {**os.environ, "PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 18), (16, 600)])

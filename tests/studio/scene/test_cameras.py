@@ -7,6 +7,7 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
+from lrf3d.studio.scene import moments
 from lrf3d.studio.scene.camera import CameraPath
 from lrf3d.studio.scene.cameras import Fixed, chase, orbit, overview, top
 from lrf3d.studio.scene.moments import Scene
@@ -14,6 +15,7 @@ from lrf3d.studio.scene.shots import CLOSING, OPENING, plan_shots
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.story import Story
+from lrf3d.studio.scene.subject import Subject
 from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.studio.scene.views import film_times, margins
 from lrf3d.world import World
@@ -205,6 +207,14 @@ def test_the_inset_shows_the_whole_world_with_a_rim_and_a_scale_of_a_round_lengt
     assert (window.width, window.aspect) == pytest.approx((1.04 * 8.0, 6.0 / 8.0))
     bars = {5.9: 1.0, 6.1: 2.0, 14.9: 2.0, 15.1: 5.0, 31.0: 10.0, 2.9: 0.5}
     assert [window._replace(width=each).bar for each in bars] == pytest.approx([*bars.values()])
+
+
+def test_only_an_inset_that_is_not_compared_shows_a_false_room(monkeypatch):
+    there = np.array([[30.0, 3.0]])
+    monkeypatch.setattr(moments, "subject_of", lambda *_: Subject("", places=there, aim=there[0]))
+    scene = Scene(Timeline(room_run()))
+    widths = [scene.inset_view(compared=compared).width for compared in (False, True)]
+    assert widths == pytest.approx([1.04 * 30.0, 1.04 * 8.0])
 
 
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():

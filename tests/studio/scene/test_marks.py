@@ -12,7 +12,7 @@ import lrf3d
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
 from lrf3d.studio.scene.cameras import chase, top
-from lrf3d.studio.scene.look import MATERIAL_COLOURS, object_colours
+from lrf3d.studio.scene.look import FALSE_COLOUR, MATERIAL_COLOURS, TRAIL_COLOUR, object_colours
 from lrf3d.studio.scene.marks import (
     CORNERS,
     MOST_KEPT,
@@ -24,6 +24,7 @@ from lrf3d.studio.scene.marks import (
     estimate_words,
 )  # fmt: skip
 from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.stage.structures import Structures, folded, turning_walls
 from lrf3d.studio.scene.timeline import Timeline
 
@@ -118,6 +119,24 @@ def test_segments_of_the_map_off_walls_are_ghosts_and_colour_no_wall():
     middles = 0.5 * (here[:, :2] + here[:, 2:])
     tints, found = drawn.tints(np.vstack([middles, [[13.0, -12.0]]]), 0.6)
     assert found.tolist() == [True, True, False] and (tints[:2] == colours).all()
+
+
+def test_a_false_room_is_red_and_walls_have_their_robot_s_colour_also_among_robots():
+    run = room_run()
+    mirrors = replace(run.world, materials=["mirror"] * 2)
+    away = replace(run.map, segments=run.map.segments + 20.0)
+    false = replace(run, maps=(away,), snapshot_scans=(len(run) - 1,))
+    stage = stage_of(run)
+    structures = Structures.from_world(mirrors)
+    own = (0.1, 0.2, 0.3)
+    walls, reflected = (
+        DrawnMap.from_snapshot(each, len(each.maps) - 1, structures, stage.exposure, own).colours
+        for each in (run, false)
+    )
+    assert (walls == own).all() and (reflected == FALSE_COLOUR).all()
+    other = lrf3d.DynamicObstacle([[0, 0], [1, 0], [0, 1]], run.trajectory, is_robot=True)
+    scenes = [Scene(Timeline(replace(run, obstacles=them))) for them in ((), (other,))]
+    assert [list(scene.team.values()) for scene in scenes] == [[None], [TRAIL_COLOUR]]
 
 
 def test_a_run_with_given_poses_draws_no_estimate():

@@ -13,10 +13,12 @@ from lrf3d.mapping import LineMap
 from lrf3d.scoring.map_score import found_words, score_run
 from lrf3d.studio.render import beside
 from lrf3d.studio.render.beside import MapBeside
+from lrf3d.studio.render.film import Film
 from lrf3d.studio.render.text import row_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import panel
+from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
 
 
@@ -57,6 +59,22 @@ def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
     assert rest.endswith(counted(run.map.object_count, "object"))
     # The sentence of the console and the summary.
     assert found == found_words(score_run(run).as_dict())
+
+
+def test_the_card_of_a_run_without_maps_says_what_was_seen():
+    run = replace(room_run(), snapshot_scans=(), maps=())
+    assert said(run, "end")[0] == f"{run.ranges.shape[1]} laser beams, {len(run)} scans"
+
+
+@pytest.mark.parametrize("shot", ["whole", "end"])
+def test_the_card_of_several_robots_counts_the_walls_of_all_also_where_no_map_fits(shot):
+    run = city_run()
+    maps = {name: (run, stage_of(run)) for name in ("robot 1", "robot 2")}
+    film = Film(run, maps=maps, size=SIZE, renderer="embree", layers={"hud"})
+    view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot)
+    head, *each = film._label(film.timeline.moment(film.timeline.end), view).text
+    assert not film.maps and head.startswith("2 maps together: ")
+    assert [words[:9] for words in each] == ["Robot 1: ", "Robot 2: "]
 
 
 def test_a_panel_of_another_kind_is_refused():
