@@ -230,6 +230,8 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     outside = strokes.segments[strokes.found["outside line"]]
     large, scales = size_doubt(canvas, strokes)
     doubts = [of_pictures(canvas.pictured)]
+    slides = sum(bool((door.corners[0] == door.corners[2]).all()) for door in strokes.doors)
+    through = f"{counted(slides, 'doorway')} opened where walls go on" if slides else ""
     if not large:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
@@ -240,7 +242,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        notes(canvas.said, around),
+        notes(canvas.said, around, through),
         balance=balance,
         doubts=notes(*doubts) + large,
         scales=scales,

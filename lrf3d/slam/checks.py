@@ -48,6 +48,9 @@ MOST_APART = 1.2
 # Distance [m] that no robot moves between two scans: poses that do are in other units.
 UNLIKELY = 30.0
 
+# Distance [m] between scans from which no mount explains their poses.
+CONTRADICTED = 0.5
+
 
 class SelfCheck(NamedTuple):
     """How well the scans of a solved drive agree with each other.
@@ -189,9 +192,12 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
     declared = found[0, 1]
     clearly = 1.5  # Factor by which scans must fit better with another mount to report it.
     close = 0.02  # Distance [m] that they must fit better in addition.
-    # With poses of another drive, scans fit at no mount better than if the robot had stood.
-    most = clearly * found[best] + close
-    if best == (0, 1) or declared < most or np.median(_standing(own, pairs)) < most:
+    if best == (0, 1) or declared < clearly * found[best] + close:
+        return None
+    fits = 0.1  # Distance [m] between scans at which a mount is right in any case.
+    # With poses of another drive, scans fit hardly better at any mount than if the robot had stood.
+    stood = float(np.median(_standing(own, pairs)))
+    if found[best] > min(CONTRADICTED, max(fits, 0.5 * stood)):
         return None
     turn = (turn + 179) % 360 - 179
     seems = [f"turned by {turn}°"] * (turn != 0) + ["mirrored"] * (sense < 0)
@@ -216,26 +222,24 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
     if leaps(steps).any():
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
-    contradicted = 0.5  # Distance [m] between scans from which no mount explains their poses.
     if not pairs:
         far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
-        return f"the poses stay at one place, but {moved}" if far > contradicted else None
-    return _contradiction(own, pairs, contradicted)
+        return f"the poses stay at one place, but {moved}" if far > CONTRADICTED else None
+    return _contradiction(own, pairs)
 
 
-def _contradiction(
-    own: Sequence[LaserScan], pairs: Sequence[tuple[int, int]], contradicted: float
-) -> str | None:
+def _contradiction(own: Sequence[LaserScan], pairs: Sequence[tuple[int, int]]) -> str | None:
     """Why the poses of pairs of scans cannot be theirs; None if they can.
 
-    Scans far apart differ by much at right poses, too, but less than if the robot had stood.
+    Scans far apart differ by much at right poses, too, but less than if the robot had stood. Along
+    a plain wall they fit best if it had, whatever their poses.
     """
     apart = np.array([_distance(own[a], own[b]) for a, b in pairs])
     losses = apart - _standing(own, pairs)
     far = float(np.median(apart))
-    is_far = len(pairs) >= PAIRS_TO_JUDGE and far >= contradicted and losses.mean() > 0.0
-    if not (is_far or is_clear(losses)):
+    is_far = len(pairs) >= PAIRS_TO_JUDGE and far >= CONTRADICTED and losses.mean() > 0.0
+    if not (is_far or (apart.mean() > 0.5 * CONTRADICTED and is_clear(losses))):
         return None
     return (
         f"the poses contradict the scans: scans from nearby poses differ by {far:.2g} m, more than"

@@ -259,7 +259,8 @@ class SolvedLog:
         # The leap to each part, or from one drive to the next, is no part of the path.
         from_end = np.cumsum([len(each.tracked) for each in slams[::-1]])
         steps[-from_end[from_end <= len(steps)]] = 0.0
-        steps[leaps(steps)] = 0.0  # Those within an earlier drive.
+        earlier = slice(-from_end[-1])  # The scans of earlier drives may have leaps, too.
+        steps[earlier][leaps(steps)[earlier]] = 0.0
         return {
             "name": log.name,
             "log": {

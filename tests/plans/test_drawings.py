@@ -104,6 +104,8 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
          ' stroke="#000" stroke-width="9"/></g>', (0, 0), (6, 4)),
         # Properties of a style move, turn and scale, too.
         ('<rect style="translate:2px 1px;scale:3 2" width="1" height="1"/>', (2, 1), (5, 3)),
+        ('<rect style="translate:unset;scale:300% 2" width="1" height="1"/>', (0, 0), (3, 2)),
+        ('<rect scale="1:50" rotate="90" translate="no" width="1" height="1"/>', (0, 0), (1, 1)),
         # What clips, masks, fills and marks is no outline.
         ('<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
          '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'

@@ -206,6 +206,18 @@ def test_parts_of_a_sheet_next_to_a_plan_are_not_walls(plain, tmp_path):
     assert world.segments - 150 * SIDE == pytest.approx(plain.segments, abs=1.1 * SIDE)
 
 
+def test_swatches_of_a_legend_next_to_a_plan_are_not_walls(plain, tmp_path):
+    sheet = Sheet()
+    sheet.walls()
+    sheet.image = ImageOps.expand(sheet.image, (0, 0, 150, 0), (255, 255, 255))
+    sheet.draw = ImageDraw.Draw(sheet.image)
+    for y in range(4):
+        sheet.box(12.8, 1.4 * y, 13.8, 1.4 * y + 1, fill=(0, 0, 0))
+    with pytest.warns(Lrf3dNote, match="4 outside parts"):
+        world = sheet.read(tmp_path)
+    assert np.array_equal(world.segments, plain.segments)
+
+
 @pytest.mark.parametrize("faces", [False, True])
 def test_a_door_with_thresholds_stands_open_where_its_leaf_and_arc_are_drawn(faces, tmp_path):
     sheet = Sheet()

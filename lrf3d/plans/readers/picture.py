@@ -35,7 +35,7 @@ from lrf3d.world.grid_walls import (
     sides_of,
     walls_of_grid,
 )
-from lrf3d.world.pieces import members_of
+from lrf3d.world.pieces import groups, pairs_within
 from lrf3d.world.pixels import pixels_of
 
 # Thickness [m] of the thinnest walls in a plan that has thick ones; leaves of doors and outlines of
@@ -319,20 +319,37 @@ def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
 
 
 def _building(solid: Bool, pixels: float) -> Bool:
-    """The cells that large thick parts surround, but for scale bars, and those next to them."""
+    """The cells of the building and next to it, without legends and other separate drawings.
+
+    The building is what the largest connected walls surround, with those that only windows and
+    doors separate from them, unless others are as large.
+    """
     parts, _ = parts_of(grown(solid, CLOSE * pixels))
     edge = np.argwhere(solid & ~binary_erosion(solid))
-    owner, number = np.unique(parts[tuple(edge.T)], return_inverse=True)
-    each = [shapely.multipoints(edge[own, ::-1]) for own in members_of(number)]
-    hulls = shapely.convex_hull(np.array(each, dtype=object))
+    owner = parts[tuple(edge.T)]
+    edge = edge[order := np.argsort(owner, kind="stable")]
+    owner = owner[order]
+    each = np.split(edge[:, ::-1], np.flatnonzero(np.diff(owner)) + 1)
+    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in each], dtype=object))
+    area = shapely.area(hulls)
+    if not area.max(initial=0.0) > 0.0:
+        return np.ones_like(solid)
     large = np.flatnonzero(shapely.length(hulls) > 4.0 * LARGEST_LETTER * pixels)
-    bars = [bar for bar in large if _is_bar(hulls[bar], hulls[large[large != bar]])]
-    if bars and _is_aside(solid, np.isin(parts, owner[bars]), pixels):
-        large = np.setdiff1d(large, bars)
-    main = shapely.convex_hull(shapely.union_all(hulls[large])).buffer(0.3 * pixels)
-    image = Image.new("1", solid.shape[::-1], main.is_empty)
-    if not main.is_empty:
-        ImageDraw.Draw(image).polygon(main.exterior.coords, fill=1)
+    part = groups(*pairs_within(hulls[large], PARTED * pixels, "parts"), len(large))
+    own = np.argmax(area, keepdims=True)
+    if len(large):
+        own = large[part == part[np.argmax(area[large])]]
+    beside = [bar for bar in own if _is_bar(hulls[bar], hulls[own[own != bar]])]
+    if beside and _is_aside(solid, np.isin(parts, np.unique(owner)[beside]), pixels):
+        own = np.setdiff1d(own, beside)
+    main = shapely.convex_hull(shapely.union_all(hulls[own]))
+    apart = shapely.disjoint(hulls, main)
+    if area[apart].sum() > main.area:
+        return np.ones_like(solid)
+    kept = shapely.union_all([main, *hulls[area > 0.3 * main.area]]).buffer(0.3 * pixels)
+    image = Image.new("1", solid.shape[::-1])
+    for shape in shapely.get_parts(kept):
+        ImageDraw.Draw(image).polygon(shape.exterior.coords, fill=1)
     return np.asarray(image, dtype=np.bool_)
 
 

@@ -54,8 +54,14 @@ INHERITED = frozenset(
     " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
 
-# Properties of style sheets that are moves of a transform, in the order in which they are applied.
+# Properties of styles that are moves of a transform, in the order in which they are applied.
 MOVES = ("translate", "rotate", "scale")
+
+# Values of properties that are not set.
+UNSET = ("none", "unset", "initial", "inherit", "revert", "revert-layer")
+
+# A plain move: an angle, or one or two numbers, lengths in pixels or percentages.
+PLAIN = re.compile(r"[-+]?[\d.]+(deg|turn|rad|grad)|[-+]?[\d.]+(px|%)?(\s+[-+]?[\d.]+(px|%)?)?")
 
 # Distance [m] from the edge of a clip within which a line is on it: coordinates are rounded.
 ON_EDGE = 1e-6
@@ -155,11 +161,14 @@ class _ElementPainter(NamedTuple):
             names=names,
             layer=layer,
         )
-        # Style sheets may move, turn and scale by properties of their own, in this order.
+        # Styles, not attributes, may move, turn and scale by properties of their own.
         moves = " ".join(
-            f"{key}({style[key]})" for key in MOVES if style.get(key, "none") != "none"
+            _move(key, own[key], outer.size)
+            for key in MOVES
+            if key in declared and own[key] not in UNSET
         )
-        moves = f"{moves} {style.get('transform', '')}".replace("none", "")
+        if style.get("transform") not in UNSET:
+            moves = f"{moves} {style.get('transform', '')}"
         if transformed and moves.strip():
             state = state._replace(matrix=outer.matrix @ _transform(style, moves, outer.size))
         for key in ("clip-path", "mask"):
@@ -388,6 +397,17 @@ def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
     how = element.get("preserveAspectRatio", "xMidYMid").replace("defer", "").strip()
     fitted = svgelements.Viewbox.viewbox_transform(*frame, *box, how)
     return state._replace(matrix=state.matrix @ _matrix(fitted), size=box[2:])
+
+
+def _move(key: str, value: str, size: tuple[float, ...]) -> str:
+    """The move of a transform that a property of a style gives."""
+    if not PLAIN.fullmatch(value):
+        raise WorldError(f"has {key}: {shown(value)} in a style; apply transforms")
+    if key == "rotate":
+        return f"rotate({value})"
+    sides = size if key == "translate" else (1.0, 1.0)
+    words = zip(value.split(), sides, strict=False)
+    return f"{key}({' '.join(str(_length({'': word}, '', side)) for word, side in words)})"
 
 
 def _transform(style: dict[str, str], moves: str, size: tuple[float, ...]) -> Float:

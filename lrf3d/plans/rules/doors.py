@@ -124,26 +124,36 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
     return doors, opened & free
 
 
-def sliding_doors(segments: Float, line: Int, role: Any) -> list[Door]:
+def sliding_doors(segments: Float, line: Int, role: Any, doors: list[Door]) -> list[Door]:
     """Doors that layers of doors draw as rectangles in walls that go on through them.
 
     Segments (n, 4) have roles (n,); consecutive ones of the same line (n,) are joined. A leaf next
-    to a wall, or across it, opens none.
+    to a wall, or across it, opens none, nor does one at another door, or with a line along it as in
+    windows.
     """
+    middles = np.array([door.opening.mean(axis=0) for door in doors]).reshape(-1, 2)
     ends = segments[(role != "door") & (lengths(segments) > WIDTHS[0])].reshape(-1, 2, 2)
     found = list[Door]()
     drawn = np.flatnonzero(role == "door")
+    places = segments[drawn].reshape(-1, 2, 2).mean(axis=1)
     _, number = np.unique(line[drawn], return_inverse=True)
     for own in members_of(number):
         sides = segments[drawn[own]]
         long = lengths(sides)
         width = float(long.max(initial=0.0))
         thick = float(long.min(initial=np.inf))
-        if len(sides) != 4 or not (WIDTHS[0] < width < DOUBLE and thick < THICKEST_WALL + SIDE):
+        if len(sides) != 4 or not (USUAL[0] < width < DOUBLE and thick < THICKEST_WALL + SIDE):
             continue
         across = np.flatnonzero(long < 0.5 * (width + thick))
         hinge, other = sides[across[[0, -1]]].reshape(2, 2, 2).mean(axis=1)
         axis = (other - hinge) / width
+        centre = 0.5 * (hinge + other)
+        taken = np.hypot(*(middles - centre).T).min(initial=np.inf) < SIDE + 0.5 * width
+        inside = np.abs((places - centre) @ axis) < 0.25 * width
+        inside &= np.abs((places - centre) @ (axis @ LEFT)) < 0.4 * thick
+        inside &= np.abs(directions(segments[drawn]) @ (axis @ LEFT)) < ASKEW
+        if taken or inside.any():
+            continue
         along = np.sort((ends - hinge) @ axis, axis=1)
         off = (ends - hinge) @ (axis @ LEFT)
         passes = (along[:, 0] < -SIDE) & (along[:, 1] > width + SIDE)

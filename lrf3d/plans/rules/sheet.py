@@ -45,16 +45,6 @@ MARGIN = 0.6
 PAPER = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
 
 
-# Least and largest side [m] of a north arrow: columns are smaller.
-COMPASS = (0.8, 4.0)
-
-# Largest number of lines in the circle of a north arrow: winding stairs have more.
-MOST_CROSSING = 10
-
-# Least number of chords of a circle.
-LEAST_ROUND = 12
-
-
 class _Markers(NamedTuple):
     """Markers: what lines of annotations end at."""
 
@@ -355,27 +345,6 @@ def plans_apart(segments: Float) -> Float:
     one, other = shapely.STRtree(boxes).query(boxes, predicate="intersects")
     label = groups(one, other, len(boxes))
     return np.array([shapely.total_bounds(boxes[label == each]) for each in np.unique(label)])
-
-
-def is_compass(segments: Float, line: Int) -> Bool:
-    """Which segments (n, 4) are of north arrows: small parts of a circle and lines that cross it.
-
-    Consecutive segments of one line (n,) are joined.
-    """
-    found = np.zeros(len(segments), dtype=bool)
-    for own in members_of(connected(segments)):
-        if COMPASS[0] < np.ptp(segments[own].reshape(-1, 2), axis=0).max() < COMPASS[1]:
-            lines = [own[line[own] == each] for each in np.unique(line[own])]
-            rings = sum(len(each) for each in lines if _is_round(segments[each]))
-            found[own] = rings > 0 and 0 < len(own) - rings <= MOST_CROSSING
-    return found
-
-
-def _is_round(joined: Float) -> bool:
-    """Whether joined segments (n, 4) draw a circle."""
-    away = np.hypot(*(joined[:, :2] - joined[:, :2].mean(axis=0)).T)
-    closed = np.abs(joined[0, :2] - joined[-1, 2:]).max() < MEETING
-    return bool(len(joined) >= LEAST_ROUND and closed and np.ptp(away) < 0.02 * away.max())
 
 
 def is_aside(segments: Float, named: Bool) -> Bool:

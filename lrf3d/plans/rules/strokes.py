@@ -15,7 +15,7 @@ from lrf3d.geometry.lines import Bool, Float, Int, lengths
 from lrf3d.plans.rules.doors import Door, find_doors, sliding_doors
 from lrf3d.plans.rules.letters import is_lettering
 from lrf3d.plans.rules.patterns import CLOSEST, is_pattern
-from lrf3d.plans.rules.sheet import is_annotation, is_aside, is_compass, is_frame
+from lrf3d.plans.rules.sheet import is_annotation, is_aside, is_frame
 from lrf3d.world.model import SHEET
 
 # Roles of what stands in the world. ``other`` is the role where names say nothing: such strokes are
@@ -97,7 +97,8 @@ class Rule(NamedTuple):
 def _opened(strokes: Strokes) -> Bool:
     drawn = strokes.remaining & np.isin(strokes.role, MAY_OPEN)
     doors, opened = find_doors(strokes.segments, strokes.line, drawn)
-    strokes.doors += doors + sliding_doors(strokes.segments, strokes.line, strokes.role)
+    strokes.doors += doors
+    strokes.doors += sliding_doors(strokes.segments, strokes.line, strokes.role, doors)
     return opened
 
 
@@ -128,14 +129,8 @@ def _frame(strokes: Strokes) -> Bool:
 
 
 def _beside(strokes: Strokes) -> Bool:
-    left = strokes.remaining
-    named = strokes.role[left] != "other"
-    # Next to a plan without a sheet there may be other buildings.
-    sheet = strokes.shows_sheet("annotation line", "frame line")
-    return strokes.among(
-        left,
-        lambda each: is_aside(each, named) & (sheet | is_compass(each, strokes.line[left])),
-    )
+    left = strokes.remaining & strokes.shows_sheet("annotation line", "frame line")
+    return strokes.among(left, lambda each: is_aside(each, strokes.role[left] != "other"))
 
 
 # Each rule looks among what the rules before it leave.
