@@ -54,14 +54,9 @@ INHERITED = frozenset(
     " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
 )
 
-# Properties of styles that are moves of a transform, in the order in which they are applied.
+# Properties of styles that move what they are set for, unless they have one of these values.
 MOVES = ("translate", "rotate", "scale")
-
-# Values of properties that are not set.
-UNSET = ("none", "unset", "initial", "inherit", "revert", "revert-layer")
-
-# A plain move: an angle, or one or two numbers, lengths in pixels or percentages.
-PLAIN = re.compile(r"[-+]?[\d.]+(deg|turn|rad|grad)|[-+]?[\d.]+(px|%)?(\s+[-+]?[\d.]+(px|%)?)?")
+NO_MOVES = ("none", "unset", "initial", "inherit", "revert", "0", "0px", "0deg", "1", "100%")
 
 # Distance [m] from the edge of a clip within which a line is on it: coordinates are rounded.
 ON_EDGE = 1e-6
@@ -152,6 +147,9 @@ class _ElementPainter(NamedTuple):
         own = {key: value.strip() for key, value in element.attrib.items()}
         declared = overruled(self.sheet.get(element, {}), declarations(element.get("style", "")))
         own |= {key: value.partition("!")[0].strip() for key, value in declared.items()}
+        for key in MOVES:
+            if key in declared and own[key] not in NO_MOVES:
+                raise WorldError(f"has {key}: {shown(own[key])} in a style; apply transforms")
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
         names, layer = _named(_tag(element), own, outer)
@@ -161,16 +159,8 @@ class _ElementPainter(NamedTuple):
             names=names,
             layer=layer,
         )
-        # Styles, not attributes, may move, turn and scale by properties of their own.
-        moves = " ".join(
-            _move(key, own[key], outer.size)
-            for key in MOVES
-            if key in declared and own[key] not in UNSET
-        )
-        if style.get("transform") not in UNSET:
-            moves = f"{moves} {style.get('transform', '')}"
-        if transformed and moves.strip():
-            state = state._replace(matrix=outer.matrix @ _transform(style, moves, outer.size))
+        if transformed and style.get("transform", "none") != "none":
+            state = state._replace(matrix=outer.matrix @ _transform(style, outer.size))
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -304,7 +294,8 @@ class _ElementPainter(NamedTuple):
 
     def _width(self, state: State) -> float:
         """The width of a stroke [m]."""
-        width = _length(state.style, "stroke-width", math.hypot(*state.size) / math.sqrt(2.0), "1")
+        whole = math.hypot(*state.size) / math.sqrt(2.0)
+        width = _length(state.style, "stroke-width", whole, "1")
         if state.style.get("vector-effect") == "non-scaling-stroke":
             return width * PIXEL * self.canvas.scale
         return width * math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
@@ -399,19 +390,8 @@ def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
     return state._replace(matrix=state.matrix @ _matrix(fitted), size=box[2:])
 
 
-def _move(key: str, value: str, size: tuple[float, ...]) -> str:
-    """The move of a transform that a property of a style gives."""
-    if not PLAIN.fullmatch(value):
-        raise WorldError(f"has {key}: {shown(value)} in a style; apply transforms")
-    if key == "rotate":
-        return f"rotate({value})"
-    sides = size if key == "translate" else (1.0, 1.0)
-    words = zip(value.split(), sides, strict=False)
-    return f"{key}({' '.join(str(_length({'': word}, '', side)) for word, side in words)})"
-
-
-def _transform(style: dict[str, str], moves: str, size: tuple[float, ...]) -> Float:
-    """The transform of an element by some moves, about its origin."""
+def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
+    """The transform of an element, about its origin."""
     words = style.get("transform-origin", "0 0").split()
     if style.get("transform-box", "view-box") != "view-box" and "transform-origin" in style:
         raise WorldError("has a transform-box, about which nothing is known here; apply transforms")
@@ -420,7 +400,7 @@ def _transform(style: dict[str, str], moves: str, size: tuple[float, ...]) -> Fl
         words = [*words[1:], "center"][:1] + words[:1]
     words = [sides.get(word, word) for word in [*words, "50%"]]
     x, y = (_length({"": word}, "", side) for word, side in zip(words, size, strict=False))
-    about: Float = _moved(x, y) @ _matrix(moves) @ _moved(-x, -y)
+    about: Float = _moved(x, y) @ _matrix(style["transform"]) @ _moved(-x, -y)
     return about
 
 
@@ -445,7 +425,8 @@ def _size(root: Element) -> tuple[float, float]:
             if not 0.0 < sides[key] <= LARGEST_COORDINATE:
                 raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
     _, _, wide, high = _box(root)
-    width = sides.get("width", sides["height"] * wide / high if "height" in sides else wide)
+    usual = sides["height"] * wide / high if "height" in sides else wide
+    width = sides.get("width", usual)
     return width, sides.get("height", width * high / wide)
 
 
