@@ -162,13 +162,8 @@ class _ElementPainter(NamedTuple):
             layer=layer,
         )
         # Styles, not attributes, may move, turn and scale by properties of their own.
-        moves = " ".join(
-            _move(key, own[key], outer.size)
-            for key in MOVES
-            if key in declared and own[key] not in UNSET
-        )
-        if style.get("transform") not in UNSET:
-            moves = f"{moves} {style.get('transform', '')}"
+        moves = " ".join(_move(key, own[key], outer.size) for key in MOVES if key in declared)
+        moves += f" {style.get('transform', '')}" * (style.get("transform") not in UNSET)
         if transformed and moves.strip():
             state = state._replace(matrix=outer.matrix @ _transform(style, moves, outer.size))
         for key in ("clip-path", "mask"):
@@ -401,12 +396,13 @@ def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
 
 def _move(key: str, value: str, size: tuple[float, ...]) -> str:
     """The move of a transform that a property of a style gives."""
+    if value in UNSET:
+        return ""
     if not PLAIN.fullmatch(value):
         raise WorldError(f"has {key}: {shown(value)} in a style; apply transforms")
     if key == "rotate":
         return f"rotate({value})"
-    sides = size if key == "translate" else (1.0, 1.0)
-    words = zip(value.split(), sides, strict=False)
+    words = zip(value.split(), size if key == "translate" else (1.0, 1.0), strict=False)
     return f"{key}({' '.join(str(_length({'': word}, '', side)) for word, side in words)})"
 
 
