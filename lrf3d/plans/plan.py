@@ -34,6 +34,7 @@ from lrf3d.plans.doubts import (
     of_outside,
     of_pictures,
     of_rooms,
+    of_walls,
     warn_of_plans_apart,
 )
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
@@ -230,8 +231,6 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     outside = strokes.segments[strokes.found["outside line"]]
     large, scales = size_doubt(canvas, strokes)
     doubts = [of_pictures(canvas.pictured)]
-    slides = sum(bool((door.corners[0] == door.corners[2]).all()) for door in strokes.doors)
-    through = f"{counted(slides, 'doorway')} opened where walls go on" if slides else ""
     if not large:
         # Doors and rooms of another size cannot be judged.
         doubts += [of_doors(strokes.doors), of_rooms(walls)]
@@ -242,7 +241,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        notes(canvas.said, around, through),
+        notes(canvas.said, around, of_walls(strokes.doors)),
         balance=balance,
         doubts=notes(*doubts) + large,
         scales=scales,
