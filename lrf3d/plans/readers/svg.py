@@ -147,9 +147,7 @@ class _ElementPainter(NamedTuple):
         own = {key: value.strip() for key, value in element.attrib.items()}
         declared = overruled(self.sheet.get(element, {}), declarations(element.get("style", "")))
         own |= {key: value.partition("!")[0].strip() for key, value in declared.items()}
-        for key in MOVES:
-            if key in declared and own[key] not in NO_MOVES:
-                raise WorldError(f"has {key}: {shown(own[key])} in a style; apply transforms")
+        _refuse_moves({key: own[key] for key in declared})
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
         names, layer = _named(_tag(element), own, outer)
@@ -388,6 +386,13 @@ def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
     how = element.get("preserveAspectRatio", "xMidYMid").replace("defer", "").strip()
     fitted = svgelements.Viewbox.viewbox_transform(*frame, *box, how)
     return state._replace(matrix=state.matrix @ _matrix(fitted), size=box[2:])
+
+
+def _refuse_moves(style: dict[str, str]) -> None:
+    """Refuse a style that moves by properties of their own, which are not followed here."""
+    for key in MOVES:
+        if style.get(key, "none") not in NO_MOVES:
+            raise WorldError(f"has {key}: {shown(style[key])} in a style; apply transforms")
 
 
 def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
