@@ -117,18 +117,18 @@ class MapBeside:
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
-        order = "walls in the map" if own else "walls, by time found"
+        order = "walls in the map" if own else "walls, by time"
         walls = [self._row(*segments, (order, PALE))]
         if self._scene.structures.mirrors.any() and not self._colours:
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("reflected walls", PALE)))
         # Only outlines at the height of the laser are measured.
-        scenery = [self._row(("roofs: scenery", PALE))]
+        scenery = [self._row(("roofs are scenery", PALE))]
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),
-            *scenery * (not self._scene.structures.indoor),
             *robot,
             scale,
+            *scenery * (not self._scene.structures.indoor),
         ]
 
     def _row(self, *words: Any) -> Image.Image:
