@@ -33,7 +33,7 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
     from multiprocessing import active_children, get_context, resource_tracker
 
     others = active_children()
-    # Of a program that is ended at once its tracker removes the locks, without a word.
+    # The locks of a program that is ended at once are removed by their tracker: that is no warning.
     sys.warnoptions += {"ignore:resource_tracker"} - {*sys.warnoptions}
     try:
         pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_watch)

@@ -265,5 +265,6 @@ def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]
 
 def quad_indices(quads: int) -> NDArray[np.uint32]:
     """Indices (6 · quads,) of two triangles for each four vertices around a quad."""
+    first = np.arange(quads, dtype=np.uint32)[:, None] * 4
     corners = np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)
-    return (4 * np.arange(quads, dtype=np.uint32)[:, None] + corners).ravel()
+    return (first + corners).ravel()

@@ -356,9 +356,8 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         away = self.goals - self.poses[:, :2]
         distances = self.distances()
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
-        goal = np.column_stack([
-            np.minimum(distances, self._farthest), np.cos(bearings), np.sin(bearings),
-        ])  # fmt: skip
+        near = np.minimum(distances, self._farthest)
+        goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
         ranges = np.clip(self.scan[0], 0.0, self._reach)
         clouds = self._cloud_observer.observe(self.poses, self._times, self._own, self.np_random)
         return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32), **clouds}

@@ -211,7 +211,8 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     kept = shapely.area(parts) > 0.0
     parts = parts[kept]
     turns = turns[kept]
-    inner, outer = shapely.STRtree(parts).query(parts, predicate="covered_by")
+    tree = shapely.STRtree(parts)
+    inner, outer = tree.query(parts, predicate="covered_by")
     # For each part: the number of rings around it, itself included, and its winding number or its
     # parity, of which 0 is a hole.
     depth = np.bincount(inner, minlength=len(parts))

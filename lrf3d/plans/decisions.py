@@ -210,7 +210,8 @@ def selected(parts: Parts, select: Mapping[str, Any], unit: float) -> Bool:
             *(np.hypot(*(each - place).T) for each in (parts.middles, parts.uncut_middles))
         )
         away[~chosen] = np.inf
-        chosen &= (away <= away.min(initial=np.inf) + SAME) & (away <= NEAR)
+        least = away.min(initial=np.inf)
+        chosen &= (away <= least + SAME) & (away <= NEAR)
     return chosen
 
 
@@ -240,7 +241,8 @@ class Move(Decision):
             return None
         ends[here] = self.to
         moved = ends.reshape(-1, 4)
-        return plan._replace(parts=plan.parts._replace(segments=moved).at(lengths(moved) > SAME))
+        kept = lengths(moved) > SAME
+        return plan._replace(parts=plan.parts._replace(segments=moved).at(kept))
 
 
 @dataclass(frozen=True)

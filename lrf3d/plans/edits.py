@@ -92,7 +92,8 @@ class PlanEdits:
             for place, each in enumerate(several):
                 with at(kind.key if kind.single else f"{kind.key}[{place}]"):
                     made.append(kind.of(each))
-        return cls(tuple(made), *[str(found.get(name, "")) for name in plain[1:]])
+        names = [str(found.get(name, "")) for name in plain[1:]]
+        return cls(tuple(made), *names)
 
     def as_dict(self) -> dict[str, Any]:
         """The values of its file."""

@@ -82,7 +82,8 @@ def drawn_plan(
 ) -> Plan:
     """The plan of a drawing without decisions, or of the walls of a world."""
     if is_plan(path):
-        plan: Plan = read_world("lrf3d.world.files:value_of_file", path, scale, isolated, options)
+        reader = "lrf3d.world.files:value_of_file"
+        plan: Plan = read_world(reader, path, scale, isolated, options)
         return plan
     factor = scale.metres if isinstance(scale, PerUnit) else scale
     world = load_world(path, edits=(), isolated=isolated, scale=factor, **options)

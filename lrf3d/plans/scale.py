@@ -112,5 +112,6 @@ def _quantile(values: Float, weights: Float, share: float) -> float:
 
 def _doors(strokes: Strokes, factor: float) -> int:
     """The number of doors of usual width when a drawing is enlarged by a factor."""
-    doors, _ = find_doors(factor * strokes.segments, strokes.line, np.isin(strokes.role, MAY_OPEN))
+    drawn = np.isin(strokes.role, MAY_OPEN)
+    doors, _ = find_doors(factor * strokes.segments, strokes.line, drawn)
     return sum(USUAL[0] <= door.width <= USUAL[1] for door in doors)

@@ -95,9 +95,8 @@ class SelfCheck(NamedTuple):
     @property
     def unjudged(self) -> str:
         """Why the map could not be checked, in a sentence; "" if places were compared."""
-        return f"no place was seen again after {self.later:.0f} m: nothing checks the map" * (
-            not self.key_scans_compared
-        )
+        again = f"no place was seen again after {self.later:.0f} m: nothing checks the map"
+        return "" if self.key_scans_compared else again
 
     def sentences(self) -> list[str]:
         """The contradiction in one sentence; an empty list if there is none."""

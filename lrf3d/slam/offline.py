@@ -262,10 +262,8 @@ def _in_parts(
             words.append(f"{scans} are left out: they are nowhere on the map of the others")
             continue
         assert solved.joined is not None
-        words.append(
-            f"{scans} were placed on the map of the others, probability"
-            f" {solved.joined.probability:.4f}"
-        )
+        odds = f"probability {solved.joined.probability:.4f}"
+        words.append(f"{scans} were placed on the map of the others, {odds}")
         slams.append(solved.slam)
         chosen += range(first, end)
     poses = solved.run.trajectory.poses[-len(chosen) :]
@@ -307,9 +305,8 @@ def _calibrated(recording: Recording) -> Wheels:
     """The errors of the wheels, from tracking the beginning once before the drive is solved."""
     tracker = Tracker(laser_offset=recording.log.odometry.laser_offset)
     # Without odometry there are no wheels to calibrate.
-    for scan, increment in zip(
-        recording.scans[: CALIBRATED * recording.log.placed], recording.increments, strict=False
-    ):
+    first = recording.scans[: CALIBRATED * recording.log.placed]
+    for scan, increment in zip(first, recording.increments, strict=False):
         tracker.track(scan, increment)
     return tracker.front.wheels
 

@@ -193,10 +193,8 @@ class SolvedLog:
         reasons = Counter(each.why for each in self.refused)
         why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
         refused = counted(len(self.refused), "loop closure")
-        return [
-            f"scans {first} to {last}: {refused} refused: {why}; --close A:B and --not A:B say"
-            " what is known of two scans"
-        ]
+        tried = f"scans {first} to {last}: {refused} refused: {why}"
+        return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
 
     @property
     def odometry(self) -> str:
@@ -236,7 +234,8 @@ class SolvedLog:
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         wheels = NO_POSES
         if self.log.placed:
-            wheels = compose(self.recording.path.at(self.recording.taken_at), np.array(mount))
+            driven = self.recording.path.at(self.recording.taken_at)
+            wheels = compose(driven, np.array(mount))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen), wheels)
         maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
         return run_of(self.log.name, self.moments, poses, maps, estimate, self.log.path)
@@ -255,6 +254,7 @@ class SolvedLog:
         slams = [slam] if self.parts is None else self.parts.slams
         tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
+        errors = "turn_share", "turn_rad_per_m", "distance_share"
         steps = np.hypot(*np.diff(self.run.trajectory.poses[:, :2], axis=0).T)
         # The leap to each part, or from one drive to the next, is no part of the path.
         from_end = np.cumsum([len(each.tracked) for each in slams[::-1]])
@@ -272,13 +272,7 @@ class SolvedLog:
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {
                 "lag_lines": float(self.recording.lags.mean()),
-                **dict(
-                    zip(
-                        ("turn_share", "turn_rad_per_m", "distance_share"),
-                        slam.wheels.biases.tolist(),
-                        strict=True,
-                    )
-                ),
+                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
                 "solved_times": self.passes,
             },
             "slam": {

@@ -110,7 +110,8 @@ def _crossing(begins: Float, along: Float, others: Float, beside: Float) -> tupl
     sine = cross(along, beside)
     sine[np.abs(sine) <= np.sin(np.radians(15))] = np.nan
     first = cross(others - begins, beside) / sine
-    return first, cross(others - begins, along) / sine, begins + first[:, None] * along
+    second = cross(others - begins, along) / sine
+    return first, second, begins + first[:, None] * along
 
 
 def _may_grow(growth: Float) -> Bool:

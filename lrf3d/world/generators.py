@@ -227,7 +227,8 @@ def _divide(
         return
     cut = float(np.round(rng.choice(free), 2))
     start = float(low[1 - axis])
-    door = float(np.round(rng.uniform(start + clear, float(high[1 - axis]) - clear), 2))
+    end = float(high[1 - axis])
+    door = float(np.round(rng.uniform(start + clear, end - clear), 2))
     doors.append((1 - axis, cut, door))
     across = np.arange(2) == axis
     first = np.where(across, cut, low)
@@ -281,7 +282,8 @@ def maze(size: float, seed: int) -> World:
         if (one, other) not in passages:
             x = PASSAGE * (one % count + 1)
             y = PASSAGE * (one // count + 1)
-            plan.wall(*((x, y - PASSAGE) if other == one + 1 else (x - PASSAGE, y)), x, y)
+            is_right = other == one + 1
+            plan.wall(*((x, y - PASSAGE) if is_right else (x - PASSAGE, y)), x, y)
     return plan.world(f"maze {seed}")
 
 

@@ -200,8 +200,9 @@ def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     free = np.concatenate([ends[single], lone])
     owner = np.concatenate([single // 2, -1 - np.arange(len(lone))])
     slots = np.repeat([1, 2], [len(single), len(lone)])
+    tree = cKDTree(np.column_stack([free.real, free.imag]))
     # Measured maps have holes: three empty cells are bridged.
-    near = cKDTree(np.column_stack([free.real, free.imag])).query_pairs(4.3, output_type="ndarray")
+    near = tree.query_pairs(4.3, output_type="ndarray")
     near = near[owner[near[:, 0]] != owner[near[:, 1]]]
     bridges = []
     for pair in near[np.argsort(np.abs(free[near[:, 0]] - free[near[:, 1]]))]:
@@ -227,7 +228,8 @@ def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     moved = points.copy()
     moved[inside] += double[tuple(cells.T)] * (steps @ near) / (near.sum(axis=0) + 1)
     # Both points of a post of two by two cells would become one.
-    points = np.where(((count == 2) & (moved[first] == moved[first + 1]))[number], points, moved)
+    post = (count == 2) & (moved[first] == moved[first + 1])
+    points = np.where(post[number], points, moved)
     places = np.column_stack([points.real, points.imag])
     # The points of a straight wall at any angle lie within half a cell of a line, and so within one
     # of a piece through two of them.

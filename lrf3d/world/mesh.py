@@ -158,7 +158,8 @@ def floors_of(triangles: Float) -> tuple[float, float]:
     # Two level areas less than half a metre apart are the sides of a slab; the upper one is the
     # floor.
     found = float(large[large <= large[0] + CUT][-1]) if len(large) else low
-    return 0.0 if low >= -CUT or (np.abs(large) <= CUT).any() else found, found
+    ground = low >= -CUT or bool((np.abs(large) <= CUT).any())
+    return (0.0 if ground else found), found
 
 
 def _other_cut(triangles: Float, floor: float) -> str:

@@ -151,7 +151,8 @@ def connected(segments: Float, gap: float = TOUCHING) -> Int:
 
     if not len(segments):
         return np.zeros(0, np.int64)
-    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - segments.reshape(-1, 2).mean(axis=0))
+    middle = segments.reshape(-1, 2).mean(axis=0)
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
     return groups(*pairs_within(lines, gap, "walls"), len(segments))
 
 
@@ -168,7 +169,8 @@ def pairs_within(shapes: Any, distance: float, what: str) -> tuple[Int, Int]:
     pairs = [np.empty((2, 0), np.int64)]
     known = 0
     for first in range(0, count, step := 1 + MOST_PAIRS // (count + 1)):
-        found = tree.query(shapes[first : first + step], predicate="dwithin", distance=distance)
+        part = shapes[first : first + step]
+        found = tree.query(part, predicate="dwithin", distance=distance)
         found[0] += first
         pairs.append(found)
         known += found.shape[1]

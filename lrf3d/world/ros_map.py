@@ -113,7 +113,8 @@ def _values(data: Mapping[str, Any]) -> dict[str, Any]:
         "mode": "trinary",
     }
     for key in filter(KEYS.__contains__, data):
-        values[key] = KEYS[key](data[key] if key in ("image", "mode") else _plain(data[key]), key)
+        is_text = key in ("image", "mode")
+        values[key] = KEYS[key](data[key] if is_text else _plain(data[key]), key)
     return values
 
 

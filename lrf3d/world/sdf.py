@@ -198,7 +198,8 @@ class _SdfWalls:
             corners = [low, high, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)]
             # The sides are enough, since they are what is cut.
             sides = np.concatenate([np.stack(corners[:3], 1), np.stack(corners[1:], 1)])
-            return trimesh.Trimesh(sides.reshape(-1, 3), np.arange(3 * len(sides)).reshape(-1, 3))
+            faces = np.arange(3 * len(sides)).reshape(-1, 3)
+            return trimesh.Trimesh(sides.reshape(-1, 3), faces)
         if kind.tag == "plane":
             return "ground plane"
         return self._loaded(kind, file) if kind.tag == "mesh" else None

@@ -198,7 +198,8 @@ class _EntityFilter(Frontend):
 
 def _kind(entity: Any) -> str:
     """The reason to leave out an entity: a name for its kind, or its kind and its layer."""
-    return (LEFT_OUT | PATTERNED).get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
+    known = LEFT_OUT | PATTERNED
+    return known.get(entity.dxftype(), f"{entity.dxftype()}: {_layer(entity)}")
 
 
 def _layer(entity: Any) -> str:
@@ -268,7 +269,8 @@ class _EntityPainter(Backend):
         # A white area is printed, too, so it counts as seen; only a wipeout has no contrast.
         seen = max(1.25 * PALEST, contrast_to_white(*bytes.fromhex(properties.color[1:7])))
         mark = self._mark(properties, 0.0 if properties.color == PAPER else seen)
-        self.canvas.area(rings, mark._replace(opaque=properties.color[7:].lower() in ("", "ff")))
+        opaque = properties.color[7:].lower() in ("", "ff")
+        self.canvas.area(rings, mark._replace(opaque=opaque))
 
     def _points(self, path: Any) -> Float:
         corners = np.array([tuple(point) for point in path.control_vertices()])

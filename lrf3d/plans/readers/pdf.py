@@ -78,7 +78,8 @@ def draw(
         raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
     handle = document[page - 1]
     file = pypdf.PdfReader(path)
-    scale = scale_of(scale, POINT * float(file.pages[page - 1].user_unit))
+    point = POINT * float(file.pages[page - 1].user_unit)
+    scale = scale_of(scale, point)
     unit = POINT * scale * float(file.pages[page - 1].user_unit)
     matrix, size = _frame(handle, unit)
     canvas = Canvas.of_sheet(float(size.max()), scale)
@@ -93,7 +94,8 @@ def draw(
     canvas.scale = scale
     canvas.scales = sheet_scales(handle.get_textpage().get_text_bounded(), scale)
     if share and (not lines or (few and share > FILLED) or _is_bare(canvas, lines, share)):
-        plan = _scanned(handle, f"page {page} of {len(document)}", unit, size, threshold)
+        which = f"page {page} of {len(document)}"
+        plan = _scanned(handle, which, unit, size, threshold)
         number = np.arange(len(plan.segments))
         seen = Strokes(plan.segments, number, number, np.full(len(number), "wall"))
         doubts, scales = size_doubt(canvas, seen)

@@ -94,7 +94,8 @@ def read_picture(
     # Light ink on a transparent sheet is meant for a dark one.
     inked = pixels[::4, ::4][pixels[::4, ::4, -1] > 0.5 * WHITE]
     few = len(inked) < 0.5 * pixels[::4, ::4, 0].size
-    paper = 0 if few and len(inked) > 0 and inked[:, :-1].mean() > LIGHT else WHITE
+    light = few and len(inked) > 0 and inked[:, :-1].mean() > LIGHT
+    paper = 0 if light else WHITE
     # Large pictures would need gigabytes as a whole.
     rows = np.array_split(pixels, max(1, len(pixels) // 256))
     colours = np.concatenate([on_paper(each, paper) for each in rows])
@@ -268,13 +269,15 @@ def _frame(drawn: Bool, pixels: float) -> tuple[Bool, int]:
     if not large.any() or large.all():
         return np.zeros_like(drawn), 0
     lines = [walls_of_grid(parts == part) for part in np.flatnonzero(large) + 1]
-    lines += [*boxes[~large][:, np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])]]
+    around = np.array([[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]])
+    lines += [*boxes[~large][:, around]]
     owner = np.repeat(
         np.append(np.flatnonzero(large), np.flatnonzero(~large)), [len(each) for each in lines]
     )
     # On a sheet, there are thick walls and thin lines.
     thick = _opened(drawn & ~np.append(False, large)[parts], 0.5 * THIN * pixels)
-    found = is_frame(np.concatenate(lines) / pixels, extent_of(thick) > 0.3 * extent_of(drawn))
+    sheet = extent_of(thick) > 0.3 * extent_of(drawn)
+    found = is_frame(np.concatenate(lines) / pixels, sheet)
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
     return np.asarray(np.append(False, framed)[parts]), int(framed.sum())
 
@@ -315,7 +318,8 @@ def _doors(drawn: Bool, pixels: float) -> tuple[Bool, int]:
     walls = _radii(drawn, parts, count) < 0.5 * THICKEST_SOLID * pixels
     walls[np.unique(parts[inside | drawn])] = False
     solid = _opened(drawn, _half_thin(pixels))
-    return drawn & grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM), doors
+    opening = grown(inside, reach) & ~grown(walls[parts], reach) & ~grown(solid, RIM)
+    return drawn & opening, doors
 
 
 def _building(solid: Bool, pixels: float) -> Bool:

@@ -31,7 +31,8 @@ class LeftOut:
     def without(self, reason: str, cells: Bool, out: Bool, parts: int) -> Bool:
         """Leave out some parts for a reason; returns the other cells."""
         self.parts[reason] += parts
-        self._reason[cells & out & (self._reason == 0)] = list(self.parts).index(reason) + 1
+        taken = cells & out & (self._reason == 0)
+        self._reason[taken] = list(self.parts).index(reason) + 1
         return cells & ~out
 
     def leave_pale(self, pale: Bool, parts: int) -> None:

@@ -84,8 +84,9 @@ def _rows(parts: _LetterParts) -> list[Int]:
     # Gaps between letters of a word are shares of the larger one.
     tree = shapely.STRtree(parts.around(small, 0.0))
     one, other = tree.query(parts.around(small, 0.6), predicate="intersects")
+    ratio = parts.size[small[one]] / parts.size[small[other]]
     # Dots and accents are far smaller than letters.
-    alike = parts.size[small[one]] >= parts.size[small[other]]
+    alike = ratio >= 1.0
     return [small[row] for row in members_of(groups(one[alike], other[alike], len(small)))]
 
 

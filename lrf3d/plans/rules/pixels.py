@@ -41,7 +41,8 @@ def evened(colours: Any, wide: float) -> Any:
         padding = ((0, high * side - rows), (0, long * side - columns))
         whole = np.pad(colours[..., channel], padding, mode="edge")
         blocks = whole.reshape(high, side, long, side).swapaxes(1, 2).reshape(high, long, -1)
-        closed = grey_closing(np.median(blocks, axis=2), (int(wide / side) + 1,) * 2)
+        size = (int(wide / side) + 1,) * 2
+        closed = grey_closing(np.median(blocks, axis=2), size)
         paper = Image.fromarray(gaussian_filter(closed, 1.0).astype(np.float32))
         light = np.asarray(paper.resize((long * side, high * side), Image.Resampling.BILINEAR))
         share = colours[..., channel] / np.maximum(light[:rows, :columns], 16.0)
@@ -65,7 +66,8 @@ def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
     scale = np.float32(WHITE)
     for channel in range(3):
         np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
-    return most / scale, np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean()) / scale, key
+    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
+    return most / scale, lightness / scale, key
 
 
 def threshold_of(contrast: Single) -> float:

@@ -98,13 +98,11 @@ def is_annotation(segments: Float, line: Int, mark: Int) -> Bool:
     # The name of an axis stands in its bubble.
     rings = used[markers.kind[used] == RING]
     bubbles = shapely.buffer(shapely.points(markers.place[rings]), markers.size[rings])
-    found[shapely.STRtree(as_lines(segments)).query(bubbles, predicate="contains")[1]] = True
+    lines = shapely.STRtree(as_lines(segments))
+    found[lines.query(bubbles, predicate="contains")[1]] = True
     dimension = chosen[host] & (markers.kind[marker] != RING)
-    found[
-        _extensions(
-            segments, tree, directions(segments[hosts[host[dimension]]]), station[dimension], found
-        )
-    ] = True
+    along = directions(segments[hosts[host[dimension]]])
+    found[_extensions(segments, tree, along, station[dimension], found)] = True
     return found
 
 

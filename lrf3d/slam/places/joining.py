@@ -96,14 +96,14 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in slam.closer.keys)]
     second = refined(surfaces, second, whole, nodes, numbers)
     driven = _driven(places.poses)
-    driven = np.concatenate([driven, _driven(nodes[count:]) + driven[-1] + 2.0 * LATER])
-    pairs = np.array([(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties])
+    later = _driven(nodes[count:])
+    driven = np.concatenate([driven, later + driven[-1] + 2.0 * LATER])
+    ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties]
+    pairs = np.array(ends, np.int64).reshape(-1, 2)
     check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
     best = _best(sure)
-    return Joined(
-        run, places.numbers, first, second, pairs, min(best.path), best.probability, whole, nodes,
-        check,
-    )  # fmt: skip
+    found = min(best.path), best.probability
+    return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
 
 
 def _best(sure: list[Found]) -> Found:

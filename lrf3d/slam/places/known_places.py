@@ -179,10 +179,8 @@ class KnownPlaces:
 
     def _poses(self, positions: Int, headings: Float) -> Float:
         """Poses (k, 3) at positions (k, 2) of the lattice, with headings (k,)."""
-        return compose(
-            self.origin,
-            np.column_stack([CELL * (len(self._lattice) * positions[:, ::-1] + 0.5), headings]),
-        )
+        places = CELL * (len(self._lattice) * positions[:, ::-1] + 0.5)
+        return compose(self.origin, np.column_stack([places, headings]))
 
     def search(self, hits: Records) -> Float:
         """The poses (k, 3) on the whole map where hits fit best, the best first.
@@ -203,7 +201,8 @@ class KnownPlaces:
 
         A score is the mean log likelihood of the hits.
         """
-        poses, scores = climbed(between(self.origin, guesses), hits, self._scores, self.side)
+        local = between(self.origin, guesses)
+        poses, scores = climbed(local, hits, self._scores, self.side)
         return compose(self.origin, poses), scores
 
     def fits(self, pose: Float, hits: Records) -> bool:

@@ -77,11 +77,8 @@ class LocalisedLog:
              "last_pose": self.poses[each.last].tolist()}
             for each in self.stretches
         ]  # fmt: skip
-        return {
-            "name": self.log.name, "log": self.log.counts,
-            "scans_localised": int(self.known.sum()), "probability": self.probability,
-            "stretches": parts,
-        }  # fmt: skip
+        found = {"scans_localised": int(self.known.sum()), "probability": self.probability}
+        return {"name": self.log.name, "log": self.log.counts, **found, "stretches": parts}
 
 
 @stoppable()
@@ -139,14 +136,8 @@ def localise_log(
         begin = min(path)
         part = slice(begin, found.last + 1)
         poses[part] = bent(front[part], np.array([*path]) - begin, np.array([*path.values()]))
-        parts.append(
-            Stretch(
-                begin,
-                found.last,
-                found.probability,
-                carried=bool(parts) and _is_carried(front, poses, parts[-1].last, begin),
-            )
-        )
+        carried = bool(parts) and _is_carried(front, poses, parts[-1].last, begin)
+        parts.append(Stretch(begin, found.last, found.probability, carried))
     return LocalisedLog(log, poses, tuple(parts), search.probability)
 
 

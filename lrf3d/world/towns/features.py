@@ -292,8 +292,9 @@ def looks_geographic(features: Sequence[Feature]) -> bool:
     if (np.abs(points) > [0.5 * TURN, POLE]).any():
         return False
     sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
+    widest = np.ptp(_from(points, points[0]), axis=0).max()
     # In metres the whole would be half a pace wide, and half of the outlines less than a finger.
-    return bool(np.ptp(_from(points, points[0]), axis=0).max() <= 0.5 and np.median(sizes) < 0.01)
+    return bool(widest <= 0.5 and np.median(sizes) < 0.01)
 
 
 def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
@@ -304,7 +305,8 @@ def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]
     high = local.max(axis=0)
     longitude, latitude = points[0] + 0.5 * (low + high)
     centre = np.array([(longitude + 0.5 * TURN) % TURN - 0.5 * TURN, latitude])
-    return moved(features, partial(lay_flat, centre=centre)), centre, float((high - low).max())
+    flat = moved(features, partial(lay_flat, centre=centre))
+    return flat, centre, float((high - low).max())
 
 
 def lay_flat(points: Float, centre: Float) -> Float:

@@ -310,7 +310,8 @@ def _by_pyproj(
     scales = np.array([factors.meridional_scale, factors.parallel_scale])
     # Largest part by which lengths may be off in coordinates that stay; national systems are off by
     # a thousandth at most.
-    plane = bool((np.abs(scales - 1.0) < 0.005).all())
+    distorted = 0.005
+    plane = bool((np.abs(scales - 1.0) < distorted).all())
     return (system.axis_info[0].unit_conversion_factor, features) if plane else (0.0, degrees)
 
 

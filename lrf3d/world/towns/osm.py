@@ -102,7 +102,8 @@ def _element(item: dict[str, Any]) -> Element:
     for key, value in item.get("tags", {}).items():
         element.append(Element("tag", {"k": key, "v": str(value)}))
     nodes = item.get("nodes", [])
-    for node, place in zip_longest(nodes, item.get("geometry") or [None] * len(nodes)):
+    places = item.get("geometry") or [None] * len(nodes)
+    for node, place in zip_longest(nodes, places):
         number = {} if node is None else {"ref": str(node)}
         known = {key: str(value) for key, value in (place or {}).items()}
         element.append(Element("nd", number | known))
@@ -432,7 +433,8 @@ def trunks(places: Float, tags: Sequence[Tags], buildings: list[Any]) -> list[Fe
     side = 2.0 ** np.floor(np.log2(radii))
     squares = np.column_stack([side, np.floor(places / side[:, None])])
     single = np.sort(np.unique(squares, axis=0, return_index=True)[1])
-    first, second = pairs_within(shapely.buffer(points[single], radii[single]), 0.0, "trees")
+    circles = shapely.buffer(points[single], radii[single])
+    first, second = pairs_within(circles, 0.0, "trees")
     once = {*single.tolist()} - {*single[second[first < second]].tolist()}
     turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int
@@ -146,8 +147,8 @@ class FrameMotion:
             own = NANO * (self.times - first)
             asked = NANO * (np.clip(times, first, last) - first)
             between = np.column_stack([np.interp(asked, own, each) for each in self.rows.T[:3]])
-            turns = _turned(own, self.rows[:, 3:], asked)
-            matrices = _matrices(np.column_stack([between, turns]))
+            turns = Slerp(own, Rotation.from_quat(self.rows[:, 3:]))(asked)
+            matrices = _matrices(np.column_stack([between, turns.as_quat()]))
             matrices[(times < first) | (times > last)] = np.nan
             steps = np.diff(self.times)
             place = np.clip(np.searchsorted(self.times, times), 1, len(steps)) - 1
@@ -160,29 +161,9 @@ class FrameMotion:
 
 def _matrices(rows: Float) -> Float:
     matrices = np.tile(np.eye(4), (len(rows), 1, 1))
-    x, y, z, w = rows[:, 3:].T / np.linalg.norm(rows[:, 3:], axis=1)
-    turns = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    matrices[:, :3, :3] = np.moveaxis(np.array(turns), 2, 0)
+    matrices[:, :3, :3] = Rotation.from_quat(rows[:, 3:]).as_matrix()
     matrices[:, :3, 3] = rows[:, :3]
     return matrices
-
-
-def _turned(times: Float, turns: Float, asked: Float) -> Float:
-    """Quaternions (k, 4), of any length, between those at rising times (n,), at even speed."""
-    after = np.clip(np.searchsorted(times, asked, side="right"), 1, len(times) - 1)
-    before = after - 1
-    share = (asked - times[before]) / (times[after] - times[before])
-    cosine = np.sum(turns[before] * turns[after], axis=1)
-    # A quaternion and its negative are the same turn.
-    angle = np.arccos(np.minimum(np.abs(cosine), 1.0)) / np.pi
-    rest = 1.0 - share
-    weights = np.array([rest * np.sinc(rest * angle), share * np.sinc(share * angle)])
-    weights[1] *= np.where(cosine < 0.0, -1.0, 1.0)
-    return np.asarray(weights[0, :, None] * turns[before] + weights[1, :, None] * turns[after])
 
 
 class Frames:
