@@ -1,29 +1,22 @@
 """Colours of the objects of maps: in figures and messages an object has the same one."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from lrf3d.geometry.lines import Float, Int
 
+# [turns] Hue of the laser and of the trail, which no object has, and the least distance from it.
+_TAKEN_HUE = 0.708
+_FREE_HUE = 0.056
 
-class _Palette(NamedTuple):
-    """Colours of the objects of maps in Oklch."""
-
-    taken: float  # [turns] The hue of the laser or of the trail, which no object has,
-    free: float  # [turns] and the least distance of an object's hue from it.
-    tones: Float  # The lightnesses that objects take in turn.
-    chroma: float
-
+# Lightnesses that objects take in turn, and their chroma, in Oklch: legible on white.
+_TONES = np.array([0.44, 0.628, 0.503, 0.69, 0.565])
+_CHROMA = 0.17
 
 # [turns] Hue of the first object, and the step from one object to the next, of Roberts' sequence:
 # they leave the nearest two of sixty objects furthest apart. With the golden step every 21st looks
 # the same.
 _FIRST_HUE = 0.85
 _HUE_STEP = 0.5698402910
-
-# Legible on white.
-_ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
 
 # From Oklab to the responses of cones, and from these to linear sRGB (Ottosson, 2020).
 _LMS_FROM_LAB = np.array(
@@ -47,12 +40,10 @@ def object_tints(objects: Int) -> Float:
     number = np.asarray(objects, dtype=np.float64)
     # Hues such a step apart never come round; five tones part those that come near.
     turn = np.mod(_FIRST_HUE - number * _HUE_STEP, 1.0)
-    hue = 2.0 * np.pi * (_ON_PAPER.taken + _ON_PAPER.free + turn * (1.0 - 2.0 * _ON_PAPER.free))
-    lightness = _ON_PAPER.tones[number.astype(np.int64) % len(_ON_PAPER.tones)]
+    hue = 2.0 * np.pi * (_TAKEN_HUE + _FREE_HUE + turn * (1.0 - 2.0 * _FREE_HUE))
+    lightness = _TONES[number.astype(np.int64) % len(_TONES)]
     # In Oklch (Ottosson, 2020) all hues look equally bright.
-    lab = np.column_stack(
-        [lightness, _ON_PAPER.chroma * np.cos(hue), _ON_PAPER.chroma * np.sin(hue)]
-    )
+    lab = np.column_stack([lightness, _CHROMA * np.cos(hue), _CHROMA * np.sin(hue)])
     linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
     # The transfer curve of sRGB (IEC 61966-2-1).
     offset = 0.055

@@ -126,12 +126,11 @@ def formats_for(form: Form) -> list[str]:
 
 def _wide_format(form: Form, rows: Float) -> str:
     """A format of a scan a line at usual bearings; "" if none fit, or the numbers are no ranges."""
-    stamp = "stamp@1, " * rises(form.sample, 0)
-    begin = len(stamp[:1])
+    stamped = rises(form.sample, 0)
     # Words after the numbers are labels.
     end = int(np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=-1)) + 1
     # A scan does not begin with a column of zeros.
-    usual = [k for k in range(begin, end) if end - k in FANS and rows[:, k].any()]
+    usual = [k for k in range(int(stamped), end) if end - k in FANS and rows[:, k].any()]
     if not usual:
         return ""
     begin = usual[0]
@@ -139,7 +138,8 @@ def _wide_format(form: Form, rows: Float) -> str:
     beams = f"*{end - begin}" * (end < form.length)
     # Of negative numbers there is one, that of beams without return.
     likely = len({*ranges[ranges < 0.0].tolist()}) <= 1
-    return f"{stamp}ranges{beams}@{begin + 1}" * likely
+    stamp = "stamp@1, " if stamped else ""
+    return f"{stamp}ranges{beams}@{begin + 1}" if likely else ""
 
 
 def by_names(form: Form) -> Layout:
