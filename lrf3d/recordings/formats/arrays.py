@@ -36,6 +36,12 @@ from lrf3d.recordings.log import Intake
 # Matches what JSON and printed messages of ROS begin with.
 DOCUMENTS = re.compile(rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):").match
 
+# Matches what a dict begins with that Python prints: its names are in single quotes, or numbers.
+PRINTED = re.compile(r"\s*\{['\d]").match
+
+# Lists for the tuples that Python prints.
+LISTED = str.maketrans("()", "[]")
+
 # Matches what a CSV of lists begins with; no byte twice, since a header may have thousands of
 # columns.
 LISTS = re.compile(
@@ -285,8 +291,10 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
 
 def _json_parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     """The records in a text of JSON; what Python prints has other quotes."""
-    parts, read = json_parts(text)
-    return parts, _yaml if text.lstrip().startswith("{'") else read
+    if not PRINTED(text):
+        return json_parts(text)
+    parts, _ = json_parts(text.translate(LISTED))
+    return parts, _yaml
 
 
 def _are_stamped(parts: Sequence[Any], read: Callable[[Any], Any]) -> bool:
