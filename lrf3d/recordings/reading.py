@@ -160,7 +160,7 @@ def log_of_file(
     found: LaserLog | Table = function(row.read)(intake, **options)
     if isinstance(found, LaserLog):
         return found
-    if row.name != "arrays":
+    if row.name == "records":
         add_partner(found)
     return found.log()
 
@@ -192,10 +192,8 @@ def _format_of(path: Path, columns: str | None) -> Format:
         is_document = DOCUMENTS(head_of(path, BEGINNING, "a log"))
         in_records = is_document and {"@", "*"}.isdisjoint(columns) and not is_messages(path)
         return by_name("log", "records" if in_records else "text")
-    if (path / "run.npz").exists():
-        return by_name("log", "run")
     if path.is_dir():
-        return by_name("log", "bag")
+        return by_name("log", "run" if (path / "run.npz").exists() else "bag")
     # Other formats use the endings of CARMEN logs, arrays and runs, too: the content decides.
     if named is not None and name not in ("CARMEN", "arrays", "run"):
         return named

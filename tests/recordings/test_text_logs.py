@@ -437,15 +437,14 @@ def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualitie
 def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(
     stamp, drive, tmp_path
 ):
-    _, _, ranges = drive
     lines = [
         f"{stamp(BEAMS * k + a)},{a},{row[a] + 0.9 * echo:.4f}"
-        for k, row in enumerate(ranges) for a in range(BEAMS) for echo in (0, 1)
+        for k, row in enumerate(drive[2]) for a in range(BEAMS) for echo in (0, 1)
     ]  # fmt: skip
     (tmp_path / "dual.csv").write_text("\n".join(["time,angle,distance", *lines]))
     log = load_log(tmp_path / "dual.csv")
     assert len(log) == 40
-    assert np.allclose([s.ranges[s.hits] for s in log.scans], ranges, atol=1e-3)
+    assert np.allclose([s.ranges[s.hits] for s in log.scans], drive[2], atol=1e-3)
 
 
 def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_path):

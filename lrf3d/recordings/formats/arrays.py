@@ -25,11 +25,9 @@ from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
 from lrf3d.recordings.formats.text.dialects import DIALECTS, Words
-from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.guesses import SERIES, by_names, swept
-from lrf3d.recordings.formats.text.layout import Layout, described
-from lrf3d.recordings.formats.text.lines import in_seconds, untyped
-from lrf3d.recordings.formats.text.words import SHORT, named
+from lrf3d.recordings.formats.text.layout import Form, Layout, described
+from lrf3d.recordings.formats.text.lines import SHORT, in_seconds, named, untyped
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
@@ -345,10 +343,8 @@ def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
         return padded(parts, notes if meaning(name)[0] == "ranges" else [])
     if {part.shape[1:] for part in parts} == {(2,)}:
         # Some scans have fewer pairs of a bearing and a range.
-        pairs = np.full((len(parts), max(map(len, parts)), 2), np.nan)
-        for row, part in zip(pairs, parts, strict=True):
-            row[: len(part)] = part
-        return pairs
+        pairs = np.dstack([padded([part[:, k] for part in parts], []) for k in (0, 1)])
+        return np.where(np.isfinite(pairs), pairs, np.nan)
     return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
 
 

@@ -354,14 +354,12 @@ class Table:
     def times(self) -> Float:
         """Stamps (k,) [s]."""
         nanosec = self.values.pop("nanosec", None)
-        if nanosec is not None and "stamp" not in self.values:
-            self.values["stamp"] = nanosec
-            self.units["stamp"] = "ns"
-        elif nanosec is not None and usual_step(self.values["stamp"]) <= SLOWEST:
-            seconds = self.values["stamp"]
+        if nanosec is not None:
+            seconds = self.values.get("stamp", 0.0 * nanosec)
             # Stamps with a fraction are complete, and so are those in smaller units.
-            self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
-            self.units["stamp"] = "s"
+            if usual_step(seconds) <= SLOWEST:
+                self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
+                self.units["stamp"] = "s"
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:

@@ -6,7 +6,7 @@ none fits, the error shows a format that reads it: nothing is read silently in a
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +15,8 @@ from lrf3d.geometry.lines import Float
 from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
 from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.fans import FANS, LEAST_ALIKE
-from lrf3d.recordings.formats.text.form import Form
-from lrf3d.recordings.formats.text.layout import Layout
-from lrf3d.recordings.formats.text.words import SHORT, VARIED, is_number, rises, values_of
+from lrf3d.recordings.formats.text.layout import Form, Layout, described
+from lrf3d.recordings.formats.text.lines import SHORT, VARIED, is_number, rises, values_of
 from lrf3d.recordings.log import Intake
 
 # Matches one of a series of columns: its name, its number, and a unit.
@@ -378,14 +377,11 @@ def _by_length(form: Form) -> Layout | None:
 def _in_order(form: Form, stamp: Words, placed: bool) -> Layout:
     """The layout of a stamp and ranges, with a pose before or after these if they are placed."""
     pose = ["x", "y", "theta"] * placed
-    begin = len(stamp)
-    if not (placed and _poses_are_last(form, begin)):
-        columns = {name: k for k, name in enumerate([*stamp, *pose, "ranges"])}
-        return Layout(columns, None, form.length)
-    end = form.length - len(pose)
-    columns = {name: k for k, name in enumerate([*stamp, "ranges"])}
-    columns |= {name: end + k for k, name in enumerate(pose)}
-    return Layout(columns, end - begin, form.length)
+    columns = [*stamp, *pose, "ranges"]
+    if placed and _poses_are_last(form, len(stamp)):
+        beams = form.length - len(stamp) - len(pose)
+        columns = [*stamp, f"ranges*{beams}", *pose]
+    return replace(described(", ".join(columns), []), length=form.length)
 
 
 def _poses_are_last(form: Form, begin: int) -> bool:
