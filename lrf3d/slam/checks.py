@@ -21,7 +21,7 @@ from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
-from lrf3d.recordings.repair.judging import WIDEST, is_clear
+from lrf3d.recordings.repair.pairs import WIDEST, is_clear
 from lrf3d.slam.motion import size_of
 
 # Largest distance [m] between key scans that are compared: most of what they see is the same.
