@@ -9,7 +9,7 @@ from PIL import Image
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.found import found_after, visible_to
+from lrf3d.studio.scene.found import found_after, lost_after, visible_to
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
@@ -64,14 +64,12 @@ class MapBeside:
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
-        run: Any = scene.run
-        self._walls, _ = visible_to(run)
 
     @property
     def lost(self) -> Float:
         """The parts of walls (n, 4) that the map misses in the end."""
         run: Any = self._scene.run
-        return self._walls[~found_after(run, len(run) - 1)]
+        return lost_after(run, len(run) - 1)
 
     def _window(self, time: float) -> InsetView:
         """What is shown at a time [s]: after the end it comes close to a place."""
@@ -91,8 +89,7 @@ class MapBeside:
         run: Any = self._scene.run
         moment = self._scene.timeline.moment(time)
         ended = moment.mapped == len(run.trajectory.times) - 1
-        found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
-        lost = self._walls[~found] if ended else look.NOTHING
+        lost = lost_after(run, moment.mapped)
         plan = draw(self._scene.inset(moment, self._window(time), self._colours, lost), self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
@@ -101,6 +98,7 @@ class MapBeside:
         missed = [(f"·  {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
         if not self.name:
             return [self._row(name, *missed), Image.fromarray(plan)]
+        found = found_after(run, moment.mapped)
         counts = (f"{found.sum()} of {len(found)} walls found", INK), *missed
         return [self._row(name), Image.fromarray(plan), *[self._row(*counts)] * bool(len(found))]
 
