@@ -9,7 +9,14 @@ from PIL import Image
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.found import found_after, lost_after, visible_to
+from lrf3d.studio.scene.bodies import robots_of
+from lrf3d.studio.scene.found import (
+    false_after,
+    false_words,
+    found_after,
+    lost_after,
+    visible_to,
+)
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
@@ -44,7 +51,8 @@ class MapBeside:
     """The map of a scene's run as it grows.
 
     It takes at most a room, width and height [pixels]. One with a name says how many walls it has
-    found, and shows those that it lacks in the end. Its walls and its robot may have colours.
+    found, and shows those that it lacks in the end, unless other robots' maps may have them. Its
+    walls and its robot may have colours.
     """
 
     def __init__(
@@ -64,6 +72,7 @@ class MapBeside:
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
+        self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     @property
     def lost(self) -> Float:
@@ -89,17 +98,20 @@ class MapBeside:
         run: Any = self._scene.run
         moment = self._scene.timeline.moment(time)
         ended = moment.mapped == len(run.trajectory.times) - 1
-        lost = lost_after(run, moment.mapped)
+        found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
+        false = false_after(run, moment.mapped) if len(found) else 0
+        lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         plan = draw(self._scene.inset(moment, self._window(time), self._colours, lost), self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
         name = self.name or kind + " so far" * (not ended), _ink(tint)
-        missed = [(f"·  {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
+        wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
+        red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
-            return [self._row(name, *missed), Image.fromarray(plan)]
-        found = found_after(run, moment.mapped)
-        counts = (f"{found.sum()} of {len(found)} walls found", INK), *missed
+            return [self._row(name, *red), Image.fromarray(plan)]
+        of = f" of {len(found)}" * (not self._among_robots)
+        counts = (f"{found.sum()}{of} walls found", INK), *red
         return [self._row(name), Image.fromarray(plan), *[self._row(*counts)] * bool(len(found))]
 
     def legend(self) -> list[Image.Image]:
@@ -117,8 +129,9 @@ class MapBeside:
         scale.paste(words, (long, 0), words)
         order = "walls in the map" if own else "walls, by time"
         walls = [self._row(*segments, (order, PALE))]
-        if self._scene.structures.mirrors.any() and not self._colours:
-            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("reflected walls", PALE)))
+        may_be_false = self._scene.structures.mirrors.any() or run.obstacles
+        if may_be_false and (self._among_robots or not self._colours):
+            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
         # Only outlines at the height of the laser are measured.
         scenery = [self._row(("roofs are scenery", PALE))]
         return [
@@ -142,10 +155,11 @@ def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
     count = len(np.unique(np.concatenate(visible)))
     all_found = len(np.unique(np.concatenate(found)))
     each_found = (
-        f"{name.capitalize()}: {len(own)} of the {len(seen)} walls that it could see"
-        for name, own, seen in zip(team, found, visible, strict=True)
+        f"{name.capitalize()} alone: {len(own)} of {count}"
+        for name, own in zip(team, found, strict=True)
     )
-    words = f"{len(team)} maps together: {all_found} of {count} walls found", *each_found
+    false = false_words(sum(_false(scene, time) for scene in team.values()))
+    words = f"{len(team)} maps together: {all_found} of {count} walls found{false}", *each_found
     return words if count else ("",)
 
 
@@ -154,6 +168,11 @@ def _found(scene: Scene, time: float) -> tuple[Int, Int]:
     run: Any = scene.run
     _, numbers = visible_to(run)
     return numbers[found_after(run, scene.timeline.moment(time).mapped)], numbers
+
+
+def _false(scene: Scene, time: float) -> int:
+    run: Any = scene.run
+    return false_after(run, scene.timeline.moment(time).mapped)
 
 
 def _ink(colour: Iterable[float]) -> tuple[int, ...]:

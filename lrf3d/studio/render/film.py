@@ -170,7 +170,9 @@ class Film:
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
         self._scenes = {
-            name: Scene(Timeline(each, playback=chosen.playback), None, painted)
+            name: Scene(
+                Timeline(each, playback=chosen.playback), None, painted, team={each: team.get(each)}
+            )
             for name, (each, painted) in maps.items()
         }
         room = self._lay_out(chosen)
@@ -244,7 +246,14 @@ class Film:
         heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
         if head := heads.get(view.shot):
             view = replace(view, said=(head, *view.said[1:]))
-        label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
+        label = panel.panel(
+            self.run,
+            moment,
+            view,
+            self.timeline.playback,
+            full=self._full,
+            robots=tuple(self._scenes),
+        )
         if any(words) and panel.has_card(self.run, moment, view):
             label = label._replace(text=words, colours=(INK, *[PALE] * len(self._scenes)))
         return label

@@ -1,14 +1,17 @@
-"""The walls that a run has found at a moment: one count for all that films say of it."""
+"""The walls that a run has found at a moment, and the false ones: one count for all films say."""
 
 from functools import partial
 
 import numpy as np
+import shapely
 
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Bool, Float, Int
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.marks import false_pieces
+from lrf3d.world import World
 
 # Number of maps of a run of which the walls found are counted, about.
 _SCORED = 16
@@ -16,8 +19,14 @@ _SCORED = 16
 # The walls that the runs asked for last could see: those of a usual fleet.
 _WALLS = Latest(8)
 
-# Which of them their maps have found.
+# The search trees of all walls of their worlds.
+_TREES = Latest(8)
+
+# Which of the walls their maps have found.
 _FOUND = Latest(2 * _SCORED)
+
+# How many false walls these have.
+_FALSE = Latest(8)
 
 
 def visible_to(run: Run) -> tuple[Float, Int]:
@@ -52,3 +61,25 @@ def lost_after(run: Run, scan: int) -> Float:
 def _found(run: Run, number: int) -> Bool:
     line_map = run.maps[number] if number >= 0 else LineMap.empty()
     return found_walls(line_map, visible_to(run)[0])
+
+
+def false_after(run: Run, scan: int) -> int:
+    """How many walls its map has after a scan where there is none, if the true ones are known."""
+    number = run.snapshot_after(scan)
+    known = number >= 0 and len(visible_to(run)[0])
+    return _FALSE.of((run, number), partial(_false, run, number)) if known else 0
+
+
+def _false(run: Run, number: int) -> int:
+    tree = _TREES.of(run.world, partial(_tree, run.world))
+    _, owner, false = false_pieces(run.maps[number].segments, tree)
+    return len(np.unique(owner[false]))
+
+
+def _tree(world: World) -> shapely.STRtree:
+    return shapely.STRtree(shapely.linestrings(world.segments.reshape(-1, 2, 2)))
+
+
+def false_words(count: int) -> str:
+    """Words on false walls, to follow others; none if there are none."""
+    return f", {count} false" if count else ""

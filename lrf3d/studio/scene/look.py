@@ -127,7 +127,7 @@ FINE = 1.1
 BOLD = 3.2
 
 # Opacity of panes of glass.
-PANE = 0.10
+PANE = 0.16
 
 # Colours of the walls of a map, from the one that was found first to the last.
 FOUND = np.array([rgb(code) for code in ("#c58cff", "#6fa2ff", "#34d5d5", "#7fe57f", "#f2ec5e")])

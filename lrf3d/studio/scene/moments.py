@@ -19,7 +19,7 @@ from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
 from lrf3d.studio.scene.found import lost_after
-from lrf3d.studio.scene.glass import Panes, bounced, glass_beams, met_glass
+from lrf3d.studio.scene.glass import Panes, bounced, some_beams, telling_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -37,6 +37,7 @@ from lrf3d.studio.scene.shapes import (
     single,
     together,
 )
+from lrf3d.studio.scene.shots import PROOF
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
@@ -85,6 +86,9 @@ _CLEARER = 1.5
 
 # Half the width of the ribbons along walls that the map misses, in the distance of the eye.
 _RIBBON = 0.004
+
+# Shots in which single beams would only hide the map.
+_FROM_AFAR = ("rise", "whole", "end")
 
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
@@ -205,6 +209,9 @@ class Scene:
     ) -> list[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
         beams, hits, lamp = self._beams_at(moment)
+        telling = [*self._telling_beams(moment)] if view.shot not in _FROM_AFAR else []
+        if telling and view.shot == PROOF:
+            beams = None
         drawn = self._snapshot(moment)
         now = moment.time - self.timeline.start
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
@@ -222,9 +229,9 @@ class Scene:
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
-            *self._telling_beams(moment),
+            *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            ("map", "lost", self._lost(moment, view) if view.shot == "end" else None),
+            ("map", "lost", self._lost(moment, view)),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -361,13 +368,13 @@ class Scene:
         return lines, points, light
 
     def _telling_beams(self, moment: Moment) -> Iterator[tuple[str, str, Lines | None]]:
-        """Beams at glass, and one that a mirror turns; in a drive by hand, all beams are equal."""
+        """Beams at glass and reflectors, and one that a mirror turns; by hand, all are equal."""
         if self.live or not moment.scanning:
             return
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
-        if self.structures.glass.any():
-            ends, back = met_glass(self.run, moment.scan)
-            yield "beams", "glass beams", glass_beams(apex, ends - self.origin, back, self._height)
+        for number, beams in enumerate(telling_beams(self.run, moment.scan)):
+            lines = some_beams(apex, beams, self.origin, self._height)
+            yield "beams", f"telling beams {number}", lines
         aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)
         if aim is not None:
             scan = unrolled(self.run.scans_at(moment.scan)[0])
@@ -375,8 +382,11 @@ class Scene:
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
 
-    def _lost(self, moment: Moment, view: Look) -> Soft:
+    def _lost(self, moment: Moment, view: Look) -> Soft | None:
         """Ribbons along the walls that the map misses in the end, which nothing hides."""
+        # Robots share their walls.
+        if view.shot != "end" or self._robots:
+            return None
         run: Any = self.run
         lost = lost_after(run, moment.mapped) - np.tile(self.origin, 2)
         start, end = np.hsplit(lost, 2)
@@ -407,7 +417,8 @@ class Scene:
     ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
 
-        Where its walls and its robot have colours, no others are drawn. Lost walls (n, 4) are red.
+        Where its walls and its robot have colours, no others are drawn but those of a team. Lost
+        walls (n, 4) are red.
         """
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
@@ -420,8 +431,9 @@ class Scene:
             now = moment.time - self.timeline.start
             trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
             others = []
-            tints = single(np.tile(tint, (len(walls.starts), 1)))
-            walls = walls._replace(colours=tints, width=_CLEARER * walls.width)
+            walls = walls._replace(width=_CLEARER * walls.width)
+            if self.team[self.run] is None:
+                walls = walls._replace(colours=single(np.tile(tint, (len(walls.starts), 1))))
         red = np.tile(look.FALSE_COLOUR, (len(lost), 1))
         start, end = np.hsplit(lost - np.tile(self.origin, 2), 2)
         robot = bodies.flat_dart(pose, dart, 0.0, colours[1] if colours else look.ROBOT)

@@ -1,9 +1,9 @@
 """The shots of a film: which parts of a run it shows, chosen by how much happens there.
 
 A film takes about fifteen seconds, however long the run is. It opens in the dark before the run and
-shows the first scan; then it shows the parts of the run in which most happens, and what it is about
-in slow motion. It ends on a turn about the whole world, in which the rest of the run completes the
-map in fast motion. A short run is shown without gaps.
+shows the first scan; then it shows the parts of the run in which most happens and, last and in slow
+motion, what it is about. It ends on a turn about the whole world, in which the rest of the run
+completes the map in fast motion. A short run is shown without gaps.
 """
 
 from itertools import pairwise
@@ -49,12 +49,14 @@ SHOTS = ("chase", "close")
 # The shot of what the film is about.
 PROOF = "proof"
 
-# How much longer that takes than others, and how much less of the run it shows if it can.
+# How much longer that takes than others.
 _SLOWER = 1.8
-_SHORTER = 0.6
+
+# How much of the run it shows, if it can [s of a film that is not slower].
+_PROVEN = 0.8
 
 # Share of that shot which comes before its moment.
-_BEFORE = 0.75
+_BEFORE = 0.6
 
 # Rounding of its moment [s].
 _ROUNDING = 1e-6
@@ -101,6 +103,11 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     filling = scale * FILLING / (1.0 + longer)
     free = max(length - fixed, scale * _SHOT) + scale * FILLING - filling
     count = max(1, round(free / _SHOT - longer))
+    if longer:
+        # As many come before it as there is time for.
+        before = np.arange(count)
+        times = free * before / (before + 1.0 + longer) + _BEFORE * _PROVEN
+        count = max(1, int((times <= (proven - opened) / playback).sum()))
     each = free / (count + longer)
     rise = scale * RISE
     closing = scale * (CLOSING - FILLING) + filling
@@ -113,15 +120,11 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     else:
         starts = _starts(timeline, first, each, count, proven if longer else None)
     starts = timeline.start + playback * starts
-    ends = starts + playback * each
-    proves = (starts < proven) & (proven <= ends)
+    proves = (starts < proven) & (proven <= starts + playback * each)
+    least = each if lasts <= first + shown else min(each, _PROVEN)
+    ends = starts + playback * np.where(proves, least, each)
     names = np.where(proves, PROOF, np.resize(SHOTS, count)).tolist()
     takes = each * np.where(proves, _SLOWER, 1.0)
-    if lasts > first + shown:
-        # The moment stays in its place.
-        spare = (1.0 - _SHORTER) * playback * each * proves
-        starts += _BEFORE * spare
-        ends -= (1.0 - _BEFORE) * spare
     opening = scale * OPENING
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
@@ -140,7 +143,7 @@ def _starts(
 ) -> Float:
     """Start times (count,) of the shots of a length [s of the film] in which most happens.
 
-    One of them is that of a moment [s].
+    The last one is that of a moment [s].
     """
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
@@ -149,25 +152,20 @@ def _starts(
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
     # Each shot has its own part of the run, and much of the run remains after the last one.
-    latest = max(_CHOSEN * lasts, first + count * each)
+    latest = min(max(_CHOSEN * lasts, first + count * each), lasts - each)
+    proof = list[float]()
     if moment is not None:
-        wished = (moment - timeline.start) / timeline.playback - _BEFORE * each
-        wished = np.clip(wished, first, lasts - each)
-        latest = max(latest, wished)
-        off = moments - wished
-        happens[np.abs(off) < each] = 0.0
-        inside = (moments >= first) & (moments <= lasts - each)
-        nearest = int(np.argmin(np.where(inside, np.abs(off), np.inf)))
-        moments[nearest] -= off[nearest]
-        happens[nearest] = np.inf
-    bounds = np.linspace(first, min(latest, lasts - each), count + 1)
-    starts = np.zeros(count)
-    free = first
-    for number, (low, high) in enumerate(pairwise(bounds)):
-        within = (moments >= max(low, free)) & (moments <= high)
-        starts[number] = max(moments[np.argmax(np.where(within, happens, -1.0))], free)
-        free = starts[number] + each
-    return starts
+        wished = (moment - timeline.start) / timeline.playback - _BEFORE * min(each, _PROVEN)
+        proof.append(min(max(wished, first), lasts - each))
+        latest = proof[0] - each
+    # Each has the same part of the time that is left between them.
+    left = np.linspace(first, latest - each * (count - len(proof) - 1), count - len(proof) + 1)
+    starts = list[float]()
+    for number, (low, high) in enumerate(pairwise(left)):
+        begun = moments - each * number
+        within = (begun >= low) & (begun <= high)
+        starts.append(max(moments[np.argmax(np.where(within, happens, -1.0))], low + each * number))
+    return np.array([*starts, *proof])
 
 
 def _news(timeline: Timeline, times: Float) -> Float:

@@ -91,6 +91,10 @@ _LEAPS = 1.1
 # How steeply the camera of the proof looks down [rad].
 _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
 
+# From where it looks along what is seen from its side [rad].
+_ASIDE = np.radians([-45.0, -135.0])
+_PROVES_ASIDE = np.radians([34.0, 44.0])
+
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
 
@@ -98,7 +102,7 @@ _ROOM = 1.5
 _FIELD = float(np.radians(46.0))
 
 # Share of the picture's height below it that text takes.
-_TEXT = 0.3
+_TEXT = 0.22
 
 
 # How many times as fast as the rest a rise is from which on it says so.
@@ -212,7 +216,8 @@ class Story:
         """What is said first of a shot by its number: its subject, or that the film leaps."""
         shot = self.shots[number]
         subject = self._subject
-        passed = (time - shot.start) / self._timeline.playback
+        share = (time - shot.start) / max(shot.end - shot.start, TINY)
+        passed = share * shot.length
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
@@ -226,9 +231,9 @@ class Story:
         return ("", *told) if told else ()
 
     def _robot(self, number: int) -> int:
-        """Which robot a shot by its number follows: the first one proves, others take turns."""
+        """Which robot a shot by its number follows: the first one opens and proves."""
         name = self.shots[number].name
-        return (number - 1) % self.robots if name in SHOTS else 0
+        return number % self.robots if name in SHOTS else 0
 
     def _leap(self, number: int) -> tuple[str, ...]:
         """How much of the run is left out before a shot by its number, if that is noticed."""
@@ -300,7 +305,10 @@ class Story:
         shown = np.concatenate([around, self._subject.places - self._timeline.origin])
         corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
-        for turn, steep in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES):
+        sides, steeps = 2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES
+        if self._subject.along is not None:
+            sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
+        for turn, steep in product(sides, steeps):
             there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))

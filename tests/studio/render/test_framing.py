@@ -102,14 +102,15 @@ def test_at_the_end_the_picture_is_all_there_is_and_missed_walls_are_red_in_it()
 
 
 @needs_gl
-def test_each_robot_has_a_map_of_its_own_to_the_end_and_missed_walls_are_red():
+def test_each_robot_has_a_map_of_its_own_to_the_end_and_false_walls_are_red():
     room = lrf3d.load_world("paper_room")
     drives = [[(x, 1.0 + 0.2 * k, 0.5 * k) for k in range(3)] for x in (1.0, 3.5)]
     first, second = lrf3d.simulate_fleet(room, drives, rng=0)
-    bare = without_a_wall(second)
+    away = [replace(each, segments=0.2 * each.segments + 1.6) for each in second.maps]
+    wrong = replace(second, maps=away)
     stages = {id(run): stage_of(run) for run in (first, second)}
     reds = []
-    for other in (second, bare):
+    for other in (second, wrong):
         maps = {"one": (first, stages[id(first)]), "two": (other, stages[id(second)])}
         film = Film(first, size=(320, 240), samples=0, maps=maps)
         reds.append(reddish(film.draw(film.timeline.end + 3.0)[:, -film._strip :]))
