@@ -10,7 +10,13 @@ from lrf3d.geometry.lines import Float, Int
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
-from lrf3d.studio.scene.found import false_after, false_words, found_after, visible_to
+from lrf3d.studio.scene.found import (
+    false_after,
+    false_words,
+    found_after,
+    lost_after,
+    visible_to,
+)
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
@@ -66,15 +72,13 @@ class MapBeside:
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
-        run: Any = scene.run
-        self._walls, _ = visible_to(run)
-        self._among_robots = bool(name and robots_of(run.obstacles))
+        self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     @property
     def lost(self) -> Float:
         """The parts of walls (n, 4) that the map misses in the end."""
         run: Any = self._scene.run
-        return self._walls[~found_after(run, len(run) - 1)]
+        return lost_after(run, len(run) - 1)
 
     def _window(self, time: float) -> InsetView:
         """What is shown at a time [s]: after the end it comes close to a place."""
@@ -96,7 +100,7 @@ class MapBeside:
         ended = moment.mapped == len(run.trajectory.times) - 1
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
         false = false_after(run, moment.mapped) if len(found) else 0
-        lost = self._walls[~found] if ended and not self._among_robots else look.NOTHING
+        lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         plan = draw(self._scene.inset(moment, self._window(time), self._colours, lost), self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL

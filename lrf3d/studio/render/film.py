@@ -193,6 +193,8 @@ class Film:
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
             self.camera.robots = max(1, len(self._scenes))
+            # The maps of several robots stay.
+            self.camera.widens = (not self._scenes) * self._size[0] / self._size[1]
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
@@ -229,7 +231,7 @@ class Film:
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
         width, _ = self._size
-        columns = width - view.inset * self._strip
+        columns = width - round(view.inset * self._strip)
         shine = [mark for each in [*self._scenes.values()][1:] for mark in each.shine(time)]
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
         picture: Pixels = self.renderer.draw(seen)
@@ -266,7 +268,8 @@ class Film:
             parts = stacked(rows[:1], (width, self._head), self._gap), picture
             return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
         strip = stacked([*rows, *self.maps[0].legend()], (self._strip, height), self._gap)
-        return np.hstack([picture, strip])
+        # What leaves the picture leaves it to the right.
+        return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""
@@ -274,7 +277,7 @@ class Film:
         view = self.camera.look(time, (width - self._strip) / height)
         if not view.inset:
             return self.camera.look(time, width / height)
-        return replace(view, aside=self._strip / width)
+        return replace(view, aside=view.inset * self._strip / width)
 
     def close(self) -> None:
         """Free what the driver holds."""

@@ -53,6 +53,12 @@ def found_after(run: Run, scan: int) -> Bool:
     return _FOUND.of((run, number), partial(_found, run, number))
 
 
+def lost_after(run: Run, scan: int) -> Float:
+    """The parts of walls (n, 4) that its last map misses, once a run has ended with a scan."""
+    ended = scan == len(run.trajectory.times) - 1
+    return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
+
+
 def _found(run: Run, number: int) -> Bool:
     line_map = run.maps[number] if number >= 0 else LineMap.empty()
     return found_walls(line_map, visible_to(run)[0])

@@ -235,21 +235,19 @@ class Setting(NamedTuple):
     orbit: Rig
     # How steeply an overview looks down [rad]: more into rooms, so that near walls hide less.
     steep: float
-    # The same at the end of a story: rooms become their plan.
-    steep_end: float
 
 
 TOWN = Setting(
     cool=(1.02, 1.10, 1.24), beams=42.0, cell=0.25,
     before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2, top=0.0,
     chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3),
-    steep=float(np.radians(42.0)), steep_end=float(np.radians(58.0)),
+    steep=float(np.radians(42.0)),
 )  # fmt: skip
 ROOMS = Setting(
     cool=(0.74, 0.82, 0.95), beams=14.0, cell=0.08,
     before=2.0, light=26.0, pixel=0.02, margin=3.0, land=150, shade=0.25, top=0.62,
     chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0),
-    steep=float(np.radians(56.0)), steep_end=float(np.radians(86.0)),
+    steep=float(np.radians(56.0)),
 )  # fmt: skip
 
 

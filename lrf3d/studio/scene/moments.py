@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import LEFT, Float, directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
+from lrf3d.studio.scene.found import lost_after
 from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
@@ -82,6 +83,9 @@ _TRAIL_FADE = 15.0
 
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
+
+# Half the width of the ribbons along walls that the map misses, in the distance of the eye.
+_RIBBON = 0.004
 
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
@@ -224,6 +228,7 @@ class Scene:
             ("beams", "beams", beams),
             *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
+            ("map", "lost", self._lost(moment, view)),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -374,6 +379,20 @@ class Scene:
             scan = replace(scan, pose=np.array(scan.pose) - self._frame)
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
+
+    def _lost(self, moment: Moment, view: Look) -> Soft | None:
+        """Ribbons along the walls that the map misses in the end, which nothing hides."""
+        # Robots share their walls.
+        if view.shot != "end" or self._robots:
+            return None
+        run: Any = self.run
+        lost = lost_after(run, moment.mapped) - np.tile(self.origin, 2)
+        start, end = np.hsplit(lost, 2)
+        aside = _RIBBON * view.away * directions(lost) @ LEFT
+        quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
+        corners = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
+        colours = np.tile([*look.FALSE_COLOUR, 1.0], (2 * len(lost), 3, 1))
+        return Soft(single(corners.reshape(-1, 3, 3)), single(colours), on_top=True)
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""

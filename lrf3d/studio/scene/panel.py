@@ -16,10 +16,10 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.found import false_after, false_words, found_after
+from lrf3d.studio.scene.found import false_after, false_words, found_after, lost_after
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
-from lrf3d.studio.scene.shapes import Label
+from lrf3d.studio.scene.shapes import NAMED, Label
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting
 
@@ -161,10 +161,12 @@ def _card(run: Run, playback: float) -> Label:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
         rest = f"what it never saw stays dark  ·  {objects}"
+    lost = len(lost_after(run, len(run) - 1))
+    missed = [(f"{NAMED} {lost} missed", _whole(look.FALSE_COLOUR))] * bool(lost)
     alone, *loops = _drifted(run, playback) or [("", _INK)]
     others = loops or [(subject_of(run, playback).found or rest, _PALE)]
     # What a drive without its laser comes to is the point of a film of SLAM.
-    return _label([alone, (found, _PALE if alone[0] else _INK), *others], _SIZE)
+    return _label([alone, (found, _PALE if alone[0] else _INK), *missed, *others], _SIZE)
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:

@@ -32,13 +32,13 @@ OPENING = 1.2
 _FIRST_SHARE = 0.4
 
 # Time for which the camera rises to the whole world [s of the film].
-RISE = 1.4
+RISE = 3.2
 
 # Time for which it shows the whole world [s of the film].
-CLOSING = 5.0
+CLOSING = 3.2
 
 # Part of that in which the rest of the run completes the map [s of the film].
-FILLING = 2.6
+FILLING = 0.8
 
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
@@ -72,7 +72,7 @@ _MOMENTS = 400
 _SNAPSHOTS = 120
 
 # Weight of turning relative to walls that enter the map.
-_TURNING = 0.6
+_TURNING = 0.1
 
 
 class Shot(NamedTuple):

@@ -48,6 +48,9 @@ _SWAY = np.radians(9.0)
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
 _END_DRIFT = np.radians(7.0)
 
+# How steeply the camera may look down at the end [rad].
+_STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
+
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
 
@@ -65,7 +68,7 @@ _FARTHEST = 300.0
 _DARK_HALF = 0.8
 
 # Bonus for a picture full of walls that are in the map, which have their colours.
-_MAPPED = 1.2
+_MAPPED = 2.2
 
 # Share of the robot, over the time of a shot, that walls may hide.
 _TOO_MUCH = 0.05
@@ -166,12 +169,13 @@ class Story:
         self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
         # How many robots the shots show by turns.
         self.robots = 1
+        # The aspect of the picture when the map beside it has left; 0 if that stays.
+        self.widens = 0.0
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
         # There it comes to rest.
-        steep = structures.setting.steep_end
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, steep)
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, _STEEPS)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -194,14 +198,15 @@ class Story:
             )
             dusk = _DUSK * float(_eased(share))
             return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
-        # The rise shows the whole world: the dark leaves.
+        # The rise shows the whole world, which is then its own map.
         passed = (time - shot.start) / max(shot.end - shot.start, TINY)
         share = float(_eased({"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)))
         return track.look(
             time,
             cuts=True,
             above=above * max(1.0 - share / _SINKS, 0.0),
-            dusk=_DUSK + (1.0 - _DUSK) * share,
+            dusk=_DUSK,
+            inset=1.0 - share * bool(self.widens),
             shot=shot.name,
             said=said,
             robot=self._robot(number),
@@ -246,11 +251,12 @@ class Story:
         # The turn about the whole is even, however fast the run is played.
         turned = self._begins[number] - self._begins[-3] + np.linspace(0.0, shot.length, count)
         turned = self._timeline.end + self._timeline.playback * turned
-        whole = self._whole.track(aspect).at(turned)._replace(times=times)
+        wide = self.widens or aspect
+        whole = self._whole.track(wide).at(turned)._replace(times=times)
         if shot.name == "whole":
             return _Take(whole)
         if shot.name == "end":
-            plan = self._plan.track(aspect).at(turned)
+            plan = self._plan.track(wide).at(turned)
             return _Take(self._between(whole, plan, _eased(np.linspace(0.0, 1.0, count))))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
