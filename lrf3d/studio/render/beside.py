@@ -131,7 +131,7 @@ class MapBeside:
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
         order = "walls in the map" if own else "walls, by time"
-        walls = [self._row(*segments, (order, PALE))]
+        walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         may_be_false = self._scene.structures.mirrors.any() or run.obstacles
         if may_be_false and (self._among_robots or not self._colours):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
@@ -151,28 +151,23 @@ def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
 
     Nothing where no walls are known that they could see.
     """
-    found, visible = zip(*(_found(scene, time) for scene in team.values()), strict=True)
+    found, visible, false = zip(*(_found(scene, time) for scene in team.values()), strict=True)
     count = len(np.unique(np.concatenate(visible)))
     all_found = len(np.unique(np.concatenate(found)))
     each_found = (
         f"{name.capitalize()} alone: {len(own)} of {count}"
         for name, own in zip(team, found, strict=True)
     )
-    false = false_words(sum(_false(scene, time) for scene in team.values()))
-    words = f"{len(team)} maps together: {all_found} of {count} walls found{false}", *each_found
-    return words if count else ("",)
+    head = f"{len(team)} maps together: {all_found} of {count} walls found"
+    return (head + false_words(sum(false)), *each_found) if count else ("",)
 
 
-def _found(scene: Scene, time: float) -> tuple[Int, Int]:
-    """The walls of the world that a map has at a time [s], and those its robot could see."""
+def _found(scene: Scene, time: float) -> tuple[Int, Int, int]:
+    """Walls of the world that a map has at a time [s], those it could have, and how many false."""
     run: Any = scene.run
     _, numbers = visible_to(run)
-    return numbers[found_after(run, scene.timeline.moment(time).mapped)], numbers
-
-
-def _false(scene: Scene, time: float) -> int:
-    run: Any = scene.run
-    return false_after(run, scene.timeline.moment(time).mapped)
+    scan = scene.timeline.moment(time).mapped
+    return numbers[found_after(run, scan)], numbers, false_after(run, scan)
 
 
 def _ink(colour: Iterable[float]) -> tuple[int, ...]:

@@ -12,6 +12,7 @@ from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene.marks import false_pieces
+from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
 
 # Number of maps of a run of which the walls found are counted, about.
@@ -84,14 +85,18 @@ def _found(run: Run, number: int) -> Bool:
 def false_after(run: Run, scan: int) -> int:
     """How many walls its map has after a scan where there is none, if the true ones are known."""
     number = run.snapshot_after(scan)
-    known = number >= 0 and len(visible_to(run)[0])
-    return _FALSE.of((run, number), partial(_false, run, number)) if known else 0
+    return false_walls(run, number)[0] if number >= 0 and len(visible_to(run)[0]) else 0
 
 
-def _false(run: Run, number: int) -> int:
+def false_walls(run: Shown, number: int) -> tuple[int, Float]:
+    """How many walls a map of a run has where there is none, and where their pieces lie (n, 2)."""
+    return _FALSE.of((run, number), partial(_false, run, number))
+
+
+def _false(run: Shown, number: int) -> tuple[int, Float]:
     tree = _TREES.of(run.world, partial(_tree, run.world))
-    _, owner, false = false_pieces(run.maps[number].segments, tree)
-    return len(np.unique(owner[false]))
+    pieces, owner, false = false_pieces(run.maps[number].segments, tree)
+    return len(np.unique(owner[false])), pieces[false].reshape(-1, 2, 2).mean(axis=1)
 
 
 def _tree(world: World) -> shapely.STRtree:

@@ -19,7 +19,7 @@ from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
 from lrf3d.studio.scene.found import lost_after
-from lrf3d.studio.scene.glass import Panes, bounced, some_beams, telling_beams
+from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -41,7 +41,7 @@ from lrf3d.studio.scene.shots import PROOF
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
-from lrf3d.studio.scene.subject import subject_of
+from lrf3d.studio.scene.subject import beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys, obstacle_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
@@ -86,9 +86,6 @@ _CLEARER = 1.5
 
 # Half the width of the ribbons along walls that the map misses, in the distance of the eye.
 _RIBBON = 0.004
-
-# Shots in which single beams would only hide the map.
-_FROM_AFAR = ("rise", "whole", "end")
 
 # Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
 _SPOT = 0.1, (6.0, 12.0)
@@ -212,7 +209,7 @@ class Scene:
     ) -> list[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
         beams, hits, lamp = self._beams_at(moment)
-        telling = [*self._telling_beams(moment)] if view.shot not in _FROM_AFAR else []
+        telling = [*self._telling_beams(moment, view.shot)]
         if telling and view.shot == PROOF:
             beams = None
         drawn = self._snapshot(moment)
@@ -370,12 +367,13 @@ class Scene:
             points = points._replace(places=places)
         return lines, points, light
 
-    def _telling_beams(self, moment: Moment) -> Iterator[tuple[str, str, Lines | None]]:
+    def _telling_beams(self, moment: Moment, shot: str) -> Iterator[tuple[str, str, Lines | None]]:
         """Beams at glass and reflectors, and one that a mirror turns; by hand, all are equal."""
         if self.live or not moment.scanning:
             return
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
-        for number, beams in enumerate(telling_beams(self.run, moment.scan)):
+        told = beams_told(self.run, moment, self.timeline.playback, shot)
+        for number, beams in enumerate(told):
             lines = some_beams(apex, beams, self.origin, self._height)
             yield "beams", f"telling beams {number}", lines
         aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)

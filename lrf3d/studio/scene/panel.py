@@ -17,10 +17,10 @@ from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import false_after, false_words, found_after, lost_after
-from lrf3d.studio.scene.glass import TURNED_COLOUR, telling_beams
+from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, Label
-from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
+from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting
 
 # Kinds of panels: all numbers, or three facts.
@@ -114,7 +114,10 @@ def panel(
         said = _numbers(run, moment, playback)
         said += [run.map_after(moment.mapped).counts] * bool(run.maps)
     said = said or [_passed(run, moment, playback, head, view.shot)]
-    others = [*((words, _PALE) for words in said), *_trails(run, moment, playback, robots)]
+    others = [
+        *((words, _PALE) for words in said),
+        *_trails(run, moment, view.shot, playback, robots),
+    ]
     return _label([(head, _INK), *others], _FULL_SIZE if full else _SIZE)
 
 
@@ -177,7 +180,7 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
 
 
 def _trails(
-    run: Run, moment: Moment, playback: float, robots: Sequence[str]
+    run: Run, moment: Moment, shot: str, playback: float, robots: Sequence[str]
 ) -> list[tuple[str, tuple[int, int, int]]]:
     """The names of trails and of single beams in their colours, and how far trails are apart."""
     found = [
@@ -191,16 +194,14 @@ def _trails(
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
-    found += _beams(run, moment, playback) if moment.mapped >= 0 else []
+    found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
 
 
-def _beams(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:
     """The names of single beams, and their colours."""
-    found = list[tuple[str, look.Colour]]()
-    if moment.scanning:
-        beams = telling_beams(run, moment.scan)
-        found = [(f"━ {each.words}", each.colour) for each in beams]
+    beams = beams_told(run, moment, playback, shot)
+    found = [(f"━ {each.words}", each.colour) for each in beams]
     if subject_of(run, playback).aim_at(moment.time) is not None:
         found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
         found.append(("━ where the laser takes it to go", look.FALSE_COLOUR))

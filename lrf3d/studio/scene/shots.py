@@ -111,18 +111,19 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     each = free / (count + longer)
     rise = scale * RISE
     closing = scale * (CLOSING - FILLING) + filling
-    shown = count * each + rise + filling
+    part = min(each, _PROVEN) if longer else each
+    shown = (count - 1) * each + part + rise + filling
     if lasts <= first + shown:
         # The whole run is shown, at its playback speed.
         share = (lasts - first) / shown
-        each, rise, filling = share * each, share * rise, share * filling
+        each = part = share * (shown - rise - filling) / count
+        rise, filling = share * rise, share * filling
         starts = first + each * np.arange(count)
     else:
         starts = _starts(timeline, first, each, count, proven if longer else None)
     starts = timeline.start + playback * starts
     proves = (starts < proven) & (proven <= starts + playback * each)
-    least = each if lasts <= first + shown else min(each, _PROVEN)
-    ends = starts + playback * np.where(proves, least, each)
+    ends = starts + playback * np.where(proves, part, each)
     names = np.where(proves, PROOF, np.resize(SHOTS, count)).tolist()
     takes = each * np.where(proves, _SLOWER, 1.0)
     opening = scale * OPENING

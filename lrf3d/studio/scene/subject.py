@@ -13,17 +13,29 @@ from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Float, Int
 from lrf3d.mapping.line_map import GLASS, MIRROR
 from lrf3d.studio.scene.drift import Drift
-from lrf3d.studio.scene.glass import EARLY, GlassCounts, counts_at_glass, met_reflectors
-from lrf3d.studio.scene.marks import false_pieces
+from lrf3d.studio.scene.found import false_walls
+from lrf3d.studio.scene.glass import (
+    EARLY,
+    GlassCounts,
+    TellingBeams,
+    counts_at_glass,
+    met_reflectors,
+    telling_beams,
+)
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.stage.structures import Structures
-from lrf3d.studio.scene.timeline import FIRST
+from lrf3d.studio.scene.timeline import FIRST, Moment
 
 # Time for which the title stands [s of the film].
 TITLE_TIME = 3.0
 
 # Number of maps or scans that are searched, at most.
 _COMPARED = 120
+
+# Times around the moment at which robots meet [s].
+_AROUND = np.array([-1.0, 0.0, 1.0])
+
+# Shots that show the whole.
+_FROM_AFAR = ("rise", "whole", "end")
 
 # Share of the pieces of false walls that the picture shows: the nearest.
 _NEAR = 0.8
@@ -47,12 +59,20 @@ class Subject(NamedTuple):
     aim: Float | None = None
     # What of it is found in the end.
     found: str = ""
+    # Whether the beams that tell it are drawn, and counted.
+    told: bool = False
     # The direction of what is seen from its side [rad], with the robot on its right.
     along: float | None = None
 
     def aim_at(self, time: float) -> Float | None:
         """That place, as long as the map holds the wall."""
         return self.aim if time < self.until else None
+
+
+def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[TellingBeams]:
+    """The beams of a moment that tell the subject; from afar they would hide the map."""
+    told = moment.scanning and shot not in _FROM_AFAR and subject_of(run, playback).told
+    return telling_beams(run, moment.scan) if told else []
 
 
 # The subjects of the runs that were asked for last: up to eight may be side by side.
@@ -122,8 +142,9 @@ def _robots(run: Shown, since: float) -> Subject | None:
         return Subject(f"{count} robots map apart; together they find more")
     first = held[0]
     entered = float(run.trajectory.times[scans[first]])
-    there = np.concatenate([path.at(np.array([entered]))[:, :2] for path in others])
-    nearest = there[np.argmin(np.hypot(*(there - false[first].mean(axis=0)).T))]
+    # Where they come from, and go to.
+    there = np.array([path.at(entered + _AROUND)[:, :2] for path in others])
+    nearest = there[np.argmin(np.hypot(*(there[:, 1] - false[first].mean(axis=0)).T))]
     return Subject(
         "To a laser, another robot is a wall",
         entered,
@@ -139,16 +160,11 @@ def _false_walls(run: Shown, since: float) -> tuple[Int, list[Float], Int]:
 
     Third, which of the maps have at least half as many as any. None without the truth.
     """
-    structures = Structures.from_run(run)
     times = run.trajectory.times
     first = run.snapshot_after(int(np.searchsorted(times, since)))
     compared = np.linspace(max(first, 0), len(run.maps) - 1, _COMPARED).astype(int)
     numbers = np.unique(compared) if run.knows_truth and len(run.maps) else compared[:0]
-    found = []
-    for number in numbers.tolist():
-        segments = run.maps[number].segments - np.tile(structures.origin, 2)
-        pieces, _, false = false_pieces(segments, structures.tree)
-        found.append(pieces[false].reshape(-1, 2, 2).mean(axis=1) + structures.origin)
+    found = [false_walls(run, number)[1] for number in numbers.tolist()]
     most = max([1, *(len(places) for places in found)])
     scans = np.searchsorted([run.snapshot_after(scan) for scan in range(len(times))], numbers)
     return scans, found, np.flatnonzero([2 * len(places) >= most for places in found])
@@ -177,6 +193,7 @@ def _glass(run: Shown) -> Subject | None:
         np.array([robot - 2.0 * before]),
         "Blue goes through the pane, white comes back",
         found=_glass_words(run, counts),
+        told=True,
         along=along,
     )
 
@@ -206,10 +223,12 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
         return None
     light = scan.intensities[scan.hits]
     brighter = np.median(light[seen[most]]) / np.median(np.delete(light, seen[most]))
-    count = counted(counts[most], "reflector")
+    words = f"{brighter:.0f} × as bright as walls"
     return Subject(
         "To a laser, reflectors outshine all else",
         float(times[late[most]]),
         _nearest(run, late[most], scan.points()[seen[most]]),
-        f"{count}, {brighter:.0f} × as bright as walls",
+        f"Reflectors: {words}",
+        found=f"{counted(counts[most], 'reflector')} at once, {words}",
+        told=True,
     )
