@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Int
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
@@ -14,6 +14,7 @@ from lrf3d.studio.scene.found import (
     false_after,
     false_words,
     found_after,
+    hits_on,
     lost_after,
     visible_to,
 )
@@ -66,29 +67,25 @@ class MapBeside:
         wide, high = room
         self._scene = scene
         self.name = name
-        # What is shown close in the end (2,), in the world [m].
-        self.close: Float | None = None
+        # The wall that is shown close in the end with its hits (1, 4), in the world [m].
+        self.close = look.NOTHING
         self._colours = colours if name else ()
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
         self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
-    @property
-    def lost(self) -> Float:
-        """The parts of walls (n, 4) that the map misses in the end."""
-        run: Any = self._scene.run
-        return lost_after(run, len(run) - 1)
-
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: after the end it comes close to a place."""
+        """What is shown at a time [s]: after the last scan it comes close to a wall."""
         timeline = self._scene.timeline
         middle = self.window.middle
-        share = smoothed(np.clip((time - timeline.end) / (timeline.playback * _NEARS), 0.0, 1.0))
-        if self.close is None or middle is None:
+        # The last stop is shown for a while.
+        passed = time - float(timeline.run.trajectory.times.max())
+        share = smoothed(np.clip(passed / (timeline.playback * _NEARS), 0.0, 1.0))
+        if middle is None or not len(self.close):
             return self.window
         width = self.window.width * (_CLOSE / self.window.width) ** share
-        place = self.close - self._scene.origin
+        place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
         return self.window._replace(middle=middle + share * (place - middle), width=width)
 
     def rows(
@@ -101,11 +98,17 @@ class MapBeside:
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
-        plan = draw(self._scene.inset(moment, self._window(time), self._colours, lost), self.size)
+        inset = self._scene.inset(moment, self._window(time), self._colours, lost)
+        head = self.name
+        for wall in self.close[: int(ended)]:
+            hits, off = hits_on(run, wall)
+            head += f"  ·  hits ±{100.0 * off:.0f} cm" * bool(len(hits))
+            inset = inset._replace(marks=(*inset.marks, ("plan hits", self._scene.spots(hits))))
+        plan = draw(inset, self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
-        name = self.name or kind + " so far" * (not ended), _ink(tint)
+        name = head or kind + " so far" * (not ended), _ink(tint)
         wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
         red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
@@ -132,14 +135,11 @@ class MapBeside:
         may_be_false = self._scene.structures.mirrors.any() or run.obstacles
         if may_be_false and (self._among_robots or not self._colours):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
-        # Only outlines at the height of the laser are measured.
-        scenery = [self._row(("roofs are scenery", PALE))]
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),
             *robot,
             scale,
-            *scenery * (not self._scene.structures.indoor),
         ]
 
     def _row(self, *words: Any) -> Image.Image:

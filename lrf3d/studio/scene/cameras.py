@@ -187,7 +187,7 @@ def overview(
         best = max(tracks, key=lambda track: float(np.sin(track.steeps[0]) / track.aways[0] ** 2))
         return fitted(corners, times, best.turns + drift * passed, best.steeps.item(), *shape)
 
-    return PathCamera(track, {"cuts": True, "dusk": 0.5, "shot": "whole"})
+    return PathCamera(track, {"cuts": True, "dusk": 1.0, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> PathCamera:

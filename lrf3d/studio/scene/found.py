@@ -1,12 +1,13 @@
 """The walls that a run has found at a moment, and the false ones: one count for all films say."""
 
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
 import shapely
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import Bool, Float, Int
+from lrf3d.geometry.lines import Bool, Float, Int, cross, directions
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
@@ -57,6 +58,23 @@ def lost_after(run: Run, scan: int) -> Float:
     """The parts of walls (n, 4) that its last map misses, once a run has ended with a scan."""
     ended = scan == len(run.trajectory.times) - 1
     return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
+
+
+def missed_most(runs: Iterable[Run]) -> Float:
+    """The part of a wall (1, 4) that most maps of some runs miss; (0, 4) where none is missed."""
+    lost = np.concatenate([lost_after(run, len(run) - 1) for run in runs])
+    parts, counts = np.unique(lost, axis=0, return_counts=True)
+    return parts[counts == counts.max(initial=0)][:1]
+
+
+def hits_on(run: Run, part: Float) -> tuple[Float, float]:
+    """What a run's scans have hit (n, 2) of the wall of a part (4,), and how far off it [m]."""
+    parts, walls = visible_to(run)
+    wall = walls[(parts == part).all(axis=1)]
+    hits = [scan.points()[np.isin(scan.walls[scan.hits], wall)] for scan in run.scans]
+    places = np.concatenate(hits)
+    off = cross(places - part[:2], directions(part[None]))
+    return places, float(np.sqrt((off**2).sum() / max(1, len(off))))
 
 
 def _found(run: Run, number: int) -> Bool:

@@ -68,8 +68,8 @@ NIGHT_LOW = rgb("#0a0f18")
 # What white becomes there.
 NIGHT_HIGH = rgb("#232f44")
 
-# What white becomes at the end where no beam has been: the model stands in dusk.
-DUSK = rgb("#66799f")
+# What white becomes there once the first scan has been seen: the model stands in dusk.
+DUSK = rgb("#445472")
 
 # Colour of fresh light.
 EMBER = rgb("#ffbf73")

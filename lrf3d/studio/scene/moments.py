@@ -87,6 +87,9 @@ _CLEARER = 1.5
 # Half the width of the ribbons along walls that the map misses, in the distance of the eye.
 _RIBBON = 0.004
 
+# Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
+_SPOT = 0.1, (6.0, 12.0)
+
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
 
@@ -446,6 +449,14 @@ class Scene:
             view.lens(pose[:2]),
             tuple((f"plan {name}", mark) for name, mark in marks if mark),
             self.exposure.clock(moment.now, self.timeline.playback),
+        )
+
+    def spots(self, places: Float) -> Points:
+        """Places in the world (n, 2) as points of the inset."""
+        level = np.insert(places - self.origin, 2, 0.0, axis=1)
+        colours = np.tile([*look.EMBER, 1.0], (len(level), 1))
+        return Points(
+            single(level), single(colours), single(0.0 * level[:, :2]), *_SPOT, glows=False
         )
 
     def inset_view(self, *shape: float, turns: bool = False, compared: bool = False) -> InsetView:

@@ -63,7 +63,7 @@ _ROUNDING = 1e-6
 
 # Share of the run in which the shots are chosen, unless its moment comes later: the rest is seen
 # from above.
-_CHOSEN = 0.4
+_CHOSEN = 0.6
 
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400

@@ -79,9 +79,6 @@ _HIDDEN = 6.0
 # Bonus for the nearest camera of a shot, and for the farthest of the opening.
 _FAVOURED = 0.25
 
-# How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
-_DUSK = 0.5
-
 # What is said after the title.
 _LIT = "Light shows what its laser has met"
 
@@ -135,7 +132,7 @@ _BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0))
 _UP = -0.25
 
 # Share of the rise in which walls sink to where they are cut.
-_SINKS = 0.5
+_SINKS = 0.2
 
 
 class _Take(NamedTuple):
@@ -193,14 +190,15 @@ class Story:
         track, _, above = self._track(number, aspect)
         # Before the run starts all is dark.
         begins = max(shot.start, self._timeline.start)
-        passed = float(_eased((time - begins) / max(shot.end - begins, TINY)))
+        passed = (time - begins) / max(shot.end - begins, TINY)
         # The rise shows the whole world, which is then its own map.
-        share = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
+        risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
+        share = float(_eased(risen))
         return track.look(
             time,
             cuts=True,
-            above=above * max(1.0 - share / _SINKS, 0.0),
-            dusk=_DUSK * (passed if shot.name == "opening" else 1.0),
+            above=above * max(1.0 - risen / _SINKS, 0.0),
+            dusk=float(_eased(passed)) if shot.name == "opening" else 1.0,
             inset=1.0 - share * bool(self.widens),
             shot="wave" if shot.name == "opening" else shot.name,
             said=self._said(number, time),

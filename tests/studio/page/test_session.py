@@ -124,7 +124,7 @@ def test_every_view_is_sent_and_an_unchanged_one_is_not():
         eyes.append(read(played.answer(wanted, 0.0))["camera"]["eye"])
         assert played.answer(wanted, 0.0) is None
     assert len(set(map(tuple, eyes))) == len(views)
-    assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["dusk"] == 0.5
+    assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["dusk"] == 1.0
 
 
 def test_a_page_gets_obstacles_and_the_estimate():
