@@ -185,11 +185,6 @@ class DrawnMap:
     colours: Float
 
     @classmethod
-    def plain(cls, segments: Float, colour: look.Colour = look.PALE_WALL) -> "DrawnMap":
-        """Take segments (m, 4) in the film's frame, all in one colour."""
-        return cls(segments, np.tile(colour, (len(segments), 1)))
-
-    @classmethod
     def from_snapshot(
         cls,
         run: Shown,
@@ -203,7 +198,7 @@ class DrawnMap:
         All may have one colour, but for walls that mirrors and what moves add, which are red.
         """
         if number < 0:
-            return cls.plain(look.NOTHING)
+            return cls(look.NOTHING, look.NOTHING[:, :3])
         last = run.snapshot_after(sys.maxsize)
         frame = np.tile(structures.origin, 2)
         drawn, whole = (run.maps[k].segments - frame for k in (number, last))

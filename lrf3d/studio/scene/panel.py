@@ -163,10 +163,10 @@ def _card(run: Run, playback: float) -> Label:
         rest = f"what it never saw stays dark  ·  {objects}"
     lost = len(lost_after(run, len(run) - 1))
     missed = [(f"{NAMED} {lost} missed", _whole(look.FALSE_COLOUR))] * bool(lost)
-    alone, *loops = _drifted(run, playback) or [("", _INK)]
-    others = loops or [(subject_of(run, playback).found or rest, _PALE)]
-    # What a drive without its laser comes to is the point of a film of SLAM.
-    return _label([alone, (found, _PALE if alone[0] else _INK), *missed, *others], _SIZE)
+    said = [(subject_of(run, playback).found, _INK), (rest, _PALE)]
+    first, *others = _drifted(run, playback) or said
+    # What the film is about comes first.
+    return _label([first, (found, _PALE if first[0] else _INK), *missed, *others], _SIZE)
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:

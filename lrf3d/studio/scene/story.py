@@ -188,25 +188,20 @@ class Story:
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
         track, _, above = self._track(number, aspect)
-        said = self._said(number, time)
-        if shot.name == "opening":
-            share = max(time - self._timeline.start, 0.0) / max(
-                shot.end - self._timeline.start, TINY
-            )
-            dusk = float(_eased(share))
-            return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
+        # Before the run starts all is dark.
+        begins = max(shot.start, self._timeline.start)
+        passed = (time - begins) / max(shot.end - begins, TINY)
         # The rise shows the whole world, which is then its own map.
-        passed = (time - shot.start) / max(shot.end - shot.start, TINY)
         risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
         share = float(_eased(risen))
         return track.look(
             time,
             cuts=True,
             above=above * max(1.0 - risen / _SINKS, 0.0),
-            dusk=1.0,
+            dusk=float(_eased(passed)) if shot.name == "opening" else 1.0,
             inset=1.0 - share * bool(self.widens),
-            shot=shot.name,
-            said=said,
+            shot="wave" if shot.name == "opening" else shot.name,
+            said=self._said(number, time),
             robot=self._robot(number),
         )
 
