@@ -105,26 +105,17 @@ def render_video(
         replace(one, corner=one.corner + origin - stage.structures.origin) for one, origin in frames
     ]
     light = reduce(Exposure.joined, lights, stage.exposure)
-    drawn = [(run, chosen, stage._replace(exposure=light))]
-    headings = [np.zeros((0, chosen.size[0], 3), np.uint8)] * 2
-    close = NOTHING
+    none = np.zeros((0, chosen.size[0], 3), np.uint8)
+    job = Job(
+        [(run, chosen, stage._replace(exposure=light))],
+        np.concatenate([times[examples], times]),
+        MARKS,
+        others,
+        [none, none],
+        NOTHING,
+    )
     if columns:
-        close = missed_most(columns.values())
-        sizes = [f"A wall of {100.0 * long:.0f} cm" for long in lengths(close)]
-        lost = "".join(f"{each} is lost in the scatter of its hits" for each in sizes)
-        width, height = chosen.size
-        high = round(_HEADING * height)
-        size = width // len(columns) // 2 * 2, height - high
-        gap = gap_of(size)
-        headings = [
-            stacked([row_of(((words, INK),), high / LINE, width - 2 * gap)], (width, high), gap)
-            for words in (chosen.title, lost or chosen.title)
-        ]
-        look = replace(chosen, size=size, layers=frozenset(chosen.layers) - {"hud"}, below=True)
-        drawn = [
-            (each, replace(look, title=name), stage_of(each)) for name, each in columns.items()
-        ]
-    job = Job(drawn, np.concatenate([times[examples], times]), MARKS, others, headings, close)
+        job = _side_by_side(job, chosen, columns)
 
     def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
         for done, picture in enumerate(pictures, 1):
@@ -142,6 +133,24 @@ def render_video(
                 fps=fps,
                 examples=list(islice(pictures, len(examples))),
             )
+
+
+def _side_by_side(job: Job, chosen: FilmOptions, columns: Mapping[str, Run]) -> Job:
+    """A job whose pictures show runs in columns, by their names, under a heading."""
+    close = missed_most(columns.values())
+    sizes = [f"A wall of {100.0 * long:.0f} cm" for long in lengths(close)]
+    lost = "".join(f"{each} is lost in the scatter of its hits" for each in sizes)
+    width, height = chosen.size
+    high = round(_HEADING * height)
+    size = width // len(columns) // 2 * 2, height - high
+    gap = gap_of(size)
+    headings = [
+        stacked([row_of(((words, INK),), high / LINE, width - 2 * gap)], (width, high), gap)
+        for words in (chosen.title, lost or chosen.title)
+    ]
+    look = replace(chosen, size=size, layers=frozenset(chosen.layers) - {"hud"}, below=True)
+    drawn = [(each, replace(look, title=name), stage_of(each)) for name, each in columns.items()]
+    return job._replace(columns=drawn, headings=headings, close=close)
 
 
 def _frame_times(

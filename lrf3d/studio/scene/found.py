@@ -64,7 +64,7 @@ def missed_most(runs: Iterable[Run]) -> Float:
     """The part of a wall (1, 4) that most maps of some runs miss; (0, 4) where none is missed."""
     lost = np.concatenate([lost_after(run, len(run) - 1) for run in runs])
     parts, counts = np.unique(lost, axis=0, return_counts=True)
-    return parts[counts == counts.max(initial=0)][:1]
+    return np.asarray(parts[counts == counts.max(initial=0)][:1])
 
 
 def hits_on(run: Run, part: Float) -> tuple[Float, float]:

@@ -9,6 +9,7 @@ from test_render import city_run, needs_gl, room_run
 
 import lrf3d
 from lrf3d.studio.render.film import Film, frame
+from lrf3d.studio.scene.found import hits_on, lost_after, missed_most
 from lrf3d.studio.scene.look import PLAN_BACK
 from lrf3d.studio.scene.moments import LAYERS
 from lrf3d.studio.scene.stage.stage import stage_of
@@ -87,6 +88,19 @@ def reddish(picture):
     """How many pixels of a picture are red."""
     red, green, _ = np.moveaxis(picture.astype(int), -1, 0)
     return int(((red > 200) & (green < 90)).sum())
+
+
+def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
+    scenario = lrf3d.load_scenario("paper_room")
+    runs = [scenario.run(sigma=level, rng=0) for level in (0.07, 0.42, 0.63)]
+    (wall,) = missed_most(runs)
+    lost = [lost_after(run, len(run) - 1).tolist() for run in runs]
+    assert [wall.tolist() in each for each in lost] == [False, True, True]
+    hits, off = zip(*(hits_on(run, wall) for run in runs), strict=True)
+    assert {len(each) for each in hits} == {19}
+    # Noise shifts the same hits by more.
+    assert np.array(off) / off[0] == pytest.approx([1.0, 6.0, 9.0])
+    assert not len(missed_most(runs[:1]))
 
 
 def test_at_the_end_the_picture_is_all_there_is_and_missed_walls_are_red_in_it():
