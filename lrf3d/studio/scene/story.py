@@ -215,13 +215,12 @@ class Story:
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
         if shot.name == "proof":
-            proof = subject.proof if time < subject.until else subject.after
-            return (proof, *told) if proof else ()
+            return (subject.proof if time < subject.until else subject.after, *told)
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         if self.leaps and shot.name == "rise" and rushes:
             told = ("fast forward",)
-        return ("", *told) if told else ()
+        return ("", *told)
 
     def _robot(self, number: int) -> int:
         """Which robot a shot by its number follows: the first one opens and proves."""
