@@ -69,7 +69,7 @@ NIGHT_LOW = rgb("#0a0f18")
 NIGHT_HIGH = rgb("#232f44")
 
 # What white becomes there once the first scan has been seen: the model stands in dusk.
-DUSK = rgb("#445472")
+DUSK = rgb("#56688a")
 
 # Colour of fresh light.
 EMBER = rgb("#ffbf73")

@@ -61,6 +61,9 @@ _BEFORE = 0.6
 # Rounding of its moment [s].
 _ROUNDING = 1e-6
 
+# Largest share of a short run, after its first scan, that is shown before the camera rises.
+_LATEST = 0.9
+
 # Share of the run in which the shots are chosen, unless its moment comes later: the rest is seen
 # from above.
 _CHOSEN = 0.6
@@ -100,8 +103,11 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     moment = subject_of(timeline.run, playback).moment
     proven = -np.inf if moment is None else moment - _ROUNDING
     longer = (_SLOWER - 1.0) * (proven > opened)
+    # A proof takes its time from the rise and from what follows.
     filling = scale * FILLING / (1.0 + longer)
-    free = max(length - fixed, scale * _SHOT) + scale * FILLING - filling
+    rise = scale * RISE / (1.0 + longer)
+    spared = scale * (FILLING + RISE) - filling - rise
+    free = max(length - fixed, scale * _SHOT) + spared
     count = max(1, round(free / _SHOT - longer))
     if longer:
         # As many come before it as there is time for.
@@ -109,14 +115,16 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
         times = free * before / (before + 1.0 + longer) + _BEFORE * _PROVEN
         count = max(1, int((times <= (proven - opened) / playback).sum()))
     each = free / (count + longer)
-    rise = scale * RISE
     closing = scale * (CLOSING - FILLING) + filling
     part = min(each, _PROVEN) if longer else each
     shown = (count - 1) * each + part + rise + filling
     if lasts <= first + shown:
-        # The whole run is shown, at its playback speed.
-        share = (lasts - first) / shown
-        each = part = share * (shown - rise - filling) / count
+        # The whole run is shown, at its playback speed; the shots reach the moment.
+        left = lasts - first
+        wished = min((proven - opened) / playback + _ROUNDING, _LATEST * left)
+        reached = max(left * (1.0 - (rise + filling) / shown), wished)
+        each = part = reached / count
+        share = (left - reached) / (rise + filling)
         rise, filling = share * rise, share * filling
         starts = first + each * np.arange(count)
     else:
