@@ -34,6 +34,7 @@ from lrf3d.plans.doubts import (
     of_outside,
     of_pictures,
     of_rooms,
+    of_walls,
     warn_of_plans_apart,
 )
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
@@ -240,7 +241,7 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        notes(canvas.said, around),
+        notes(canvas.said, around, of_walls(strokes.doors)),
         balance=balance,
         doubts=notes(of_pictures(canvas.pictured), *sized) + large,
         scales=scales,
