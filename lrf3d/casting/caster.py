@@ -1,9 +1,9 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ from lrf3d.casting.skyline import (
     cast_lidars,
     swept,
 )
+from lrf3d.compiling import entry_of
 from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     TINY,
@@ -90,9 +91,7 @@ class PlanarCaster:
         # As kernels take it.
         self._plain = lru_cache(MOST_TREES)(lambda height: self.tree(height)[:])
         if world.materials:
-            from lrf3d.casting.light import Lighting
-
-            self.lighting = Lighting(world)
+            self.lighting = self._reflections
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.world!r})"
@@ -108,10 +107,8 @@ class PlanarCaster:
         if self.lighting is not None:
             (lit,) = self._lit(lrf, np.array([pose])).scans()
             return LaserScan.unchecked(lrf, pose, *lit.arrays(lrf.echoes))
-        ranges = np.empty(lrf.beams)
-        walls = np.empty(len(ranges), np.int64)
-        self._once(lrf, pose, ranges, walls)
-        return LaserScan.unchecked(lrf, pose, ranges, walls)
+        walls = np.empty(lrf.beams, np.int64)
+        return LaserScan.unchecked(lrf, pose, self._once(lrf, pose, walls), walls)
 
     def ranges(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Float:
         """The ranges (beams,) of `cast` alone: for few beams a scan around them takes as long.
@@ -126,15 +123,15 @@ class PlanarCaster:
         expect(lrf, LaserRangeFinder, "range finder")
         if self.lighting is not None:
             return np.asarray(self._lit(lrf, np.array([pose])).ranges[0])
-        ranges = np.empty(lrf.beams)
-        self._once(lrf, pose, ranges, NO_WALLS)
-        return ranges
+        return self._once(lrf, pose, NO_WALLS)
 
-    def _once(self, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> None:
-        """Fill ranges (beams,) from a pose, and walls unless empty, as `_fill` does."""
+    def _once(self, lrf: LaserRangeFinder, pose: Pose, walls: Int) -> Float:
+        """Ranges (beams,) from a pose; walls are filled in unless empty."""
+        ranges = np.empty(lrf.beams)
         place = np.empty((1, 3))
         place[0, 0], place[0, 1], place[0, 2] = pose
         self._fill(lrf.height, lrf.plain, place, ranges, walls)
+        return ranges
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
@@ -183,9 +180,8 @@ class PlanarCaster:
         """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
         expect(lrf, LaserRangeFinder, "range finder")
         if not isinstance(rays, np.ndarray) or rays.dtype != RAY or rays.ndim != 1:
-            names = ", ".join(RAY.names or ())
             raise InputError(
-                f"rays {shown(rays)}: expected records (n,) of {names}; for poses cast"
+                f"rays {shown(rays)}: expected records (n,) of x, y, dx, dy, time; for poses cast"
             )
         ranges = np.empty(len(rays))
         walls = np.empty(len(rays), np.int64)
@@ -318,7 +314,7 @@ class PlanarCaster:
     def _reflections(self) -> "Lighting":
         from lrf3d.casting.light import Lighting
 
-        return self.lighting or Lighting(self.world)
+        return Lighting(self.world)
 
     @cached_property
     def _standing(self) -> StandingWalls:
@@ -338,7 +334,7 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        cast_scans(self._plain(height), laser, poses, ranges, walls)
+        _scanner()(self._plain(height), laser, poses, ranges, walls)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser = laser_of(lrf)
@@ -375,3 +371,10 @@ class PlanarCaster:
 
         share(work, len(poses))
         return lit
+
+
+@cache
+def _scanner() -> Callable[..., None]:
+    """The kernel of scans, which all casters call with arguments of the same types."""
+    tree = build_tree(np.empty((0, 4)))
+    return entry_of(cast_scans, tree[:], UNLIMITED.plain, np.empty((0, 3)), np.empty(0), NO_WALLS)

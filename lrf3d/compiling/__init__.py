@@ -3,6 +3,6 @@
 A kernel is a typed Python function of numbers and arrays that numba compiles to machine code.
 """
 
-from lrf3d.compiling.kernels import borrower, compiled, inner, record
+from lrf3d.compiling.kernels import borrower, compiled, entry_of, inner, record
 
-__all__ = ["borrower", "compiled", "inner", "record"]
+__all__ = ["borrower", "compiled", "entry_of", "inner", "record"]

@@ -80,6 +80,16 @@ def compiled(function: Kernel) -> Kernel:
     return made
 
 
+def entry_of(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """The machine code of a kernel for arguments of these types.
+
+    It does not look at the types of what it is called with, which takes a third of a short call.
+    """
+    compiler = getattr(kernel, "compile", None)
+    # With NUMBA_DISABLE_JIT it is no kernel.
+    return compiler(tuple(map(numba.typeof, arguments))) if compiler else kernel
+
+
 def inner(function: Kernel, **options: Any) -> Kernel:
     """Decorate a kernel that only kernels call, and that becomes part of them."""
     kernel: Kernel = _kernel(function, _InnerCompiler, no_cpython_wrapper=True, **options)

@@ -100,7 +100,7 @@ def cast_rays(
     that is guessed counts if the ray meets it, and then only nearer ones are looked for.
     """
     tree = Tree(*plain_tree)
-    block = new_block()
+    block = new_block(len(rays))
     for start in range(0, len(rays), BLOCK):
         stop = min(start + BLOCK, len(rays))
         for i in range(start, stop):
@@ -109,11 +109,12 @@ def cast_rays(
 
 
 @inner
-def new_block() -> Block:
-    """A block without rays."""
-    columns = np.zeros((2, 4, BLOCK))
+def new_block(rays: int) -> Block:
+    """A block for a number of rays, or for the first of them."""
+    room = whole(min(rays, BLOCK))
+    columns = np.zeros((2, 4, room))
     return Block(
-        np.empty(BLOCK, np.int64), columns[0], columns[1], np.empty(BLOCK), np.empty(2 * SIFTED),
+        np.empty(room, np.int64), columns[0], columns[1], np.empty(room), np.empty(2 * SIFTED),
         new_stack(),
     )  # fmt: skip
 

@@ -66,7 +66,7 @@ def cast_scans(
 def _cast_few(tree: Tree, laser: Laser, poses: Float, ranges: Float, hits: Int) -> None:
     """Cast scans of few beams beam by beam: see `cast_scans`."""
     cosines, sines = laser.fan
-    block = new_block()
+    block = new_block(len(ranges))
     done = 0
     count = 0
     for k in range(len(poses)):
