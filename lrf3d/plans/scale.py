@@ -14,6 +14,7 @@ from lrf3d.plans.canvas import Canvas
 from lrf3d.plans.rules.doors import USUAL, find_doors
 from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
 from lrf3d.world.model import SHEET
+from lrf3d.world.model import UNITS as LENGTHS
 
 # Least and largest extent of a building [m]: a hut, and an airport.
 EXTENT = (3.0, 400.0)
@@ -21,14 +22,8 @@ EXTENT = (3.0, 400.0)
 # In every plan, less than half of the total wall length belongs to walls longer than this [m].
 LONGEST = 15.0
 
-# Units of drawings [m].
-UNITS = {
-    "metres": 1.0,
-    "centimetres": 0.01,
-    "millimetres": 0.001,
-    "inches": 0.0254,
-    "feet": 0.3048,
-}
+# Units of drawings [m]; no building is drawn in kilometres.
+UNITS = {"metres": 1.0, **{name: size for size, name in LENGTHS.items() if size < 1.0}}
 
 # Usual scales of sheets: 1 to each of these.
 SHEETS = (20, 25, 50, 75, 100, 125, 150, 200, 250, 500, 1000)
