@@ -30,7 +30,6 @@ SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
 WORLD = World(np.vstack([SQUARE, ROOM]), [0] * 4 + [1] * 4)
 AROUND = [(1, 2, 0), (6, -2.5, 1.5), (10, 2, 3.1), (6, 6.5, -1.6)]
-CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 CORNER, LRF = World([[3, -5, 3, 5], [3, 5, -3, 5]]), LaserRangeFinder()
 BOTH = pytest.mark.parametrize("mode", ["robust", "paper"])
 
