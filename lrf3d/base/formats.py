@@ -144,7 +144,7 @@ FORMATS: list[Format] = [
     ),
     Format(
         kind="log", name="arrays", endings=(".npz", ".npy", ".mat"),
-        read="lrf3d.recordings.reading:arrays_log",
+        read="lrf3d.recordings.formats.arrays:array_table",
         looks={
             b"PK": "a zip: unpack it; save a spreadsheet as CSV; name arrays of NumPy .npz",
             b"\x93NUMPY": "an array: name it .npy",
@@ -162,10 +162,13 @@ FORMATS: list[Format] = [
         options=("poses", "scan_topic", "part", "height"),
     ),
     Format(
-        kind="log", name="records", read="lrf3d.recordings.reading:records_log",
+        kind="log", name="records", read="lrf3d.recordings.formats.arrays:record_table",
         options=("format",),
     ),
-    Format(kind="log", name="text", read="lrf3d.recordings.reading:text_log", options=("format",)),
+    Format(
+        kind="log", name="text", read="lrf3d.recordings.formats.text.text_log:text_table",
+        options=("format",),
+    ),
     Format(
         kind="map", endings=(".geojson",), read="lrf3d.mapping.line_map:load_map",
         write="lrf3d.mapping.line_map:save_map",

@@ -13,12 +13,24 @@ import numba
 import numpy as np
 from llvmlite.binding.newpassmanagers import create_new_function_pass_manager
 from numba import types
+from numba.core import base, registry
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager
 from numba.core.targetconfig import ConfigStack
-from numba.core.typed_passes import InlineOverloads, NopythonRewrites
-from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables, WithLifting
+from numba.core.typed_passes import DumpParforDiagnostics, InlineOverloads, NopythonRewrites
+from numba.core.untyped_passes import (
+    DeadBranchPrune,
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    LiteralPropagationSubPipelinePass,
+    LiteralUnroll,
+    MakeFunctionToJitFunction,
+    RewriteDynamicRaises,
+    RewriteSemanticConstants,
+    WithLifting,
+)
 
 from lrf3d.base.errors import Lrf3dError, storage
 from lrf3d.compiling.cache import KernelCache
@@ -142,9 +154,14 @@ class _InnerLibrary(_KernelLibrary):
 def _remembering(context: Any) -> Any:
     """Numba's context of types, which types the same operation for the same types once.
 
-    It tries all meanings of an operator, also those for arrays, each time that it occurs.
+    It tries all meanings of an operator, also those for arrays, each time that it occurs. It also
+    asks LLVM for the size of a type by a program of its own each time, and each function that makes
+    code for the names of its arguments.
     """
     results: dict[Any, Any] = {}
+    target = registry.cpu_target.target_context
+    target.get_abi_sizeof = cache(target.get_abi_sizeof)
+    base._has_loc = cache(base._has_loc)
 
     class Remembering(type(context)):  # type: ignore[misc]
         def resolve_function_type(self, function: Any, args: Any, named: Any) -> Any:
@@ -162,9 +179,12 @@ def _remembering(context: Any) -> Any:
     return remembering
 
 
-# Steps of numba for closures, contexts, functions to be inlined as Python, and array expressions.
+# Steps of numba for closures, contexts, functions to be inlined as Python, array expressions,
+# branches and loops that the types of arguments decide on, and errors with values.
 _NEEDLESS_STEPS = (
-    WithLifting, InlineClosureLikes, InlineInlinables, InlineOverloads, NopythonRewrites,
+    WithLifting, InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables, InlineOverloads,
+    NopythonRewrites, RewriteSemanticConstants, DeadBranchPrune, FindLiterallyCalls, LiteralUnroll,
+    LiteralPropagationSubPipelinePass, RewriteDynamicRaises, DumpParforDiagnostics,
 )  # fmt: skip
 
 

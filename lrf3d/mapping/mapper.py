@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 from lrf3d.base.errors import InputError, shown
 from lrf3d.geometry.lines import number, whole_number
@@ -171,11 +171,9 @@ class LineMapper:
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""
-        found: LineMap = self._mapper.local_map(scan)
-        return found
+        return cast(LineMap, self._mapper.local_map(scan))
 
     @property
     def map(self) -> LineMap:
         """The global map after all scans so far; the same object until the next update."""
-        found: LineMap = self._mapper.map
-        return found
+        return cast(LineMap, self._mapper.map)

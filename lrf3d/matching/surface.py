@@ -74,23 +74,35 @@ def range_noise(scan: LaserScan) -> float:
     apart beams lie; the deviation is noise. The median over beams on one surface ignores corners.
     """
     ranges = np.where(scan.hits, scan.ranges, np.nan)
-    angles = scan.angles
-    before = ranges[:-2]
-    middle = ranges[1:-1]
-    after = ranges[2:]
-    gaps = np.sin(np.diff(angles))
-    # Ranges may be 0, and angles equal.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = (gaps[1:] / before + gaps[:-1] / after) / np.sin(angles[2:] - angles[:-2])
-        rough = 2.0 * np.abs(inverse - 1.0 / middle) * middle * middle
-    # Gap [m] in a surface even where the noise is 0.3 m; it grows twice as fast as `CONNECTED`.
-    apart = 0.5 + 2.0 * CONNECTED_GROWTH * middle
-    differences = np.maximum(np.abs(before - middle), np.abs(after - middle))
-    known = np.sort(rough[(differences < apart) & np.isfinite(rough)])
+    known = np.sort(_second_differences(ranges, np.array(scan.angles)))
     # The median; `np.median` takes ten times as long for the values of a scan.
     middle = known[(len(known) - 1) // 2 : len(known) // 2 + 1]
     # It gives a standard deviation, and a second difference has six times the variance.
     return float(1.4826 * middle.mean() / np.sqrt(6.0)) if len(known) else 0.0
+
+
+@compiled
+def _second_differences(ranges: Float, angles: Float) -> Float:
+    """How far ranges (n,) on one surface are from the line through their neighbours [m].
+
+    Ranges may be 0 or NaN, and angles equal: those are left out.
+    """
+    found = np.empty(len(ranges))
+    count = 0
+    for k in range(1, len(ranges) - 1):
+        before = ranges[k - 1]
+        middle = ranges[k]
+        after = ranges[k + 1]
+        share_before = np.sin(angles[k + 1] - angles[k]) / before
+        share_after = np.sin(angles[k] - angles[k - 1]) / after
+        inverse = (share_before + share_after) / np.sin(angles[k + 1] - angles[k - 1])
+        rough = 2.0 * abs(inverse - 1.0 / middle) * middle * middle
+        # Gap [m] in a surface even where the noise is 0.3 m; it grows twice as fast as `CONNECTED`.
+        apart = 0.5 + 2.0 * CONNECTED_GROWTH * middle
+        if max(abs(before - middle), abs(after - middle)) < apart and np.isfinite(rough):
+            found[count] = rough
+            count += 1
+    return found[:count]
 
 
 def points_of(scan: LaserScan, mount: Pose) -> Records:
@@ -114,7 +126,10 @@ def surface_of_scan(scan: LaserScan, mount: Pose, points: Records, noise: float)
 
 def concatenated(surfaces: Iterable[Records]) -> Records:
     """Join surfaces, as plain numbers: joining records takes ten times as long."""
-    numbers = [np.empty(0), *(np.ascontiguousarray(each).view(np.float64) for each in surfaces)]
+    parts = [np.ascontiguousarray(each) for each in surfaces if len(each)]
+    if len(parts) == 1:
+        return parts[0].view(SURFACE)
+    numbers = [np.empty(0), *(each.view(np.float64) for each in parts)]
     one: Records = np.concatenate(numbers).view(SURFACE)
     return one
 

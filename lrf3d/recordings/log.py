@@ -165,9 +165,8 @@ class LaserLog(Value):
         if len(names) == 1 or rolling:
             return []
         moments = dict[int, dict[str, int]]()
-        at_once = 0.001  # Time [s] within which scans of several lasers are of one moment.
         for row, scan in enumerate(self.scans):
-            moments.setdefault(round(scan.time / at_once), {})[scan.laser] = row
+            moments.setdefault(round(scan.time / AT_ONCE), {})[scan.laser] = row
         return [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
 
     @property
@@ -236,6 +235,9 @@ def _resampled(own: Float, ranges: Float, angles: Float, reach: float) -> Float:
 # Readings from this one on [m] mean no return where a log names no largest range: range finders of
 # CARMEN's time report about 81.9 m or 50 m for no return, and none of them measures as far.
 LARGEST_RANGE = 50.0
+
+# Time [s] within which messages are of one moment.
+AT_ONCE = 0.001
 
 # Time that is assumed between scans without stamps [s].
 UNTIMED = 0.1

@@ -1,7 +1,7 @@
 """Reading logs: the name of a file or a folder, or else its content, selects the reader."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,23 @@ from lrf3d.recordings.formats.arrays import (
     LONG_BEGINNING,
     TOPIC,
     are_records,
-    array_table,
     is_foreign,
     is_messages,
-    record_table,
 )
 from lrf3d.recordings.formats.carmen import WORDS
-from lrf3d.recordings.formats.text.text_log import add_partner, text_table
+from lrf3d.recordings.formats.table import Table
+from lrf3d.recordings.formats.text.text_log import add_partner
 from lrf3d.recordings.log import Intake, LaserLog
+
+# Formats of texts by the first bytes of a file, in this order; a text of numbers is none of them.
+TEXTS: dict[str, Callable[[bytes], Any]] = {
+    "messages": TOPIC,
+    "CARMEN": WORDS,
+    "records": are_records,
+}
+
+# Finds a line that begins with a number.
+NUMBERS = re.compile(rb"(?m)^\s*[-+.\d]+[\s,;]").search
 
 
 def is_run(name: str) -> bool:
@@ -148,8 +157,12 @@ def log_of_file(
         raise InputError(f"{path}: no poses from {given['poses']} in it; there are auto, odom")
     options = {name: given[name] for name in row.options}
     intake = Intake(path, largest_range, without_repairs, smallest_range, mask)
-    log: LaserLog = function(row.read)(intake, **options)
-    return log
+    found: LaserLog | Table = function(row.read)(intake, **options)
+    if isinstance(found, LaserLog):
+        return found
+    if row.name == "records":
+        add_partner(found)
+    return found.log()
 
 
 def run_log(intake: Intake, poses: str) -> LaserLog:
@@ -168,25 +181,6 @@ def run_log(intake: Intake, poses: str) -> LaserLog:
     return LaserLog(f"{name}_map", list(run.scans), source="the run")
 
 
-def arrays_log(intake: Intake, format: str | None) -> LaserLog:
-    """The log of a file of arrays."""
-    return array_table(intake, format).log()
-
-
-def records_log(intake: Intake, format: str | None) -> LaserLog:
-    """The log of a text of records: JSON, or printed messages of ROS."""
-    table = record_table(intake, format)
-    add_partner(table)
-    return table.log()
-
-
-def text_log(intake: Intake, format: str | None) -> LaserLog:
-    """The log of a text with one scan, or one reading, in each line."""
-    table = text_table(intake, format)
-    add_partner(table)
-    return table.log()
-
-
 def _format_of(path: Path, columns: str | None) -> Format:
     """The format of a log, by its name, or else by what it looks like.
 
@@ -198,10 +192,8 @@ def _format_of(path: Path, columns: str | None) -> Format:
         is_document = DOCUMENTS(head_of(path, BEGINNING, "a log"))
         in_records = is_document and {"@", "*"}.isdisjoint(columns) and not is_messages(path)
         return by_name("log", "records" if in_records else "text")
-    if (path / "run.npz").exists():
-        return by_name("log", "run")
     if path.is_dir():
-        return by_name("log", "bag")
+        return by_name("log", "run" if (path / "run.npz").exists() else "bag")
     # Other formats use the endings of CARMEN logs, arrays and runs, too: the content decides.
     if named is not None and name not in ("CARMEN", "arrays", "run"):
         return named
@@ -217,17 +209,13 @@ def _format_by_looks(path: Path, head: bytes, is_carmen: bool) -> Format:
     # Arrays are read only from files with their own endings.
     if looks is not None and looks[0].kind == "log" and looks[0].name != "arrays":
         return looks[0]
-    is_text = b"\0" not in head and looks is None
-    if is_text and TOPIC(head):
-        return by_name("log", "messages")
-    if is_text and re.search(WORDS, head):
-        return by_name("log", "CARMEN")
-    if is_text and are_records(head):
-        return by_name("log", "records")
-    if is_carmen and not re.search(rb"(?m)^\s*[-+.\d]+[\s,;]", head):
-        return by_name("log", "CARMEN")
-    if is_text:
-        return by_name("log", "text")
+    name = ""
+    if looks is None and b"\0" not in head:
+        name = next((name for name, is_of in TEXTS.items() if is_of(head)), "text")
+    if name in ("", "text") and is_carmen and not NUMBERS(head):
+        name = "CARMEN"
+    if name:
+        return by_name("log", name)
     found = "no text" if looks is None else looks[1]
     known = ", ".join(endings("log"))
     raise InputError(f"{path}: not a log: it looks like {found}; expected text, or {known}")

@@ -8,7 +8,7 @@ from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -294,8 +294,7 @@ class Run(Value, Pictured):
         """
         if not 0 <= number < len(self.cloud_sensors.lidars):
             raise InputError(f"run: lidar {number}: it has {len(self.cloud_sensors.lidars)} lidars")
-        scan: LidarScan = self._clouds.measure(number, self._state(index), noisy=noisy)
-        return scan
+        return cast(LidarScan, self._clouds.measure(number, self._state(index), noisy=noisy))
 
     def depth(self, index: int, *, number: int = 0, noisy: bool = True) -> DepthImage:
         """The image of a depth camera, given by its number, at a scan's index; cast again."""
@@ -303,8 +302,7 @@ class Run(Value, Pictured):
         if not 0 <= number < count:
             raise InputError(f"run: depth camera {number}: it has {count} depth cameras")
         number += len(self.cloud_sensors.lidars)
-        image: DepthImage = self._clouds.measure(number, self._state(index), noisy=noisy)
-        return image
+        return cast(DepthImage, self._clouds.measure(number, self._state(index), noisy=noisy))
 
     @property
     def lidar_scans(self) -> Iterator[LidarScan]:

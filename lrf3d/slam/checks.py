@@ -21,7 +21,7 @@ from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
-from lrf3d.recordings.repair.judging import WIDEST, is_clear
+from lrf3d.recordings.repair.pairs import WIDEST, is_clear
 from lrf3d.slam.motion import size_of
 
 # Largest distance [m] between key scans that are compared: most of what they see is the same.
@@ -179,9 +179,9 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
 
     # A mount is tried as a turn [°] and a sense: 1, or −1 for mirrored scans.
     def best_of(turns: range, *senses: int) -> tuple[int, int]:
-        for turn, sense in product(turns, senses):
-            apart = [_distance(own[a], own[b], turn, sense) for a, b in pairs]
-            found[turn, sense] = float(np.median(apart))
+        for sense in senses:
+            apart = [_distances(own[a], own[b], turns, sense) for a, b in pairs]
+            found.update(zip(product(turns, [sense]), np.median(apart, axis=0), strict=True))
         return min(found, key=found.__getitem__)
 
     coarse = 45  # Angle between the mounts that are tried all around [°].
@@ -222,7 +222,7 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
         at = int(steps.argmax()) + 1
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
     if not pairs:
-        far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
+        far = max(_distances(own[0], own[k])[0] for k in (len(own) // 4, len(own) // 2, -1))
         moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
         return f"the poses stay at one place, but {moved}" if far > CONTRADICTED else None
     return _contradiction(own, pairs)
@@ -234,7 +234,7 @@ def _contradiction(own: Sequence[LaserScan], pairs: Sequence[tuple[int, int]]) -
     Scans far apart differ by much at right poses, too, but less than if the robot had stood. Along
     a plain wall they fit best if it had, whatever their poses.
     """
-    apart = np.array([_distance(own[a], own[b]) for a, b in pairs])
+    apart = np.concatenate([_distances(own[a], own[b]) for a, b in pairs])
     losses = apart - _standing(own, pairs)
     far = float(np.median(apart))
     is_far = len(pairs) >= PAIRS_TO_JUDGE and far >= CONTRADICTED and losses.mean() > 0.0
@@ -279,18 +279,21 @@ def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tu
 def _standing(own: Sequence[LaserScan], pairs: Sequence[tuple[int, int]]) -> Float:
     """Distances (p,) [m] between the points of pairs of scans, as if the robot had stood."""
     stood = ((own[a], replace(own[b], pose=own[a].pose)) for a, b in pairs)
-    return np.array([_distance(*pair) for pair in stood])
+    return np.concatenate([_distances(*pair) for pair in stood])
 
 
-def _distance(before: LaserScan, after: LaserScan, turn: float = 0.0, sense: int = 1) -> float:
-    """Distance [m] between the points of two scans by a mount turned by some degrees."""
+def _distances(
+    before: LaserScan, after: LaserScan, turns: Sequence[int] = (0,), sense: int = 1
+) -> Float:
+    """Distances (t,) [m] between the points of two scans by mounts turned by some degrees (t,)."""
     check()
-    mount = np.array(before.mount) + np.array([0.0, 0.0, np.radians(turn)])
-    lasers = [compose(np.array(scan.robot), mount) for scan in (before, after)]
-    here, there = (_points(scan, sense) for scan in (before, after))
-    moved = Pose(*between(*lasers).tolist()).apply(there)
+    here = cKDTree(_points(before, sense))
+    there = _points(after, sense)
+    mounts = np.array(before.mount) + [[0.0, 0.0, np.radians(turn)] for turn in turns]
+    lasers = (compose(np.array(scan.robot), mounts) for scan in (before, after))
+    moved = [Pose(*pose).apply(there) for pose in between(*lasers).tolist()]
     share = 0.8  # Quantile of the distances: walls along the drive fit at wrong poses, too.
-    return float(np.quantile(cKDTree(here).query(moved)[0], share))
+    return np.asarray(np.quantile(here.query(np.array(moved))[0], share, axis=1))
 
 
 def _points(scan: LaserScan, sense: int) -> Float:

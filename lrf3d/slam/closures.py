@@ -116,8 +116,8 @@ class LoopCloser:
         self.refused: list[Refusal] = []
         self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
-        # The next key scan is often matched with one of the last submaps.
-        self._submaps = Latest(size=16)
+        # The next key scans are often matched with one of the last submaps.
+        self._submaps = Latest(size=64)
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
         # Distance travelled up to each key scan and up to now [m]. Turns and lost scans count as
@@ -174,8 +174,10 @@ class LoopCloser:
         """
         away = np.abs(self.driven - self.driven[newest.new])
         lengths = self.paths.lengths(newest.old, STRETCH)
+        # Lists, as single numbers of arrays take ten times as long to read.
         near = (away < STRETCH).tolist()
-        others = [each for each in closures if near[each.new] and lengths[each.old] < STRETCH]
+        joined = (lengths < STRETCH).tolist()
+        others = [each for each in closures if near[each.new] and joined[each.old]]
         if not others:
             return {}
         olds, news = np.array([(each.old, each.new) for each in others]).T

@@ -26,7 +26,7 @@ from lrf3d.matching.key_scans import (
 from lrf3d.matching.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.matching.search import CLEARLY, Submap, clearest
 from lrf3d.matching.surface import DEVIATIONS, SURFACE, concatenated, grid_of, moved, thinned
-from lrf3d.slam.motion import DOUBTFUL, Coasting, KeyStep, Prediction, Wheels, size_of
+from lrf3d.slam.motion import DOUBTFUL, Coasting, Prediction, Wheels, size_of
 
 # Distance to the next key scan [m]. Errors hardly change from 0.4 to 0.6 m.
 KEY_DISTANCE = 0.5
@@ -149,7 +149,9 @@ class FrontEnd:
         self._speeds = np.full(2, 3.0)
         # Whether the last scan contradicted the wheels.
         self._contradicted = False
-        self._key_step = KeyStep()
+        # Of each scan since the last key scan: the increment (3,) of the wheels, None if it is
+        # invalid, the matched step (3,), and whether the walls in view fixed its distance ahead.
+        self._since_key: list[tuple[Float | None, Float, bool]] = []
 
     def track(self, scan: Key, increment: Float | None, since: float = 1.0) -> Tracked:
         """Place the next scan, by the odometry increment (3,) over some time [s] if any."""
@@ -181,7 +183,7 @@ class FrontEnd:
             self._coasting.lost()
             self._certain.clear()
         ahead_known = bool(information[0, 0] > WEAK)
-        self._key_step.add(increment if accepted else None, step, ahead_known)
+        self._since_key.append((increment if accepted else None, step, ahead_known))
         self.pose = pose
         self._recent.append((pose, self.surface))
         jumped = jump is not None
@@ -390,10 +392,10 @@ class FrontEnd:
     def add_key(self, scan: Key) -> Key:
         """Add the scan that was just placed to the local map as a key scan."""
         key = replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
-        step = self._key_step
-        if step.complete:
-            self.wheels.learn(step.measured, step.matched, step.ahead_known)
-        self._key_step = KeyStep()
+        measured, matched, ahead_known = zip(*self._since_key, strict=True)
+        if not any(increment is None for increment in measured):
+            self.wheels.learn(sum(measured), sum(matched), all(ahead_known))
+        self._since_key = []
         self._recent.clear()
         self.mixed_pixels.learn(self._certain, key)
         self._certain.append(key)

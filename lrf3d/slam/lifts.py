@@ -12,7 +12,7 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter, seen_through_both
-from lrf3d.recordings.repair.judging import explained
+from lrf3d.recordings.repair.pairs import explained
 
 # Share of points that adjacent scans explain on each side of a lift, and that no two scans explain
 # across it: at lifts 0.7 and more, and at most 0.43, also in logs with a scan a metre. Scans of

@@ -143,28 +143,6 @@ class Coasting:
         self._step = 0.5 * self._step
 
 
-class KeyStep:
-    """The motion since the last key scan, by the wheels and by matching: sums of increments (3,).
-
-    It is complete if each of its scans has both. Its distance ahead is known if the walls in view
-    of each scan fixed it.
-    """
-
-    def __init__(self) -> None:
-        self.measured = np.zeros(3)
-        self.matched = np.zeros(3)
-        self.complete = self.ahead_known = True
-
-    def add(self, increment: Float | None, step: Float, ahead_known: bool) -> None:
-        """Add an increment (3,) of the wheels, None if it is invalid, and the matched step (3,)."""
-        if increment is None:
-            self.complete = False
-            return
-        self.measured += increment
-        self.matched += step
-        self.ahead_known &= ahead_known
-
-
 class Wheels:
     """Corrects odometry increments by the errors of the wheels, estimated from scan matching."""
 

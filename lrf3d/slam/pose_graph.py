@@ -45,22 +45,28 @@ def edges_of(
 
 def edge_errors(poses: Float, edges: Records) -> Float:
     """Errors (e, 3) [m, rad] of edges at poses (k, 3)."""
-    error: Float = between(poses[edges["first"]], poses[edges["second"]]) - edges["measured"]
+    return _errors(between(poses[edges["first"]], poses[edges["second"]]), edges)
+
+
+def _errors(relative: Float, edges: Records) -> Float:
+    """Errors (e, 3) [m, rad] of edges between key scans at relative poses (e, 3)."""
+    error = relative - edges["measured"]
     error[:, 2] = wrap_angle(error[:, 2])
-    return error
+    return np.asarray(error)
 
 
-def edge_squares(poses: Float, edges: Records) -> tuple[Float, Float]:
+def edge_squares(error: Float, edges: Records) -> tuple[Float, Float]:
     """Squared errors (e,) of edges in units of their variance, and Cauchy's weights (e,)."""
-    error = edge_errors(poses, edges)
     squares = np.einsum("ei,eij,ej->e", error, edges["information"], error)
     return squares, np.where(edges["may_be_wrong"], 1.0 / (1.0 + squares / DEVIATIONS**2), 1.0)
 
 
 def _matrices(rows: Sequence[Sequence[ArrayLike]], count: int) -> Float:
     """Matrices (count, 3, 3) with entries that are arrays (count,) or numbers."""
-    entries = [np.broadcast_to(entry, count) for row in rows for entry in row]
-    return np.stack(entries, axis=1).reshape(-1, 3, 3)
+    matrices = np.empty((count, 3, 3))
+    for r, c in np.ndindex(3, 3):
+        matrices[:, r, c] = rows[r][c]
+    return matrices
 
 
 def normal_equations(poses: Float, edges: Records) -> tuple[csc_array, Float]:
@@ -68,7 +74,9 @@ def normal_equations(poses: Float, edges: Records) -> tuple[csc_array, Float]:
     i = edges["first"]
     j = edges["second"]
     count = len(edges)
-    x, y, _ = between(poses[i], poses[j]).T
+    relative = between(poses[i], poses[j])
+    error = _errors(relative, edges)
+    x, y, _ = relative.T
     cos = np.cos(poses[i, 2])
     sin = np.sin(poses[i, 2])
     by_first = _matrices([[-cos, -sin, y], [sin, -cos, -x], [0, 0, -1.0]], count)
@@ -77,10 +85,10 @@ def normal_equations(poses: Float, edges: Records) -> tuple[csc_array, Float]:
     each = np.arange(count + 1)
     ends = np.column_stack([i, j]).ravel()
     derivative = bsr_array((blocks, ends, 2 * each), shape=(3 * count, poses.size))
-    _, weights = edge_squares(poses, edges)
+    _, weights = edge_squares(error, edges)
     weighted = edges["information"] * weights[:, None, None]
     left = derivative.T @ bsr_array((weighted, each[:-1], each), shape=(3 * count, 3 * count))
-    return csc_array(left @ derivative), left @ edge_errors(poses, edges).ravel()
+    return csc_array(left @ derivative), left @ error.ravel()
 
 
 def _factor(matrix: csc_array) -> SuperLU:
@@ -111,7 +119,7 @@ def variance_factor(poses: Float, edges: Records, deviation: float) -> float:
     true size of its errors. The deviation is the RMS distance of matched points to their walls, in
     units of the assumed one.
     """
-    squares, weights = edge_squares(poses, edges)
+    squares, weights = edge_squares(edge_errors(poses, edges), edges)
     prior_residuals = 30  # Number of residuals of closures that the deviation counts as.
     # Factor on the distances of matched points to their walls: adjacent points share their errors.
     point_deviations = 2.4

@@ -115,7 +115,7 @@ def test_a_format_says_what_lines_do_not(drive, write, form, tmp_path):
 def test_what_is_not_understood_gets_a_line_with_a_format(write, beams, tmp_path):
     path = tmp_path / "drive.dat"
     path.write_text(write(replace(URG, beams=beams)))
-    with pytest.raises(InputError, match=r"--format, such as '"):
+    with pytest.raises(InputError, match=r"--format(, such as)? '"):
         load_log(path)
 
 
@@ -176,6 +176,8 @@ def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
     [
         ("1 2 3\n4 5 6\n", None, r"text of 3 columns; name them by --format"),
         ("hello\nworld\n", None, "no lines of numbers"),
+        ("t,x,y,yaw\n1,2,3,4\n2,2,3,4\n", None, "none of ranges; is it odometry"),
+        ("\n".join(["20 " * 375] * 2), None, "text of 375 columns; name them by --format$"),
         ("1 5\n2 5\n", "stamp,ranges", "one beam"),
         ("1 5 5 5\n2 5 5 5\n", "stamp,ranges", "all are 5"),
         ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m", "3 beams at unknown bearings.*first="),
@@ -421,6 +423,28 @@ def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualitie
     assert len(log) == 40 and log.bad_count == 0
     assert np.allclose([scan.ranges for scan in log.scans], drive[2], atol=1e-3)
     assert np.allclose(np.degrees(log.scans[0].angles), range(BEAMS), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda number: number // BEAMS,
+        # Seconds of a coarse clock, and packets of 12 readings.
+        lambda number: number // (7 * BEAMS),
+        lambda number: number // 12,
+    ],
+)
+def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(
+    stamp, drive, tmp_path
+):
+    lines = [
+        f"{stamp(BEAMS * k + a)},{a},{row[a] + 0.9 * echo:.4f}"
+        for k, row in enumerate(drive[2]) for a in range(BEAMS) for echo in (0, 1)
+    ]  # fmt: skip
+    (tmp_path / "dual.csv").write_text("\n".join(["time,angle,distance", *lines]))
+    log = load_log(tmp_path / "dual.csv")
+    assert len(log) == 40
+    assert np.allclose([s.ranges[s.hits] for s in log.scans], drive[2], atol=1e-3)
 
 
 def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_path):

@@ -93,10 +93,10 @@ def test_parts_of_a_turn_are_compared_with_their_like(scans):
 def test_a_mount_is_named_only_where_it_fits_clearly_better(
     declared, turned, named, scans, monkeypatch
 ):
-    def apart(one, other, turn=None, sense=None):
-        return {(0, 1): declared, (90, 1): turned}.get((turn, sense), 1.0)
+    def apart(one, other, turns=(None,), sense=None):
+        return [{(0, 1): declared, (90, 1): turned}.get((turn, sense), 1.0) for turn in turns]
 
-    monkeypatch.setattr(checks, "_distance", apart)
+    monkeypatch.setattr(checks, "_distances", apart)
     assert ("turned by 90" in (doubtful_mount(scans) or "")) == named
 
 

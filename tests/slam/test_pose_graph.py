@@ -6,6 +6,7 @@ from lrf3d.geometry.pose import between
 from lrf3d.matching.surface import DEVIATIONS
 from lrf3d.slam.pose_graph import (
     GraphPaths,
+    edge_errors,
     edge_squares,
     edges_of,
     optimised,
@@ -36,7 +37,7 @@ def measured(poses, pairs, rng, noise=0.0, robust=False):
 
 def cost(edges, poses):
     """What is minimised: Cauchy's sum of closures, and plain squares of others."""
-    squares, _ = edge_squares(poses, edges)
+    squares, _ = edge_squares(edge_errors(poses, edges), edges)
     cauchy = DEVIATIONS**2 * np.log1p(squares / DEVIATIONS**2)
     return np.where(edges["may_be_wrong"], cauchy, squares).sum()
 

@@ -25,16 +25,20 @@ from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
 from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
 from lrf3d.recordings.formats.text.dialects import DIALECTS, Words
-from lrf3d.recordings.formats.text.form import Form
 from lrf3d.recordings.formats.text.guesses import SERIES, by_names, swept
-from lrf3d.recordings.formats.text.layout import Layout, described
-from lrf3d.recordings.formats.text.lines import in_seconds, untyped
-from lrf3d.recordings.formats.text.words import SHORT, named
+from lrf3d.recordings.formats.text.layout import Form, Layout, described
+from lrf3d.recordings.formats.text.lines import SHORT, in_seconds, named, untyped
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
 # Matches what JSON and printed messages of ROS begin with.
 DOCUMENTS = re.compile(rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):").match
+
+# Matches what a dict begins with that Python prints: its names are in single quotes, or numbers.
+PRINTED = re.compile(r"\s*\{['\d]").match
+
+# Lists for the tuples that Python prints.
+LISTED = str.maketrans("()", "[]")
 
 # Matches what a CSV of lists begins with; no byte twice, since a header may have thousands of
 # columns.
@@ -285,8 +289,10 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
 
 def _json_parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     """The records in a text of JSON; what Python prints has other quotes."""
-    parts, read = json_parts(text)
-    return parts, _yaml if text.lstrip().startswith("{'") else read
+    if not PRINTED(text):
+        return json_parts(text)
+    parts, _ = json_parts(text.translate(LISTED))
+    return parts, _yaml
 
 
 def _are_stamped(parts: Sequence[Any], read: Callable[[Any], Any]) -> bool:
@@ -337,10 +343,8 @@ def _stacked(name: str, parts: list[Float], notes: list[str]) -> Float:
         return padded(parts, notes if meaning(name)[0] == "ranges" else [])
     if {part.shape[1:] for part in parts} == {(2,)}:
         # Some scans have fewer pairs of a bearing and a range.
-        pairs = np.full((len(parts), max(map(len, parts)), 2), np.nan)
-        for row, part in zip(pairs, parts, strict=True):
-            row[: len(part)] = part
-        return pairs
+        pairs = np.dstack([padded([part[:, k] for part in parts], []) for k in (0, 1)])
+        return np.where(np.isfinite(pairs), pairs, np.nan)
     return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
 
 

@@ -24,9 +24,10 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, usual_step, wrap_ang
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
+from lrf3d.recordings.formats.related import translated
 from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
-from lrf3d.recordings.formats.units import LENGTHS, MICRO, MILLI
 from lrf3d.recordings.log import (
+    AT_ONCE,
     COARSE,
     LARGEST_RANGE,
     UNTIMED,
@@ -76,24 +77,12 @@ TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 # pose by odometry.
 SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 
-# What lines of such logs begin with.
+# Finds what lines of such logs begin with.
 WORDS = re.compile(
     rb"(?m)^(?:(?:[FRL]LASER|(?:ROBOT|RAW)LASER\d|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
     rb"|[\d.]+ \S+ \d+ (?:laser|position2d) \d+ |\x02?s(?:RA|SN) LMDscandata "
     rb"|[LO](?: -?[\d.]+){4,} *\r?$)"
-)
-
-# Unit of the bearings of a SICK telegram [°].
-TELEGRAM_ANGLE = 1e-4
-
-# The bearing of a SICK telegram that points ahead [°].
-TELEGRAM_AHEAD = 90
-
-# Numbers of words in a line of Carnegie Mellon's robot data: a pose, or two poses with ranges.
-CMU_WORDS = (5, *range(30, 1100))
-
-# Least number of words of a message of Player, as of a pose.
-PLAYER_WORDS = 14
+).search
 
 # Usual numbers of beams, for a fan of half a turn; the only alternative is a whole turn.
 HALF_TURNS = {180, 181, 360, 361}
@@ -106,9 +95,6 @@ WITHOUT_FAN = (b"FLASER", b"Laser", b"CMU")
 
 # How far the poses of one laser on its robot may differ [m], [rad]: logs round their numbers.
 STEADY = 1e-3
-
-# Millimetres for a unit of the ranges of a SICK telegram, by the hexadecimal bits of its scale.
-SCALES = {b"3F800000": 1.0, b"40000000": 2.0}
 
 # How far a laser may stand from its robot's centre [m]: farther, the number is in other units.
 FARTHEST_LASER = 10.0
@@ -158,68 +144,6 @@ def _placed_by(
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
     return replace(log, scans=scans, source=source, wheels=wheels, placed=True)
-
-
-def _translated(words: list[bytes]) -> list[bytes]:
-    """A message of GMapping, Player or SICK as one of CARMEN."""
-    if words[:1] == [b"LASER_READING"]:
-        return [b"FLASER", *words[1:-1], *words[-4:]]
-    if words[:1] == [b"ODOM"] and len(words) == 5:
-        return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
-    if words[:1] in ([b"L"], [b"O"]) and len(words) in CMU_WORDS:
-        return _of_cmu(words)
-    if len(words) >= PLAYER_WORDS and words[3] in (b"laser", b"position2d"):
-        return _of_player(words)
-    if words[1:2] == [b"LMDscandata"] and b"DIST1" in words:
-        return _of_telegram(words, words.index(b"DIST1"))
-    return words
-
-
-def _of_cmu(words: list[bytes]) -> list[bytes]:
-    """A line of Carnegie Mellon's robot data: poses and ranges in centimetres, the stamp last."""
-    numbers = [float(word) for word in words[1:]]
-    x, y, theta, *rest = numbers
-    centi = LENGTHS["cm"]
-    robot = [centi * x, centi * y, theta]
-    if words[0] == b"O":
-        return [b"ODOM", *(b"%.9g" % each for each in (*robot, 0, 0, 0, rest[-1])), b"", words[-1]]
-    ranges = [centi * each for each in rest[3:-1]]
-    found = [len(ranges), *ranges, centi * rest[0], centi * rest[1], rest[2], *robot, rest[-1]]
-    return [b"CMU", *(b"%.9g" % each for each in found), b"", words[-1]]
-
-
-def _of_player(words: list[bytes]) -> list[bytes]:
-    """A message of Player: time, host, robot, kind, index, type, subtype and time come first."""
-    if words[3] == b"laser" and b"." in words[5]:
-        # The first version of Player has no index, type and subtype.
-        words = [*words[:5], b"", b"", words[5], b"", *words[6:9], b"0", *words[9:]]
-    elif b"." not in words[7] or len(words) == PLAYER_WORDS:
-        # The last version has no second time.
-        words = [*words[:7], words[0], *words[7:]]
-    end = [words[7], *words[1::-1]]
-    if words[3] == b"position2d":
-        return [b"ODOM", *words[8:12], words[13], b"0", *end]
-    start, fov, step, farthest, count = words[9:14]
-    fan = [b"0", start, fov, step, farthest, b"0", b"0", count]
-    return [b"RAWLASER1", *fan, *words[14::2], b"0", *end]
-
-
-def _of_telegram(words: list[bytes], at: int) -> list[bytes]:
-    """A scan of a SICK range finder, whose first channel of ranges begins at a word.
-
-    Its numbers are hexadecimal: microseconds, ten thousandths of a degree, and units.
-    """
-    if words[at + 1] not in SCALES:
-        raise ValueError(f"a scale of {words[at + 1]!r}, expected 3F800000 or 40000000")
-    start, step, count = (int(word, 16) for word in words[at + 3 : at + 6])
-    if start >= 1 << 31:
-        start -= 1 << 32
-    ranges = [SCALES[words[at + 1]] * int(word, 16) for word in words[at + 6 : at + 6 + count]]
-    first = radians(TELEGRAM_ANGLE * start - TELEGRAM_AHEAD)
-    fan = [first, 0.0, radians(TELEGRAM_ANGLE * step), 0.0, 0.0, 0.0, count]
-    stamp = MICRO * int(words[9], 16)
-    numbers = [0.0, *fan, *(MILLI * each for each in ranges), 0.0, stamp]
-    return [b"RAWLASER1", *(b"%.9g" % number for number in numbers), b"", b"%.9g" % stamp]
 
 
 def _by_name(
@@ -329,7 +253,7 @@ class _Reading:
 
     def take(self, words: list[bytes]) -> None:
         """Read a message; raises ValueError if it is invalid."""
-        words = _translated(words)
+        words = translated(words)
         name = words[0] if words else b"#"
         if words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
             offset = _number({"offset": words[2:3]}, "offset")
@@ -397,6 +321,7 @@ class _Reading:
         if untimed := sum(not row.timed for row in self.rows):
             self._note(f"no stamps on {untimed} scans: one each {UNTIMED:g} s assumed")
         fans = self._other_fans()
+        self._take_later_lines()
         scans = self._mounted()
         wheels = None
         if odom := self._stamped["odom"]:
@@ -411,6 +336,21 @@ class _Reading:
             source="as logged" if self._placed else "none",
             fans=fans,
         )
+
+    def _take_later_lines(self) -> None:
+        """Give scans without poses that of the line after them, if it is the one of their stamp.
+
+        Scans before the first line have no other.
+        """
+        odom = self._stamped["odom"]
+        for number, row in enumerate(self.rows):
+            if self._kinds[row.laser][0] not in RAW or row.place + 1 >= len(odom):
+                continue
+            time, pose = odom[row.place + 1]
+            is_first = row.place < 0
+            if is_first or abs(row.scan.time - time) < AT_ONCE < row.scan.time - odom[row.place][0]:
+                scan = replace(row.scan, pose=pose)
+                self.rows[number] = row._replace(scan=scan, place=row.place + 1)
 
     @property
     def is_coarse(self) -> bool:

@@ -20,7 +20,7 @@ from lrf3d.base.files import replacing
 from lrf3d.geometry.pose import as_pose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.recordings.log import LARGEST_RANGE, LaserLog
+from lrf3d.recordings.log import LARGEST_RANGE, LaserLog, WheelRecord
 
 if TYPE_CHECKING:
     from lrf3d.simulation.run import Run
@@ -84,14 +84,13 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
     yield "# CARMEN log of lrf3d; x, y and ranges in metres, angles in radians"
     names = log.lasers
     central = len(names) == 1 and log.mount == CENTRE
-    wheels = log.wheels if central else log.odometry
+    none = WheelRecord(np.empty(0), np.empty((0, 3)), np.full(len(log), -1))
+    wheels = (log.wheels or none) if central else log.odometry
     end = f"{float(log.times[0])!r} {HOST} {float(log.times[0])!r}"
-    if wheels is not None and wheels.laser_offset:
+    if wheels.laser_offset:
         yield f"PARAM robot_frontlaser_offset {wheels.laser_offset!r} {end}"
-    rows = []
-    if wheels is not None:
-        rows = list(zip(wheels.times.tolist(), wheels.poses.tolist(), strict=True))
-    places = [-1] * len(log) if wheels is None else wheels.places.tolist()
+    rows = list(zip(wheels.times.tolist(), wheels.poses.tolist(), strict=True))
+    places = wheels.places.tolist()
     largest = max(float(scan.ranges[scan.hits].max(initial=0.0)) for scan in log.scans)
     unknown = max(LARGEST_RANGE, math.nextafter(largest, math.inf))
     written = 0

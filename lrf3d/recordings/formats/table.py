@@ -16,7 +16,15 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float, Int, sealed, usual_step
 from lrf3d.geometry.pose import Pose, compose, heading_of
 from lrf3d.laser import LaserScan
-from lrf3d.recordings.formats.text.fans import FANS, WHOLE_TURN, WIDEST_FAN, front_ends
+from lrf3d.recordings.formats.text.fans import (
+    FANS,
+    WHOLE_TURN,
+    WIDEST_FAN,
+    are_turns,
+    beams_of,
+    front_ends,
+    in_one_piece,
+)
 from lrf3d.recordings.formats.units import ANGLES, COUNTS, LENGTHS, NANO, TIMES
 from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
 
@@ -44,7 +52,8 @@ SYNONYMS = {
     "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
-    "qw": "qw", "angles": "angle bearing azimuth winkel deg", "quality": "quality q confidence",
+    "qw": "qw", "angles": "angle angule bearing azimuth winkel deg",
+    "quality": "quality q confidence",
     "poses": "poses pose trajectory odometry odom",
     "ranges": "ranges range r distances distance dist d scan laser lidar readings"
     " abstand entfernung",
@@ -85,6 +94,9 @@ ROOM = 1500.0
 # Least angle [°] from the first beam to the last: less is another number.
 NARROWEST = 0.5
 
+# Bearings above this [rad] count from 0 through what is behind.
+BEHIND = 1.05 * np.pi
+
 # Longest usual time between two scans [s], from which the unit of stamps is known.
 SLOWEST = 5.0
 
@@ -102,9 +114,6 @@ LARGEST_TURN = 0.35
 
 # Share of turns that must be larger: a heading that jumps by a turn does so seldom.
 LEAST_TURNS = 0.05
-
-# Most beams of a fan, in usual readings of a scan, that lacks those without return.
-MOST_MISSING = 4.0
 
 # Largest share of readings of a fan that may have the bearing of another.
 MOST_ALIKE = 0.9
@@ -222,30 +231,32 @@ class Table:
         """
         angles = self.values["angles"]
         unit = self.units.get("angles") or ("deg" if np.abs(angles).max() > WIDEST_FAN else "rad")
-        angles = _in_one_piece(angles * ANGLES[unit])
+        bearings = angles * ANGLES[unit]
+        angles = in_one_piece(bearings)
         begins = self._begins(angles) if begins is None else begins
         sizes = np.diff(begins)
         kept = np.flatnonzero(2 * sizes > np.median(sizes))
         low = float(angles.min())
         wide = float(np.ptp(angles))
         whole = wide > WHOLE_TURN
-        beams = _beams_of(angles, begins)
+        beams = beams_of(angles, begins)
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         cells = np.rint((angles - low) / (step or 1.0)).astype(int) % beams
-        ranges = np.full((len(kept), beams), -np.inf)
-        rows = np.full(len(sizes), -1)
-        rows[kept] = np.arange(len(kept))
-        row = np.repeat(rows, sizes)
-        own = row >= 0
-        ranges[row[own], cells[own]] = readings[own]
-        dropped = int(own.sum()) - len(np.unique(row[own] * beams + cells[own]))
-        if dropped > MOST_ALIKE * own.sum():
-            found = f"{dropped:,} of {own.sum():,} readings have the bearing of another"
+        scans = np.repeat(np.arange(len(sizes)), sizes)
+        # Of several returns that share a beam the first counts.
+        places, first = np.unique(scans * beams + cells, return_index=True)
+        ranges = np.full((len(sizes), beams), -np.inf)
+        ranges.flat[places] = readings[first]
+        dropped = len(readings) - len(places)
+        if dropped > MOST_ALIKE * len(readings):
+            found = f"{dropped:,} of {len(readings):,} readings have the bearing of another"
             raise InputError(f"{self.intake.path}: {found}: not the bearings of scans")
         self._thin(len(angles), begins[kept])
         self._thin(len(sizes), kept)
-        self.clockwise |= whole and "quality" in self.values
-        self.values["ranges"] = ranges
+        # A scanner that turns may see nothing behind it; its bearings still count through there.
+        turning = whole or bearings.max() > BEHIND
+        self.clockwise |= turning and "quality" in self.values
+        self.values["ranges"] = ranges[kept]
         self.values["angles"] = np.asarray(low + step * np.arange(beams))
         self.units["angles"] = "rad"
         way = "clockwise, as RPLIDARs with qualities" if self.clockwise else "counter-clockwise"
@@ -264,9 +275,11 @@ class Table:
         """Where the scans of single readings begin (k + 1,), with the end of the last."""
         stamps = self.values.get("stamp", np.empty(0))
         # A scan begins with another stamp, or where the bearings start again.
-        again = np.abs(np.diff(bearings)) > 0.5 * np.ptp(bearings)
+        steps = np.diff(bearings)
+        again = np.abs(steps) > 0.5 * np.ptp(bearings)
+        changed = np.diff(stamps) != 0.0
         if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
-            again = np.diff(stamps) != 0.0
+            again = again if are_turns(steps, again, changed) else changed
         return np.concatenate([[0], np.flatnonzero(again) + 1, [len(bearings)]])
 
     def _in(self, role: str, guessed: str, why: str = "") -> Float:
@@ -326,8 +339,8 @@ class Table:
         """The bearings of a usual range finder with this number of beams."""
         if count not in FANS:
             raise InputError(
-                f"{self.intake.path}: {count} beams at unknown bearings; say which by --format,"
-                " such as 'first=-120deg, last=120deg'"
+                f"{self.intake.path}: {count} beams at unknown bearings; say which by --format"
+                " 'first=…deg, last=…deg'"
             )
         first, last = (float(np.radians(end)) for end in FANS[count])
         # Half a turn may be a whole one, and the other way round.
@@ -341,14 +354,12 @@ class Table:
     def times(self) -> Float:
         """Stamps (k,) [s]."""
         nanosec = self.values.pop("nanosec", None)
-        if nanosec is not None and "stamp" not in self.values:
-            self.values["stamp"] = nanosec
-            self.units["stamp"] = "ns"
-        elif nanosec is not None and usual_step(self.values["stamp"]) <= SLOWEST:
-            seconds = self.values["stamp"]
+        if nanosec is not None:
+            seconds = self.values.get("stamp", 0.0 * nanosec)
             # Stamps with a fraction are complete, and so are those in smaller units.
-            self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
-            self.units["stamp"] = "s"
+            if usual_step(seconds) <= SLOWEST:
+                self.values["stamp"] = seconds + NANO * nanosec * (not (seconds % 1.0).any())
+                self.units["stamp"] = "s"
         if "stamp" not in self.values and "dt" in self.values:
             return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:
@@ -409,33 +420,6 @@ def _unit_of(stamps: Float, usual: float) -> str:
     if are_days and max(usual, np.ptp(stamps) / len(stamps)) * TIMES["days"] <= SLOWEST:
         return "days"
     return next((unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST), "ns")
-
-
-def _beams_of(bearings: Float, begins: Int) -> int:
-    """Number of beams over all bearings of scans that begin here and may lack some readings."""
-    usual = np.median(np.diff(begins))
-    # A scan may have no reading.
-    jumps = begins[(begins > 0) & (begins < len(bearings))] - 1
-    steps = np.delete(np.abs(np.diff(bearings)), jumps)
-    if not steps.any():
-        return round(float(usual))
-    # Few readings have none next to them.
-    step = np.median(steps[steps > 0.0])
-    wide = np.ptp(bearings)
-    beams = 2.0 * np.pi / step if wide > WHOLE_TURN else wide / step + 1.0
-    return round(float(np.clip(beams, usual, MOST_MISSING * usual)))
-
-
-def _in_one_piece(bearings: Float) -> Float:
-    """Bearings [rad] of a fan through 360°, as 270° to 360° and 0° to 90°, as −90° to 90°."""
-    around = np.sort(bearings % (2.0 * np.pi))
-    gaps = np.diff(around, append=around[0] + 2.0 * np.pi)
-    narrow = 2.0 * np.pi - float(gaps.max())
-    if np.ptp(bearings) <= WHOLE_TURN or narrow > WHOLE_TURN:
-        return bearings
-    # The middle of what the laser does not see.
-    behind = around[gaps.argmax()] + 0.5 * gaps.max()
-    return np.asarray((bearings - behind) % (2.0 * np.pi) + behind - 2.0 * np.pi)
 
 
 def _driven(ahead: Float, left: Float, turns: Float) -> Float:

@@ -20,7 +20,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.files import read_text, replacing
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
-from lrf3d.recordings.formats.text.words import values_of
+from lrf3d.recordings.formats.text.lines import values_of
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
 

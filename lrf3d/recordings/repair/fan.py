@@ -9,8 +9,8 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import sealed
 from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.pairs import CLEARLY
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import CLEARLY
 
 # Largest relative error of the turns of scans with the right fan, compared with odometry.
 FITTING = 0.1
@@ -32,7 +32,7 @@ def find(recording: Recording) -> Recording | None:
     if _off(best) > FITTING:
         raise InputError(
             "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
-            " it by --format, such as 'first=-120deg, last=120deg'"
+            " it by --format 'first=…deg, last=…deg'"
         )
     return replace(best, seen_turns=best.turns)
 

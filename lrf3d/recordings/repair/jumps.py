@@ -1,4 +1,7 @@
-"""Jumps: leaps of the odometry, and lines out and back, are replaced by the motion around them."""
+"""Jumps: leaps of the odometry, and lines out and back, are replaced by the motion around them.
+
+Odometry that never moves is treated as missing.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -106,6 +109,13 @@ JUMPS = Repair(
         f"{counted(jumps.number, 'jump')} of the odometry left out: the rest may be misplaced"
     ),
     lambda jumps: {"odometry_jumps": jumps.number if jumps else 0},
+)
+
+
+STANDING = Repair(
+    "standing",
+    lambda recording: recording.path.stands or None,
+    lambda recording, _: replace(recording, log=replace(recording.log, placed=False)),
 )
 
 

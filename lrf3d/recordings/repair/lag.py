@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.pairs import ENOUGH_TURNS, SHOWN_TURN
 from lrf3d.recordings.repair.recording import COST_RATIO, LATE, Recording
-from lrf3d.recordings.repair.turns import ENOUGH_TURNS, SHOWN_TURN
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Bounds of the lag [odometry lines].

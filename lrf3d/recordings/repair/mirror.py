@@ -8,8 +8,8 @@ import numpy as np
 from lrf3d.base.errors import InputError, Lrf3dWarning
 from lrf3d.geometry.lines import Float, sealed
 from lrf3d.recordings.repair import Repair
+from lrf3d.recordings.repair.pairs import CLEARLY, ENOUGH_TURNS, SHOWN_TURN
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import CLEARLY, ENOUGH_TURNS, SHOWN_TURN
 
 # Turn from scan to scan [rad] that odometry in radians seldom exceeds; degrees often do. Scans that
 # seem to stand still, as in a bare corridor, fit turns in degrees, too.

@@ -16,11 +16,15 @@ from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.matching.search import Submap
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.judging import LEAST_COMPARED, pairs_along
+from lrf3d.recordings.repair.pairs import (
+    CLEARLY,
+    LEAST_COMPARED,
+    SHOWN_TURN,
+    motion_of,
+    pairs_along,
+)
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import CLEARLY, SHOWN_TURN
 
 # Least distance of the laser from the centre [m], or turn [rad], that is corrected: less moves a
 # map no more than the odometry's own noise does.
@@ -76,9 +80,9 @@ def _motions(recording: Recording) -> tuple[Float, Float]:
     for pair in pairs_along(poses):
         check()
         step = between(*poses[pair])
-        before, after = (recording.converter.candidate(recording.scans[number]) for number in pair)
-        places = Submap([before], np.zeros((1, 3))).places(after, step, WINDOW)
-        motions += [(step, match.pose) for match, _ in places[:1] if match.explained > 0.5]
+        scans = [recording.scans[number] for number in pair]
+        motion = motion_of(recording.converter, scans, step, WINDOW)
+        motions += [] if motion is None else [(step, motion)]
     driven, seen = np.array(motions).reshape(-1, 2, 3).swapaxes(0, 1)
     return driven, seen
 

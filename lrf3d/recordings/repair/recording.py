@@ -16,9 +16,15 @@ from lrf3d.laser import LaserScan
 from lrf3d.matching.key_scans import ScanConverter
 from lrf3d.recordings.log import COARSE, LaserLog
 from lrf3d.recordings.repair import Applied, Repair
-from lrf3d.recordings.repair.judging import explained, is_clear, pairs_along
+from lrf3d.recordings.repair.pairs import (
+    ENOUGH_TURNS,
+    SHOWN_TURN,
+    explained,
+    is_clear,
+    pairs_along,
+    turns_between,
+)
 from lrf3d.recordings.repair.refusal import refuse_unplaced, refuse_unsolvable
-from lrf3d.recordings.repair.turns import ENOUGH_TURNS, SHOWN_TURN, turns_between
 from lrf3d.recordings.repair.wheel_path import WheelPath
 
 # Least lag of the scans [s] that is reported: larger ones blur maps of fast turns.

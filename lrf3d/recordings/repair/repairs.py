@@ -15,17 +15,16 @@ from lrf3d.recordings.repair.angles import ANGLES
 from lrf3d.recordings.repair.body import BODY
 from lrf3d.recordings.repair.copies import COPIES
 from lrf3d.recordings.repair.fan import FAN
-from lrf3d.recordings.repair.jumps import JUMPS
+from lrf3d.recordings.repair.jumps import JUMPS, STANDING
 from lrf3d.recordings.repair.lag import LAG
 from lrf3d.recordings.repair.mirror import MIRROR
 from lrf3d.recordings.repair.mount import MOUNT
 from lrf3d.recordings.repair.no_return import NO_RETURN
+from lrf3d.recordings.repair.pairs import CLEARLY
 from lrf3d.recordings.repair.recording import LATE, Purpose, Recording, recordings_of
 from lrf3d.recordings.repair.refusal import refuse_useless
 from lrf3d.recordings.repair.stamps import STAMPS
-from lrf3d.recordings.repair.standing import STANDING
 from lrf3d.recordings.repair.sweep import SWEEP
-from lrf3d.recordings.repair.turns import CLEARLY
 
 # Repairs that are made on a recording, in their order.
 RECORDINGS = (COPIES, STAMPS, JUMPS, STANDING, FAN, MIRROR, LAG, MOUNT, SWEEP)

@@ -19,10 +19,9 @@ from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import TOO_LONG
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.judging import LEAST_COMPARED, WIDEST, explained, is_clear
 from lrf3d.recordings.repair.lag import fitted_again
+from lrf3d.recordings.repair.pairs import LEAST_COMPARED, MOST_DISTANCE, WIDEST, explained, is_clear
 from lrf3d.recordings.repair.recording import Recording
-from lrf3d.recordings.repair.turns import MOST_DISTANCE
 
 # Longest revolution of a mirror [s] that is not declared: lasers that take longer are turned as a
 # whole.

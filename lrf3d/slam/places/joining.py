@@ -14,7 +14,7 @@ import numpy as np
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import bent, between, compose, turned
-from lrf3d.matching.key_scans import MOST_THROUGH, Key, seen_through_both
+from lrf3d.matching.key_scans import Key, MixedPixelModel
 from lrf3d.simulation.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.checks import COMPARED_WITHIN, LATER, SelfCheck, self_check
@@ -83,7 +83,9 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     for key, number in zip(slam.closer.keys, numbers.tolist(), strict=True):
         search.see(number, key, poses[number])
     search.search()
-    sure = [each for each in search.found if each.path]
+    # The place where the drive was certain for the most scans comes first.
+    found = sorted(search.found, key=lambda each: len(each.path), reverse=True)
+    sure = [each for each in found if each.path]
     nodes, ties = _tied(places, slam, poses, sure) if sure else (places.poses, [])
     if not ties:
         raise InputError(
@@ -101,14 +103,11 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
     check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
-    best = _best(sure)
-    found = min(best.path), best.probability
-    return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
-
-
-def _best(sure: list[Found]) -> Found:
-    """The place where the drive was certain for the most scans."""
-    return max(sure, key=lambda each: len(each.path))
+    best, *_ = sure
+    return Joined(
+        run, places.numbers, first, second, pairs, min(best.path), best.probability, whole, nodes,
+        check,
+    )  # fmt: skip
 
 
 def _tied(
@@ -118,13 +117,14 @@ def _tied(
 
     In the first round, key scans whose places are certain are matched there, and the others where
     the drive then lies. In later rounds those without a tie are matched where the ties moved them.
+    The best of the certain places comes first.
     """
     count = len(places.keys)
     own_edges = slam.edges.copy()
     own_edges["first"] += count
     own_edges["second"] += count
     graph = np.concatenate([_graph(places), own_edges])
-    path = _best(sure).path
+    path = sure[0].path
     middle = sorted(path)[len(path) // 2]
     shift = compose(path[middle], between(poses[middle], np.zeros(3)))
     nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
@@ -153,8 +153,7 @@ def _tie(places: KnownKeys, key: Key, guess: Float, number: int) -> Closure | No
     pose = found.match.pose
     near = places.around(key, guess).tolist()
     olds = [places.keys[k] for k in near]
-    through, seen = seen_through_both(olds, key, between(places.poses[near], pose))
-    if through > MOST_THROUGH * max(seen, 1):
+    if MixedPixelModel().contradict(olds, key, between(places.poses[near], pose)):
         return None
     old, *_ = near
     *_, heading = places.poses[old].tolist()

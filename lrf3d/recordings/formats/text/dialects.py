@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from lrf3d.recordings.formats.text.words import SHORT, is_number
+from lrf3d.recordings.formats.text.lines import SHORT, is_number
 
 # Most columns that ``range0 … range681`` in a sentence may name.
 MOST_COLUMNS = 100_000
@@ -24,7 +24,7 @@ JOINTS = re.compile(r"[\])}]:?\s*[\[({]")
 QUOTED = re.compile(r'"(-?\d+),(\d+)"')
 
 # Units in brackets after names in headers.
-UNITS = re.compile(r"(?<=\w)\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
+UNITS = re.compile(r"(?<=[\w\]])\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
 
 # Matches a line of tuples; the first group is the first of them.
 NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
@@ -129,8 +129,8 @@ def _have_commas(lines: Sequence[str]) -> bool:
 
 def _separated(mark: str | None, text: str) -> list[Words]:
     """The words between the marks, or between spaces; commas that are no marks are decimal ones."""
-    bare = JOINTS.sub(mark or " ", QUOTED.sub(r"\1.\2", text))
-    bare = BRACKETS.sub(" ", UNITS.sub(r"_\1", bare)).lstrip().lstrip("#% ")
+    bare = UNITS.sub(r"_\1", QUOTED.sub(r"\1.\2", text))
+    bare = BRACKETS.sub(" ", JOINTS.sub(mark or " ", bare)).lstrip().lstrip("#% ")
     words = bare.split(mark)
     if mark != ",":
         words = [word.replace(",", ".") for word in words]

@@ -5,9 +5,8 @@ none fits, the error shows a format that reads it: nothing is read silently in a
 """
 
 import re
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
 from lrf3d.recordings.formats.text.dialects import Words
-from lrf3d.recordings.formats.text.fans import FANS
-from lrf3d.recordings.formats.text.form import Form
-from lrf3d.recordings.formats.text.layout import Layout
-from lrf3d.recordings.formats.text.words import SHORT, VARIED, is_number, rises, values_of
+from lrf3d.recordings.formats.text.fans import FANS, LEAST_ALIKE
+from lrf3d.recordings.formats.text.layout import Form, Layout, described
+from lrf3d.recordings.formats.text.lines import SHORT, VARIED, is_number, rises, values_of
 from lrf3d.recordings.log import Intake
 
 # Matches one of a series of columns: its name, its number, and a unit.
@@ -47,9 +45,6 @@ LARGEST_SWEEP = 1.01
 # The bearings of a sweep jump back at less than this share of its readings.
 MOST_JUMPS = 0.1
 
-# Least share of the other readings whose bearings go the same way.
-LEAST_ALIKE = 0.9
-
 # Largest step of bearings in a scan of pairs, in usual steps: beams without return may be left out.
 UNEVEN = 30.0
 
@@ -58,6 +53,9 @@ LEADING = {1: "stamp", 3: "x y theta", 4: "stamp x y theta"}
 
 # Number of columns at the start of the ranges that may be stamps or encoder counts.
 FIRST_COLUMNS = 40
+
+# Largest factor between the usual readings of neighbouring beams.
+ALIKE = 2.0
 
 # Least factor between numbers that only rise and ranges, from which they are not beams.
 OTHER_SCALE = 5.0
@@ -106,19 +104,29 @@ def layout_of(form: Form, intake: Intake) -> Layout:
 
 def _refusal(form: Form) -> str:
     """Why nothing was found."""
+    if _holds_poses(form):
+        return f"columns of {', '.join(by_names(form).columns)}, none of ranges; is it odometry?"
     places = [k + 1 for k in range(min(form.length, SHORT)) if rises(form.sample, k)]
     rising = f", number {', '.join(map(str, places))} rising as stamps do" if places else ""
     return f"text of {form.length} columns{rising}; name them by --format"
 
 
+def _holds_poses(form: Form) -> bool:
+    """Whether the names in a header are those of poses, and none is that of ranges."""
+    named_by = by_names(form).columns.keys()
+    return bool({"x", "dx", "left"} & named_by) and "ranges" not in named_by
+
+
 def formats_for(form: Form) -> list[str]:
     """Formats that may read a text in which nothing was found."""
     rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
-    if form.length <= SHORT:
+    specs = list[str]()
+    if form.length <= SHORT and not _holds_poses(form):
         fits = [k for k in range(min(form.length, 2)) if swept(rows[:, k]) > LEAST_SWEEP]
-        specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits]
-    else:
-        specs = [_wide_format(form, rows)] * form.is_steady
+        # Ranges have no sign, coordinates have.
+        specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits if not (rows[:, 1 - k] < 0).any()]
+    elif form.length > SHORT and form.is_steady:
+        specs = [_wide_format(form, rows)]
     return [
         spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm") if spec
     ]
@@ -130,14 +138,19 @@ def _wide_format(form: Form, rows: Float) -> str:
     # Words after the numbers are labels.
     end = int(np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=-1)) + 1
     # A scan does not begin with a column of zeros.
-    usual = [k for k in range(int(stamped), end) if end - k in FANS and rows[:, k].any()]
+    begins = range(int(stamped), min(end, FIRST_COLUMNS))
+    usual = [k for k in begins if end - k in FANS and rows[:, k].any()]
     if not usual:
         return ""
     begin = usual[0]
     ranges = rows[:, begin:end]
     beams = f"*{end - begin}" * (end < form.length)
+    # What is of the same size before the first column is a part of the scan, too.
+    sizes = np.median(np.abs(rows[:, max(begin - 2, int(stamped)) : begin + 1]), axis=0)
+    before = sizes[:-1]
+    goes_on = ((ALIKE * before > sizes[-1]) & (before < ALIKE * sizes[-1])).any()
     # Of negative numbers there is one, that of beams without return.
-    likely = len({*ranges[ranges < 0.0].tolist()}) <= 1
+    likely = len({*ranges[ranges < 0.0].tolist()}) <= 1 and not goes_on
     stamp = "stamp@1, " if stamped else ""
     return f"{stamp}ranges{beams}@{begin + 1}" if likely else ""
 
@@ -249,21 +262,17 @@ def _fan_before(words: Words, count: int) -> dict[str, int]:
 
 
 def _by_echo(form: Form) -> Layout | None:
-    counts = []
     for words in form.sample:
         if len(words) < 12 or is_number(words[2]) or not all(map(is_number, words[3:10])):
             return None
         if CUT in words:
             raise InputError(WHOLE)
-        first, last, step = map(float, words[3:6])
-        beams = round((last - first) / step) + 1 if step else 0
-        # Drivers send a beam more or fewer than they say, and an intensity for each or none.
-        values = len(words) - ECHOED["ranges"]
-        counts += [n for n in (values, values // 2) if abs(n - beams) <= 1][:1]
-    if not counts:
-        return None
-    length = form.length if form.is_steady else None
-    return Layout(dict(ECHOED), Counter(counts).most_common(1)[0][0], length)
+    first, last, step = map(float, form.sample[0][3:6])
+    said = round((last - first) / step) + 1 if step else 0
+    values = form.length - ECHOED["ranges"]
+    # Drivers send a beam more or fewer than they say, and an intensity for each or none.
+    beams = next((n for n in (values, values // 2) if abs(n - said) <= 1), 0)
+    return Layout(dict(ECHOED), beams, form.length if form.is_steady else None) if beams else None
 
 
 def _by_sweep(form: Form) -> Layout | None:
@@ -368,14 +377,11 @@ def _by_length(form: Form) -> Layout | None:
 def _in_order(form: Form, stamp: Words, placed: bool) -> Layout:
     """The layout of a stamp and ranges, with a pose before or after these if they are placed."""
     pose = ["x", "y", "theta"] * placed
-    begin = len(stamp)
-    if not (placed and _poses_are_last(form, begin)):
-        columns = {name: k for k, name in enumerate([*stamp, *pose, "ranges"])}
-        return Layout(columns, None, form.length)
-    end = form.length - len(pose)
-    columns = {name: k for k, name in enumerate([*stamp, "ranges"])}
-    columns |= {name: end + k for k, name in enumerate(pose)}
-    return Layout(columns, end - begin, form.length)
+    columns = [*stamp, *pose, "ranges"]
+    if placed and _poses_are_last(form, len(stamp)):
+        beams = form.length - len(stamp) - len(pose)
+        columns = [*stamp, f"ranges*{beams}", *pose]
+    return replace(described(", ".join(columns), []), length=form.length)
 
 
 def _poses_are_last(form: Form, begin: int) -> bool:

@@ -25,9 +25,8 @@ from lrf3d.base.errors import InputError, shown
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.formats.arrays import is_records, records
 from lrf3d.recordings.formats.table import ROLES, SETTINGS, Table, padded
-from lrf3d.recordings.formats.text.form import Form, form_of
 from lrf3d.recordings.formats.text.guesses import by_names, formats_for, layout_of
-from lrf3d.recordings.formats.text.layout import Layout, described
+from lrf3d.recordings.formats.text.layout import Form, Layout, described, form_of
 from lrf3d.recordings.log import Intake
 
 # Words in the name of a file of poses, where the file of its scans has a word of `SCANS`.
@@ -38,13 +37,13 @@ SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 # Roles of columns of odometry, which have their own lines in tables of merged topics.
 MOVING = set("x y theta dx dy dtheta left right qx qy qz qw".split())
 
-# Columns of files of poses without a header, by the number of columns: TUM files, tables, and
+# Formats of files of poses without a header, by the number of columns: TUM files, tables, and
 # odometry as `ros2 topic echo --csv` prints it, with covariances of its pose and its speed.
 POSES = {
-    8: "stamp x y - qx qy qz qw",
-    4: "stamp x y theta",
-    3: "x y theta",
-    89: "stamp nanosec - - x y - qx qy qz qw",
+    8: "stamp, x, y, -, qx, qy, qz, qw",
+    4: "stamp, x, y, theta",
+    3: "x, y, theta",
+    89: "stamp, nanosec, -, -, x, y, -, qx, qy, qz, qw",
 }
 
 
@@ -81,8 +80,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
         # Lines of poses are short.
         poses.read(replace(form, least=0), other)
         _take_poses(table, other, "its own lines")
-    if partner:
-        add_partner(table, partner)
+    add_partner(table, partner)
     return table
 
 
@@ -154,9 +152,9 @@ def _partner_table(path: Path, spec: str) -> Table:
         return Table.named(intake, records(intake))
     form = form_of(path)
     layout = described(spec, []) if spec else by_names(form)
-    if not spec and not {"x", "dx"} & layout.columns.keys():
-        names = POSES.get(len(form.sample[0]), "").split()
-        layout = Layout({name: k for k, name in enumerate(names) if name != "-"})
+    usual = POSES.get(len(form.sample[0]), "")
+    if usual and not spec and not {"x", "dx"} & layout.columns.keys():
+        layout = described(usual, [])
     layout.columns.pop("ranges", None)
     table = Table(intake, {})
     layout.read(form, table)
