@@ -49,12 +49,6 @@ def of_doors(doors: Sequence[Door]) -> str:
     return f"{counted(len(odd), 'door')} of {found} m?"
 
 
-def of_walls(doors: Sequence[Door]) -> str:
-    """A note on doors without a leaf, in walls that go on through them."""
-    found = sum(bool((hinge == leaf).all()) for (hinge, _, leaf), _ in doors)
-    return f"{counted(found, 'doorway')} opened where walls go on" if found else ""
-
-
 def of_rooms(walls: Float) -> str:
     """A doubt about walls (n, 4) [m] that hardly close a room, or rooms without doors."""
     return "" if len(walls) <= FEW else of_cells(*drawn_cells(walls))

@@ -34,7 +34,6 @@ from lrf3d.plans.doubts import (
     of_outside,
     of_pictures,
     of_rooms,
-    of_walls,
     warn_of_plans_apart,
 )
 from lrf3d.plans.parts import Parts, parts_of, world_of_parts
@@ -130,6 +129,8 @@ class Plan(NamedTuple):
     base: World | None = None
     # Decisions that match nothing any more, in words.
     lost: tuple[str, ...] = ()
+    # Layers that would be walls if they were chosen, in a drawing without walls.
+    wall_layers: Sequence[str] = ()
 
     @property
     def segments(self) -> Float:
@@ -165,7 +166,7 @@ class Plan(NamedTuple):
     def world(self, path: Path) -> World:
         """The world of the walls, with a note on what was left out."""
         if not len(self.segments):
-            known = ", ".join(layer.name for layer in self.layers[:20] if layer.name)
+            known = ", ".join(filter(None, self.wall_layers[:20]))
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
             raise WorldError(
@@ -230,20 +231,18 @@ def plan_of(canvas: Canvas, layers: Sequence[str] = (), without: Sequence[str] =
     balance = _balance(canvas, marks, roles, pieces, strokes, left[own])
     outside = strokes.segments[strokes.found["outside line"]]
     large, scales = size_doubt(canvas, strokes)
-    doubts = [of_pictures(canvas.pictured)]
-    if not large:
-        # Doors and rooms of another size cannot be judged.
-        doubts += [of_doors(strokes.doors), of_rooms(walls)]
-        doubts.append(of_outside(box_area(outside), box_area(walls)))
+    beside = of_outside(box_area(outside), box_area(walls))
+    # Doors and rooms of another size cannot be judged.
+    sized = [] if large else [of_doors(strokes.doors), of_rooms(walls), beside]
     return Plan(
         parts,
         strokes.doors,
         {name: strokes.segments[each] for name, each in strokes.found.items() if each.any()},
         _listed(marks, layered),
         _in_words(canvas.left_out + Counter(counts) + balance.overlooked, layered),
-        notes(canvas.said, around, of_walls(strokes.doors)),
+        notes(canvas.said, around),
         balance=balance,
-        doubts=notes(*doubts) + large,
+        doubts=notes(of_pictures(canvas.pictured), *sized) + large,
         scales=scales,
         unit=canvas.unit,
     )

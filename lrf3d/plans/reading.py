@@ -107,4 +107,11 @@ def plan_of_file(
     draw = import_module(f"lrf3d.plans.readers.{path.suffix[1:].lower()}").draw
     found = draw(path, scale, **options)
     # A scanned page of a PDF is a plan already: it was read as a picture, without layers.
-    return found if isinstance(found, Plan) else plan_of(found, layers, without)
+    if isinstance(found, Plan):
+        return found
+    plan = plan_of(found, layers, without)
+    if layers or not plan.layers or len(plan.segments):
+        return plan
+    # Only advise layers that were tried.
+    tried = plan_of(found, ["*"], without).parts
+    return plan._replace(wall_layers=[*dict.fromkeys(tried.layers[tried.stands])])

@@ -10,7 +10,7 @@ from ezdxf import xref
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from lrf3d.base.errors import Lrf3dNote
+from lrf3d.base.errors import Lrf3dNote, WorldError
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry.lines import lengths
 from lrf3d.laser import LaserRangeFinder
@@ -175,6 +175,34 @@ def test_a_hall_in_an_unknown_unit_gets_the_scales_that_make_it_a_building(tmp_p
     assert "--scale 0.001 if it is in millimetres (52 m by 30 m)" in str(
         read_plan(tmp_path / "a.dxf").doubts[-1]
     )
+
+
+def test_rooms_too_narrow_for_people_show_a_wrong_unit(tmp_path):
+    walls = 100.0 * row_of_rooms(8, open_=7)
+    dxf(tmp_path, lambda space: [space.add_line(each[:2], each[2:]) for each in walls], 4)
+    doubt = str(read_plan(tmp_path / "a.dxf").doubts[-1])
+    assert "a plan of 3.2 m by 0.4 m" in doubt and "--scale 10 if it is in centimetres" in doubt
+
+
+def test_furniture_does_not_make_a_sheet_larger_than_a_house(tmp_path):
+    rooms = row_of_rooms(5, open_=4)
+    shelves = [[4 * n + 1, 1, 4 * n + 1.5, 1 + 0.1 * m] for n in range(5) for m in range(30)]
+    lines = "".join(f"M{a} {b}L{c} {d}" for a, b, c, d in [*rooms, *shelves])
+    sheet = '<svg width="20cm" height="4cm" viewBox="0 0 20 4" stroke="#000" stroke-width=".02">'
+    (tmp_path / "a.svg").write_text(f'{sheet}<path d="{lines}"/></svg>')
+    assert "; --scale 100 if it is 1:100 (20 m by 4 m); " in str(
+        read_plan(tmp_path / "a.svg").doubts[-1]
+    )
+
+
+def test_layers_are_advised_where_they_draw_walls(tmp_path):
+    def draw(space):
+        space.add_line((0, 0), (0.9, 0), {"layer": "DOORS"})
+        space.add_arc((0, 0), 0.9, 0, 90, {"layer": "DOORS"})
+        space.add_line((5, 0), (9, 0), {"layer": "TEXT"})
+
+    with pytest.raises(WorldError, match="--layers takes layers as walls: TEXT;"):
+        dxf(tmp_path, draw)
 
 
 @pytest.mark.parametrize(("unit", "scale"), [(0.01, "0.01"), (0.0254, "0.0254"), (1.0, "")])

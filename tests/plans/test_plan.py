@@ -137,44 +137,6 @@ def test_nothing_stands_in_a_doorway(lines, opened, tmp_path):
     assert missing == pytest.approx(1.8 * opened, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("left", "right", "high", "more", "opened"),
-    # In the wall, next to it as a leaf that slides along it, across it; a column, and a window.
-    [
-        (4.9, 5.2, 0.9, [], 1), (5.2, 5.28, 0.9, [], 0), (4.0, 6.0, 0.9, [], 0),
-        (4.9, 5.2, 0.45, [], 0), (4.9, 5.2, 0.9, [(5.05, 2), (5.05, 2.9)], 0),
-    ],
-)  # fmt: skip
-def test_a_rectangle_in_a_wall_on_a_layer_of_doors_is_a_doorway(
-    left, right, high, more, opened, tmp_path
-):
-    def draw(space):
-        for line in TWO_ROOMS:
-            space.add_lwpolyline(line)
-        for line in (ring(left, 2, right, 2.0 + high), more):
-            space.add_lwpolyline(line, dxfattribs={"layer": "DOORS"})
-
-    # The walls are 79 m long; what is on other layers has a rule of its own.
-    walls = dxf(tmp_path, draw).segments
-    assert lengths(walls).sum() == pytest.approx(79.0 - 1.8 * opened, abs=0.05)
-    plan = read_plan(tmp_path / "a.dxf")
-    assert len(plan.removed["layer stroke"]) == 4 + bool(more)
-    assert ("1 doorway opened where walls go on" in map(str, plan.said)) == opened
-
-
-def test_a_door_with_leaf_arc_and_rectangle_is_one_door(tmp_path):
-    def draw(space):
-        for line in TWO_ROOMS:
-            space.add_lwpolyline(line)
-        on_doors = {"layer": "DOORS"}
-        space.add_lwpolyline(ring(4.9, 3, 5.2, 3.9), dxfattribs=on_doors)
-        space.add_line((5.2, 3), (6.1, 3), dxfattribs=on_doors)
-        space.add_arc((5.2, 3), 0.9, 0, 90, dxfattribs=on_doors)
-
-    dxf(tmp_path, draw)
-    assert len(read_plan(tmp_path / "a.dxf").doors) == 1
-
-
 def test_dashed_lines_are_left_out_but_for_walls(tmp_path):
     def draw(space):
         space.doc.linetypes.add("HIDDEN", [0.4, 0.25, -0.15])

@@ -69,6 +69,10 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
     file = readfile(path)
     # Do not draw the frames of clips: CAD shows them on the screen, but does not plot them.
     file.header["$XCLIPFRAME"] = 0
+    # Programs without heights squeeze blocks flat, and ezdxf cannot place these.
+    for entity in file.entitydb.values():
+        if entity.dxftype() == "INSERT":
+            entity.dxf.zscale = entity.dxf.zscale or 1.0
     code = file.header.get("$INSUNITS", 0)
     if code not in range(25):
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")

@@ -160,8 +160,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
         seen[0].joined(*seen[1:]),
         removed={"dark part": rows_of(left) * side},
         left_out=", ".join(counted(n, what) for what, n in left_out.parts.items() if n),
-        said=(Note(f"walls are {darker}{how[0]}", how[1]), *notes(coarse, light)),
-        doubts=notes(*doubts),
+        said=(Note(f"walls are {darker}{how[0]}", how[1]), *notes(coarse)),
+        doubts=notes(*doubts, light),
         grey=threshold,
         gap=0.5 * side,
         pen=pen_of(walls, dark) * side,
@@ -459,16 +459,6 @@ def _filled(dark: Bool, pixels: float) -> Bool:
     by_solid = np.bincount(parts[rim & grown(solid, RIM)], minlength=count + 1)
     share = by_solid / np.maximum(np.bincount(parts[rim], minlength=count + 1), 1)
     narrow &= (share < 0.2) | (share > 0.8)
-    # The space in a wall is long.
-    area = np.bincount(parts.ravel(), minlength=count + 1)
-    long = narrow & (area >= 24.0 * np.minimum(radius, 1e6) ** 2)
-    # Of two spaces that are too thick together, the wider one is outside of the wall.
-    thick, _ = parts_of(_opened(dark | long[parts], 0.55 * THICKEST_SOLID * pixels))
-    held = np.unique(np.stack([thick, parts])[:, (thick > 0) & long[parts]], axis=1)
-    for place in np.unique(held[0]):
-        own = held[1, held[0] == place]
-        if len(own) > 1:
-            narrow[own[np.argmax(radius[own])]] = False
     return np.asarray(dark | narrow[parts])
 
 

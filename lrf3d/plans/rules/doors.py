@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.plans.rules.sheet import THICKEST_WALL, as_lines
-from lrf3d.world.pieces import members_of
 
 # Largest turn [rad] between two neighbouring chords of an arc: a circle drawn with fewer than a
 # dozen chords is a polygon.
@@ -25,9 +24,6 @@ SWEEP = np.radians([40.0, 150.0])
 
 # Least and largest width [m] of a leaf: of a cupboard, and of a gate.
 WIDTHS = (0.4, 1.7)
-
-# Largest width [m] of a double door.
-DOUBLE = 2.0
 
 # Least and largest width [m] of most doors.
 USUAL = (0.6, 1.2)
@@ -122,45 +118,6 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
             body = body.buffer(NEAR * radius, cap_style="flat")
             opened[around.query(body, predicate="contains")] = True
     return doors, opened & free
-
-
-def sliding_doors(segments: Float, line: Int, role: Any, doors: list[Door]) -> list[Door]:
-    """Doors that layers of doors draw as rectangles in walls that go on through them.
-
-    Segments (n, 4) have roles (n,); consecutive ones of the same line (n,) are joined. A leaf next
-    to a wall, or across it, opens none, nor does one at another door, or with a line along it as in
-    windows.
-    """
-    middles = np.array([door.opening.mean(axis=0) for door in doors]).reshape(-1, 2)
-    ends = segments[(role != "door") & (lengths(segments) > WIDTHS[0])].reshape(-1, 2, 2)
-    found = list[Door]()
-    drawn = np.flatnonzero(role == "door")
-    places = segments[drawn].reshape(-1, 2, 2).mean(axis=1)
-    _, number = np.unique(line[drawn], return_inverse=True)
-    for own in members_of(number):
-        sides = segments[drawn[own]]
-        long = lengths(sides)
-        width = float(long.max(initial=0.0))
-        thick = float(long.min(initial=np.inf))
-        if len(sides) != 4 or not (USUAL[0] < width < DOUBLE and thick < THICKEST_WALL + SIDE):
-            continue
-        across = np.flatnonzero(long < 0.5 * (width + thick))
-        hinge, other = sides[across[[0, -1]]].reshape(2, 2, 2).mean(axis=1)
-        axis = (other - hinge) / width
-        centre = 0.5 * (hinge + other)
-        taken = np.hypot(*(middles - centre).T).min(initial=np.inf) < SIDE + 0.5 * width
-        inside = np.abs((places - centre) @ axis) < 0.25 * width
-        inside &= np.abs((places - centre) @ (axis @ LEFT)) < 0.4 * thick
-        inside &= np.abs(directions(segments[drawn]) @ (axis @ LEFT)) < ASKEW
-        if taken or inside.any():
-            continue
-        along = np.sort((ends - hinge) @ axis, axis=1)
-        off = (ends - hinge) @ (axis @ LEFT)
-        passes = (along[:, 0] < -SIDE) & (along[:, 1] > width + SIDE)
-        near = off[passes & (np.abs(off).max(axis=1) < 0.5 * thick + SIDE)]
-        if len(near) and (near.min() < -0.25 * thick < 0.25 * thick < near.max()):
-            found.append(Door(np.stack([hinge, other, hinge]), width))
-    return found
 
 
 def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
@@ -283,5 +240,4 @@ def _is_in_wall(door: Door, axis: Float, width: float, walls: _Walls) -> bool:
     behind = walls.ends.reshape(-1, 2, 2)[near(base, distance=THICKEST_WALL / 2.0 + SIDE)] - hinge
     reach = np.sort(behind @ axis, axis=1)
     passes = (reach[:, 0] < -SIDE) & (reach[:, 1] > width + SIDE)
-    slides = bool((hinge == leaf).all())
-    return bool(passes.any()) and (slides or not len(near(free, distance=SIDE)))
+    return bool(passes.any() and not len(near(free, distance=SIDE)))

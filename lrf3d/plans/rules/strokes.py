@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry.lines import Bool, Float, Int, lengths
-from lrf3d.plans.rules.doors import Door, find_doors, sliding_doors
+from lrf3d.plans.rules.doors import Door, find_doors
 from lrf3d.plans.rules.letters import is_lettering
 from lrf3d.plans.rules.patterns import CLOSEST, is_pattern
 from lrf3d.plans.rules.sheet import is_annotation, is_aside, is_frame
@@ -98,7 +98,6 @@ def _opened(strokes: Strokes) -> Bool:
     drawn = strokes.remaining & np.isin(strokes.role, MAY_OPEN)
     doors, opened = find_doors(strokes.segments, strokes.line, drawn)
     strokes.doors += doors
-    strokes.doors += sliding_doors(strokes.segments, strokes.line, strokes.role, doors)
     return opened
 
 

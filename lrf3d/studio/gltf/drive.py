@@ -92,7 +92,9 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     add_stage(
         document,
         scene.stage,
-        DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures, scene.exposure),
+        DrawnMap.from_snapshot(
+            run, len(run.maps) - 1, scene.structures, scene.exposure, scene.team[run]
+        ),
     )
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]

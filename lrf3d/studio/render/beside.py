@@ -6,10 +6,18 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Int
 from lrf3d.studio.render.text import LINE, row_of
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.found import found_after, visible_to
+from lrf3d.studio.scene.bodies import robots_of
+from lrf3d.studio.scene.found import (
+    false_after,
+    false_words,
+    found_after,
+    hits_on,
+    lost_after,
+    visible_to,
+)
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
@@ -44,7 +52,8 @@ class MapBeside:
     """The map of a scene's run as it grows.
 
     It takes at most a room, width and height [pixels]. One with a name says how many walls it has
-    found, and shows those that it lacks in the end. Its walls and its robot may have colours.
+    found, and shows those that it lacks in the end, unless other robots' maps may have them. Its
+    walls and its robot may have colours.
     """
 
     def __init__(
@@ -58,30 +67,25 @@ class MapBeside:
         wide, high = room
         self._scene = scene
         self.name = name
-        # What is shown close in the end (2,), in the world [m].
-        self.close: Float | None = None
+        # The wall that is shown close in the end with its hits (1, 4), in the world [m].
+        self.close = look.NOTHING
         self._colours = colours if name else ()
         self._letter = letter
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
-        run: Any = scene.run
-        self._walls, _ = visible_to(run)
-
-    @property
-    def lost(self) -> Float:
-        """The parts of walls (n, 4) that the map misses in the end."""
-        run: Any = self._scene.run
-        return self._walls[~found_after(run, len(run) - 1)]
+        self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: after the end it comes close to a place."""
+        """What is shown at a time [s]: after the last scan it comes close to a wall."""
         timeline = self._scene.timeline
         middle = self.window.middle
-        share = smoothed(np.clip((time - timeline.end) / (timeline.playback * _NEARS), 0.0, 1.0))
-        if self.close is None or middle is None:
+        # The last stop is shown for a while.
+        passed = time - float(timeline.run.trajectory.times.max())
+        share = smoothed(np.clip(passed / (timeline.playback * _NEARS), 0.0, 1.0))
+        if middle is None or not len(self.close):
             return self.window
         width = self.window.width * (_CLOSE / self.window.width) ** share
-        place = self.close - self._scene.origin
+        place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
         return self.window._replace(middle=middle + share * (place - middle), width=width)
 
     def rows(
@@ -92,16 +96,25 @@ class MapBeside:
         moment = self._scene.timeline.moment(time)
         ended = moment.mapped == len(run.trajectory.times) - 1
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
-        lost = self._walls[~found] if ended else look.NOTHING
-        plan = draw(self._scene.inset(moment, self._window(time), self._colours, lost), self.size)
+        false = false_after(run, moment.mapped) if len(found) else 0
+        lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
+        inset = self._scene.inset(moment, self._window(time), self._colours, lost)
+        head = self.name
+        for wall in self.close[: int(ended)]:
+            hits, off = hits_on(run, wall)
+            head += f"  ·  hits ±{100.0 * off:.0f} cm" * bool(len(hits))
+            inset = inset._replace(marks=(*inset.marks, ("plan hits", self._scene.spots(hits))))
+        plan = draw(inset, self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
-        name = self.name or kind + " so far" * (not ended), _ink(tint)
-        missed = [(f"·  {len(lost)} missed", _ink(look.FALSE_COLOUR))] * bool(len(lost))
+        name = head or kind + " so far" * (not ended), _ink(tint)
+        wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
+        red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
-            return [self._row(name, *missed), Image.fromarray(plan)]
-        counts = (f"{found.sum()} of {len(found)} walls found", INK), *missed
+            return [self._row(name, *red), Image.fromarray(plan)]
+        of = f" of {len(found)}" * (not self._among_robots)
+        counts = (f"{found.sum()}{of} walls found", INK), *red
         return [self._row(name), Image.fromarray(plan), *[self._row(*counts)] * bool(len(found))]
 
     def legend(self) -> list[Image.Image]:
@@ -118,17 +131,15 @@ class MapBeside:
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
         order = "walls in the map" if own else "walls, by time"
-        walls = [self._row(*segments, (order, PALE))]
-        if self._scene.structures.mirrors.any() and not self._colours:
-            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("reflected walls", PALE)))
-        # Only outlines at the height of the laser are measured.
-        scenery = [self._row(("roofs are scenery", PALE))]
+        walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
+        may_be_false = self._scene.structures.mirrors.any() or run.obstacles
+        if may_be_false and (self._among_robots or not self._colours):
+            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),
             *robot,
             scale,
-            *scenery * (not self._scene.structures.indoor),
         ]
 
     def _row(self, *words: Any) -> Image.Image:
@@ -140,22 +151,23 @@ def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
 
     Nothing where no walls are known that they could see.
     """
-    found, visible = zip(*(_found(scene, time) for scene in team.values()), strict=True)
+    found, visible, false = zip(*(_found(scene, time) for scene in team.values()), strict=True)
     count = len(np.unique(np.concatenate(visible)))
     all_found = len(np.unique(np.concatenate(found)))
     each_found = (
-        f"{name.capitalize()}: {len(own)} of the {len(seen)} walls that it could see"
-        for name, own, seen in zip(team, found, visible, strict=True)
+        f"{name.capitalize()} alone: {len(own)} of {count}"
+        for name, own in zip(team, found, strict=True)
     )
-    words = f"{len(team)} maps together: {all_found} of {count} walls found", *each_found
-    return words if count else ("",)
+    head = f"{len(team)} maps together: {all_found} of {count} walls found"
+    return (head + false_words(sum(false)), *each_found) if count else ("",)
 
 
-def _found(scene: Scene, time: float) -> tuple[Int, Int]:
-    """The walls of the world that a map has at a time [s], and those its robot could see."""
+def _found(scene: Scene, time: float) -> tuple[Int, Int, int]:
+    """Walls of the world that a map has at a time [s], those it could have, and how many false."""
     run: Any = scene.run
     _, numbers = visible_to(run)
-    return numbers[found_after(run, scene.timeline.moment(time).mapped)], numbers
+    scan = scene.timeline.moment(time).mapped
+    return numbers[found_after(run, scan)], numbers, false_after(run, scan)
 
 
 def _ink(colour: Iterable[float]) -> tuple[int, ...]:

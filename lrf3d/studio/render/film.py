@@ -170,7 +170,9 @@ class Film:
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
         self._scenes = {
-            name: Scene(Timeline(each, playback=chosen.playback), None, painted)
+            name: Scene(
+                Timeline(each, playback=chosen.playback), None, painted, team={each: team.get(each)}
+            )
             for name, (each, painted) in maps.items()
         }
         room = self._lay_out(chosen)
@@ -191,6 +193,8 @@ class Film:
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
             self.camera.robots = max(1, len(self._scenes))
+            # The maps of several robots stay.
+            self.camera.widens = (not self._scenes) * self._size[0] / self._size[1]
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
@@ -227,7 +231,7 @@ class Film:
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
         width, _ = self._size
-        columns = width - view.inset * self._strip
+        columns = width - round(view.inset * self._strip)
         shine = [mark for each in [*self._scenes.values()][1:] for mark in each.shine(time)]
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
         picture: Pixels = self.renderer.draw(seen)
@@ -242,7 +246,14 @@ class Film:
         heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
         if head := heads.get(view.shot):
             view = replace(view, said=(head, *view.said[1:]))
-        label = panel.panel(self.run, moment, view, self.timeline.playback, full=self._full)
+        label = panel.panel(
+            self.run,
+            moment,
+            view,
+            self.timeline.playback,
+            full=self._full,
+            robots=tuple(self._scenes),
+        )
         if any(words) and panel.has_card(self.run, moment, view):
             label = label._replace(text=words, colours=(INK, *[PALE] * len(self._scenes)))
         return label
@@ -257,7 +268,8 @@ class Film:
             parts = stacked(rows[:1], (width, self._head), self._gap), picture
             return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
         strip = stacked([*rows, *self.maps[0].legend()], (self._strip, height), self._gap)
-        return np.hstack([picture, strip])
+        # What leaves the picture leaves it to the right.
+        return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""
@@ -265,7 +277,7 @@ class Film:
         view = self.camera.look(time, (width - self._strip) / height)
         if not view.inset:
             return self.camera.look(time, width / height)
-        return replace(view, aside=self._strip / width)
+        return replace(view, aside=view.inset * self._strip / width)
 
     def close(self) -> None:
         """Free what the driver holds."""

@@ -14,12 +14,14 @@ from PIL import Image
 from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.files import as_path, replacing, unfinished_folder
 from lrf3d.base.interrupts import Progress, silent, stoppable
-from lrf3d.geometry.lines import Float, is_finite, number, whole_number
+from lrf3d.geometry.lines import Float, is_finite, lengths, number, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.beside import INK
 from lrf3d.studio.render.film import SLACK, FilmOptions
 from lrf3d.studio.render.text import LINE, gap_of, row_of, stacked
 from lrf3d.studio.render.workers import Job, draw
+from lrf3d.studio.scene.found import missed_most
+from lrf3d.studio.scene.look import NOTHING
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -103,20 +105,17 @@ def render_video(
         replace(one, corner=one.corner + origin - stage.structures.origin) for one, origin in frames
     ]
     light = reduce(Exposure.joined, lights, stage.exposure)
-    drawn = [(run, chosen, stage._replace(exposure=light))]
-    heading = np.zeros((0, chosen.size[0], 3), np.uint8)
+    none = np.zeros((0, chosen.size[0], 3), np.uint8)
+    job = Job(
+        [(run, chosen, stage._replace(exposure=light))],
+        np.concatenate([times[examples], times]),
+        MARKS,
+        others,
+        [none, none],
+        NOTHING,
+    )
     if columns:
-        width, height = chosen.size
-        high = round(_HEADING * height)
-        size = width // len(columns) // 2 * 2, height - high
-        gap = gap_of(size)
-        words = row_of(((chosen.title, INK),), high / LINE, width - 2 * gap)
-        heading = stacked([words], (width, high), gap)
-        look = replace(chosen, size=size, layers=frozenset(chosen.layers) - {"hud"}, below=True)
-        drawn = [
-            (each, replace(look, title=name), stage_of(each)) for name, each in columns.items()
-        ]
-    job = Job(drawn, np.concatenate([times[examples], times]), MARKS, others, heading)
+        job = _side_by_side(job, chosen, columns)
 
     def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
         for done, picture in enumerate(pictures, 1):
@@ -134,6 +133,24 @@ def render_video(
                 fps=fps,
                 examples=list(islice(pictures, len(examples))),
             )
+
+
+def _side_by_side(job: Job, chosen: FilmOptions, columns: Mapping[str, Run]) -> Job:
+    """A job whose pictures show runs in columns, by their names, under a heading."""
+    close = missed_most(columns.values())
+    sizes = [f"A wall of {100.0 * long:.0f} cm" for long in lengths(close)]
+    lost = "".join(f"{each} is lost in the scatter of its hits" for each in sizes)
+    width, height = chosen.size
+    high = round(_HEADING * height)
+    size = width // len(columns) // 2 * 2, height - high
+    gap = gap_of(size)
+    headings = [
+        stacked([row_of(((words, INK),), high / LINE, width - 2 * gap)], (width, high), gap)
+        for words in (chosen.title, lost or chosen.title)
+    ]
+    look = replace(chosen, size=size, layers=frozenset(chosen.layers) - {"hud"}, below=True)
+    drawn = [(each, replace(look, title=name), stage_of(each)) for name, each in columns.items()]
+    return job._replace(columns=drawn, headings=headings, close=close)
 
 
 def _frame_times(

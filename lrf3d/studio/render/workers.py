@@ -26,7 +26,6 @@ from lrf3d.base.errors import InputError, Lrf3dError
 from lrf3d.base.interrupts import check
 from lrf3d.geometry.lines import Float
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import MapBeside
 from lrf3d.studio.render.film import Film, FilmOptions
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Mark, Pixels
@@ -59,8 +58,10 @@ class Job(NamedTuple):
     times: Float
     marks: dict[str, Callable[..., Mark | None]]
     maps: dict[str, tuple[Run, Stage]]
-    # Nothing (0, w, 3) where there is none.
-    heading: Pixels
+    # Until the last scan and after it; nothing (0, w, 3) where there is none.
+    headings: list[Pixels]
+    # The wall that all maps come close to in the end (1, 4), if there is one (0, 4) [m].
+    close: Float
 
 
 def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None, None]:
@@ -135,14 +136,6 @@ def _process(
         pipe.close()
 
 
-def _magnify(maps: list[MapBeside]) -> None:
-    """Let maps come close in the end to the wall that most of them miss."""
-    lost = np.concatenate([np.zeros((0, 4)), *(each.lost for each in maps)])
-    walls, counts = np.unique(lost, axis=0, return_counts=True)
-    for each in maps * bool(len(walls)):
-        each.close = walls[counts.argmax()].reshape(2, 2).mean(axis=0)
-
-
 def main(job_file: str, number: str, count: str, pipe: str) -> None:
     """Draw every ``count``-th picture of a job from a number on, or say why not."""
     end = Connection(int(pipe), readable=False)
@@ -156,11 +149,13 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
         for film in films:
             # All are seen from one place.
             film.camera = films[0].camera
-        if len(films) > 1:
-            _magnify([each for film in films for each in film.maps])
+        for each in [each for film in films for each in film.maps]:
+            # All come close to one wall.
+            each.close = job.close
         for time in job.times[int(number) :: int(count)].tolist():
             picture = np.hstack([film.draw(time) for film in films])
-            end.send(np.vstack([job.heading[:, : picture.shape[1]], picture]))
+            heading = job.headings[int(time >= films[0].run.trajectory.times.max())]
+            end.send(np.vstack([heading[:, : picture.shape[1]], picture]))
     except BrokenPipeError:
         # Nobody else is left to tidy up.
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)

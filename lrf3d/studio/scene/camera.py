@@ -68,7 +68,7 @@ class Look:
         shift: How far the picture is moved up, in halves of its height.
         aside: How far the picture is moved to the left, in halves of its width.
         shows_map: Whether the map is laid over the scene.
-        inset: Whether the map is also shown next to it.
+        inset: Which share of the strip with the map is left next to it, 0…1.
         cuts: Whether the walls of rooms are cut level, so that one looks into them.
         above: How much higher than usual they are cut [m].
         dusk: How far the dark has become dusk, 0…1.
@@ -84,7 +84,7 @@ class Look:
     shift: float = 0.0
     aside: float = 0.0
     shows_map: bool = False
-    inset: bool = True
+    inset: float = 1.0
     cuts: bool = False
     above: float = 0.0
     dusk: float = 0.0

@@ -1,7 +1,9 @@
 """The cameras of a film: those that move with the robot, fixed ones, and the overview."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import shapely
@@ -9,7 +11,6 @@ import shapely
 from lrf3d.geometry.lines import Float
 from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothPath
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
-from lrf3d.studio.scene.stage.stage import STREET
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
@@ -67,6 +68,9 @@ DRIFT = np.radians(1.2)
 # Time before and after its middle for which an overview goes round [s of the film]: long films do
 # not end at the back.
 _LONGEST = 20.0
+
+# How far the whole reaches past its walls [m].
+_PAST = 0.5
 
 # Extent of a world from which on only what is near the drive is shown as the whole [m].
 _LARGEST_WORLD = 600.0
@@ -159,11 +163,12 @@ def overview(
     free_below: float = _FREE_BELOW,
     at: float | None = None,
     drift: float = DRIFT,
-    steep: float | None = None,
+    steeps: Sequence[float] = (),
 ) -> PathCamera:
     """Shows the whole world from its best side, and drifts slowly round it [rad/s of the film].
 
-    It reaches that side at a given time [s] of a story, or else in the middle of the run.
+    It reaches that side at a given time [s] of a story, or else in the middle of the run. It may
+    look down as steeply as fills the picture best [rad].
     """
     corners = corners_of(timeline, structures)
     passed = np.linspace(-_LONGEST, _LONGEST, 9)
@@ -172,14 +177,17 @@ def overview(
 
     @cache
     def track(aspect: float) -> CameraPath:
-        down = steep or structures.setting.steep
-        shape = (down if aspect > 1.0 else max(down, _UPRIGHT)), _FIELD, aspect, free_below
-        # From the side from which the whole is as large as from any.
-        tracks = [fitted(corners, times[:1], side, *shape) for side in _SIDES]
-        side = min(tracks, key=lambda track: float(track.aways.min())).turns
-        return fitted(corners, times, side + drift * passed, *shape)
+        shape = _FIELD, aspect, free_below
+        usual = structures.setting.steep if aspect > 1.0 else _UPRIGHT
+        tracks = [
+            fitted(corners, times[:1], side, steep, *shape)
+            for side, steep in product(_SIDES, steeps or [usual])
+        ]
+        # From where the ground takes the most of the picture.
+        best = max(tracks, key=lambda track: float(np.sin(track.steeps[0]) / track.aways[0] ** 2))
+        return fitted(corners, times, best.turns + drift * passed, best.steeps.item(), *shape)
 
-    return PathCamera(track, {"cuts": True, "dusk": 0.5, "shot": "whole"})
+    return PathCamera(track, {"cuts": True, "dusk": 1.0, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> PathCamera:
@@ -194,7 +202,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
         found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
         return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
-    return PathCamera(track, {"shows_map": True, "inset": False, "shot": "whole"})
+    return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
 
 
 def corners_of(timeline: Timeline, structures: Structures) -> Float:
@@ -205,9 +213,7 @@ def corners_of(timeline: Timeline, structures: Structures) -> Float:
         low = path.min(axis=0) - _DRIVE_AROUND
         high = path.max(axis=0) + _DRIVE_AROUND
         ends = ends[((ends >= low) & (ends <= high)).all(axis=1)]
-    # Streets reach past the houses.
-    past = 0.5 if structures.indoor else 0.5 * STREET
-    square = past * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+    square = _PAST * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
     level = (np.concatenate([ends, path])[:, None] + square).reshape(-1, 2)
     level = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(level)))
     tallest = SECTION if structures.indoor else _TALLEST_WALL

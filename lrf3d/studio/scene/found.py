@@ -1,14 +1,19 @@
-"""The walls that a run has found at a moment: one count for all that films say of it."""
+"""The walls that a run has found at a moment, and the false ones: one count for all films say."""
 
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
+import shapely
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import Bool, Float, Int
+from lrf3d.geometry.lines import Bool, Float, Int, cross, directions
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.marks import false_pieces
+from lrf3d.studio.scene.shown import Shown
+from lrf3d.world import World
 
 # Number of maps of a run of which the walls found are counted, about.
 _SCORED = 16
@@ -16,8 +21,14 @@ _SCORED = 16
 # The walls that the runs asked for last could see: those of a usual fleet.
 _WALLS = Latest(8)
 
-# Which of them their maps have found.
+# The search trees of all walls of their worlds.
+_TREES = Latest(8)
+
+# Which of the walls their maps have found.
 _FOUND = Latest(2 * _SCORED)
+
+# How many false walls these have.
+_FALSE = Latest(8)
 
 
 def visible_to(run: Run) -> tuple[Float, Int]:
@@ -43,6 +54,55 @@ def found_after(run: Run, scan: int) -> Bool:
     return _FOUND.of((run, number), partial(_found, run, number))
 
 
+def lost_after(run: Run, scan: int) -> Float:
+    """The parts of walls (n, 4) that its last map misses, once a run has ended with a scan."""
+    ended = scan == len(run.trajectory.times) - 1
+    return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
+
+
+def missed_most(runs: Iterable[Run]) -> Float:
+    """The part of a wall (1, 4) that most maps of some runs miss; (0, 4) where none is missed."""
+    lost = np.concatenate([lost_after(run, len(run) - 1) for run in runs])
+    parts, counts = np.unique(lost, axis=0, return_counts=True)
+    return np.asarray(parts[counts == counts.max(initial=0)][:1])
+
+
+def hits_on(run: Run, part: Float) -> tuple[Float, float]:
+    """What a run's scans have hit (n, 2) of the wall of a part (4,), and how far off it [m]."""
+    parts, walls = visible_to(run)
+    wall = walls[(parts == part).all(axis=1)]
+    hits = [scan.points()[np.isin(scan.walls[scan.hits], wall)] for scan in run.scans]
+    places = np.concatenate(hits)
+    off = cross(places - part[:2], directions(part[None]))
+    return places, float(np.sqrt((off**2).sum() / max(1, len(off))))
+
+
 def _found(run: Run, number: int) -> Bool:
     line_map = run.maps[number] if number >= 0 else LineMap.empty()
     return found_walls(line_map, visible_to(run)[0])
+
+
+def false_after(run: Run, scan: int) -> int:
+    """How many walls its map has after a scan where there is none, if the true ones are known."""
+    number = run.snapshot_after(scan)
+    return false_walls(run, number)[0] if number >= 0 and len(visible_to(run)[0]) else 0
+
+
+def false_walls(run: Shown, number: int) -> tuple[int, Float]:
+    """How many walls a map of a run has where there is none, and where their pieces lie (n, 2)."""
+    return _FALSE.of((run, number), partial(_false, run, number))
+
+
+def _false(run: Shown, number: int) -> tuple[int, Float]:
+    tree = _TREES.of(run.world, partial(_tree, run.world))
+    pieces, owner, false = false_pieces(run.maps[number].segments, tree)
+    return len(np.unique(owner[false])), pieces[false].reshape(-1, 2, 2).mean(axis=1)
+
+
+def _tree(world: World) -> shapely.STRtree:
+    return shapely.STRtree(shapely.linestrings(world.segments.reshape(-1, 2, 2)))
+
+
+def false_words(count: int) -> str:
+    """Words on false walls, to follow others; none if there are none."""
+    return f", {count} false" if count else ""

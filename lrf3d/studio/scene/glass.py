@@ -1,8 +1,9 @@
-"""Glass: panes as they are seen from an eye, and what beams do at them and at mirrors.
+"""Glass: panes as they are seen from an eye, and what beams do at them, mirrors and reflectors.
 
 Walls of glass, an eye and scans enter; translucent faces, lines and counts leave.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -10,7 +11,8 @@ import numpy as np
 import shapely
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Bool, Float, directions, lengths
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import look
@@ -20,15 +22,19 @@ from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import Structures, folded
 from lrf3d.studio.scene.timeline import FIRST
 from lrf3d.world import World
+from lrf3d.world.materials import Material
 
 # Colour of a beam that goes through glass.
 THROUGH_COLOUR = look.rgb("#7fe3ff")
 
 # Colour of a beam that comes back from it.
-BACK_COLOUR = look.rgb("#ff8a7a")
+BACK_COLOUR = look.rgb("#fff2cc")
 
 # Colour of a beam that a mirror turns.
-TURNED_COLOUR = look.rgb("#fff2cc")
+TURNED_COLOUR = BACK_COLOUR
+
+# Colour of a beam that comes back from a reflector.
+REFLECTED_COLOUR = look.MATERIAL_COLOURS["retro"]
 
 # Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
 _AT_PANE = 0.1
@@ -48,14 +54,15 @@ _GLEAM = 0.14
 # Share of the opacity that panes have in the dark.
 _UNLIT = 0.3
 
-# Number of beams at glass that are drawn of a scan, about: of more, some are chosen evenly.
-_DRAWN = 20
+# Number of beams through glass that are drawn of a scan, about, and of those that come back from
+# it: of more, some are chosen evenly.
+_DRAWN = 6
 
 # Opacity of these beams.
 _BEAM = 0.8
 
 # Width of these beams [pixels of 720 lines].
-_WIDE = 1.6 * look.FINE
+_WIDE = 2.2 * look.FINE
 
 # The glass of the world that was asked for last.
 _PANES = Latest()
@@ -64,7 +71,10 @@ _PANES = Latest()
 _SHOWN = Latest(2)
 
 # Share of a run in which the scan is chosen that a film shows.
-_EARLY = 0.75
+EARLY = 0.75
+
+# Least number of beams that come back there, in that of those that meet glass.
+_SOME = 0.1
 
 # Number of scans that are counted, at most.
 _COUNTED = 400
@@ -136,34 +146,62 @@ def at_glass(world: World, starts: Float, ends: Float) -> tuple[Bool, Bool]:
 
 
 def _panes(world: World) -> shapely.Geometry:
-    clear = np.array([one is not None and one.passes for one in world.materials] or [False])
-    walls = world.segments[clear[world.objects if world.materials else 0 * world.objects]]
+    walls = world.segments[_walls_of(world, lambda material: material.passes)]
     panes = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
     shapely.prepare(panes)
     return panes
 
 
-def met_glass(run: Shown, number: int) -> tuple[Float, Bool]:
-    """Where beams of a scan that met glass ended (n, 2) [m], and which came back (n,).
-
-    The others than those that came back went through.
-    """
-    return _SHOWN.of((run, number), partial(_met, run, number))
+def _walls_of(world: World, chosen: Callable[[Material], bool]) -> Int:
+    """The walls of chosen materials."""
+    objects = [one is not None and chosen(one) for one in world.materials]
+    return np.flatnonzero(np.isin(world.objects, np.flatnonzero(objects)))
 
 
-def _met(run: Shown, number: int) -> tuple[Float, Bool]:
+def met_reflectors(run: Shown, number: int) -> Int:
+    """The hits of a scan that came back from reflectors, one of each."""
+    scan = run.scans_at(number)[0]
+    walls = scan.walls[scan.hits]
+    bright = _walls_of(run.world, lambda material: material.retro > 1.0)
+    met, first = np.unique(walls, return_index=True)
+    return first[np.isin(met, bright)]
+
+
+class TellingBeams(NamedTuple):
+    """Beams of a scan that tell what a film is about."""
+
+    # What they are.
+    words: str
+    # Where they end (n, 2) [m].
+    ends: Float
+    colour: look.Colour
+
+
+def telling_beams(run: Shown, number: int) -> list[TellingBeams]:
+    """The beams of a scan that went through glass or came back from it, or from reflectors."""
+    return _SHOWN.of((run, number), partial(_telling, run, number))
+
+
+def _telling(run: Shown, number: int) -> list[TellingBeams]:
     scan = unrolled(run.scans_at(number)[0])
     ends = scan.points()
-    through, back = at_glass(run.world, np.broadcast_to(scan.pose[:2], ends.shape), ends)
-    met = through | back
-    return ends[met], back[met]
+    found = []
+    if counts_at_glass(run).back:
+        through, back = at_glass(run.world, np.broadcast_to(scan.pose[:2], ends.shape), ends)
+        words = f"{counted(int(through.sum()), 'beam')} through glass"
+        found.append(TellingBeams(words, ends[through], THROUGH_COLOUR))
+        found.append(TellingBeams(f"{back.sum()} back from it", ends[back], BACK_COLOUR))
+    bright = met_reflectors(run, number)
+    if len(bright):
+        words = f"back from {counted(len(bright), 'reflector')}"
+        found.append(TellingBeams(words, ends[bright], REFLECTED_COLOUR))
+    return found
 
 
-def glass_beams(apex: Float, ends: Float, back: Bool, height: float) -> Lines:
-    """Some beams from an apex (2,) to ends (n, 2) in the film's frame, of which some came back."""
-    step = 1 + len(ends) // _DRAWN
-    ends, back = ends[::step], back[::step]
-    colours = np.where(back[:, None], BACK_COLOUR, THROUGH_COLOUR)
+def some_beams(apex: Float, beams: TellingBeams, origin: Float, height: float) -> Lines:
+    """Some of the beams from an apex (2,), in the film's frame with an origin (2,) in the world."""
+    ends = beams.ends[:: 1 + len(beams.ends) // _DRAWN] - origin
+    colours = np.tile(beams.colour, (len(ends), 1))
     begins = np.broadcast_to(apex, ends.shape)
     return level_lines(height, begins, ends, colours, np.full(ends.shape, _BEAM), _WIDE)
 
@@ -197,10 +235,10 @@ class GlassCounts(NamedTuple):
     through: int = 0
     # How many came back from it.
     back: int = 0
-    # The scan from which most beams came back; the first scans do not count.
+    # The scan of which most beams met it, and some came back; the first scans do not count.
     scan: int = 0
-    # Where those ended (n, 2) [m].
-    ends: Float = np.zeros((0, 2))
+    # The pane from which most of these came back (4,) [m].
+    pane: Float = np.zeros(4)
 
 
 # The counts of the run that was asked for last.
@@ -224,12 +262,15 @@ def _counts(run: Shown) -> GlassCounts:
     through, back = at_glass(run.world, starts, ends)
     # A film opens with the first scan, and ends on the whole.
     times = run.trajectory.times - run.trajectory.times.min()
-    late = back & (times[owner] > FIRST * run.playback) & (times[owner] < _EARLY * times.max())
-    most = int(np.argmax(np.bincount(owner[late if late.any() else back], minlength=1)))
+    late = (times[owner] > FIRST * run.playback) & (times[owner] < EARLY * times.max())
+    late |= not (late & back).any()
+    returned, met = (
+        np.bincount(owner[late & each], minlength=1) for each in (back, through | back)
+    )
+    most = int(np.argmax(np.where(returned >= _SOME * met.max(), met, 0)))
+    walls = np.concatenate([scan.walls[scan.hits] for scan in scans])
+    pane = int(np.argmax(np.bincount(walls[back & (owner == most)], minlength=1)))
     step = numbers.step
     return GlassCounts(
-        step * int(through.sum()),
-        step * int(back.sum()),
-        most,
-        ends[back & (owner == most)],
+        step * int(through.sum()), step * int(back.sum()), most, run.world.segments[pane]
     )

@@ -68,8 +68,8 @@ NIGHT_LOW = rgb("#0a0f18")
 # What white becomes there.
 NIGHT_HIGH = rgb("#232f44")
 
-# What white becomes at the end where no beam has been: the model stands in dusk.
-DUSK = rgb("#66799f")
+# What white becomes there once the first scan has been seen: the model stands in dusk.
+DUSK = rgb("#56688a")
 
 # Colour of fresh light.
 EMBER = rgb("#ffbf73")
@@ -127,7 +127,7 @@ FINE = 1.1
 BOLD = 3.2
 
 # Opacity of panes of glass.
-PANE = 0.10
+PANE = 0.16
 
 # Colours of the walls of a map, from the one that was found first to the last.
 FOUND = np.array([rgb(code) for code in ("#c58cff", "#6fa2ff", "#34d5d5", "#7fe57f", "#f2ec5e")])
@@ -235,21 +235,19 @@ class Setting(NamedTuple):
     orbit: Rig
     # How steeply an overview looks down [rad]: more into rooms, so that near walls hide less.
     steep: float
-    # The same at the end of a story: rooms become their plan.
-    steep_end: float
 
 
 TOWN = Setting(
     cool=(1.02, 1.10, 1.24), beams=42.0, cell=0.25,
     before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2, top=0.0,
     chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, shift=-0.3),
-    steep=float(np.radians(42.0)), steep_end=float(np.radians(58.0)),
+    steep=float(np.radians(42.0)),
 )  # fmt: skip
 ROOMS = Setting(
     cool=(0.74, 0.82, 0.95), beams=14.0, cell=0.08,
     before=2.0, light=26.0, pixel=0.02, margin=3.0, land=150, shade=0.25, top=0.62,
     chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0),
-    steep=float(np.radians(56.0)), steep_end=float(np.radians(86.0)),
+    steep=float(np.radians(56.0)),
 )  # fmt: skip
 
 

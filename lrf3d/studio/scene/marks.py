@@ -73,7 +73,7 @@ _GHOST_STEP = 0.4
 # Largest number of pieces of a segment: some are as long as the world.
 _MOST_PIECES = 500
 
-# Distance from all walls from which on a piece of a map is of a false room [m].
+# Distance from all walls from which on a piece of a map is of a false wall [m].
 FALSE_FROM = 0.5
 
 # Opacity of the trail long after.
@@ -185,11 +185,6 @@ class DrawnMap:
     colours: Float
 
     @classmethod
-    def plain(cls, segments: Float, colour: look.Colour = look.PALE_WALL) -> "DrawnMap":
-        """Take segments (m, 4) in the film's frame, all in one colour."""
-        return cls(segments, np.tile(colour, (len(segments), 1)))
-
-    @classmethod
     def from_snapshot(
         cls,
         run: Shown,
@@ -200,10 +195,10 @@ class DrawnMap:
     ) -> "DrawnMap":
         """Take a map snapshot of a run; −1 is the empty map before the first.
 
-        All may have one colour, but for false rooms, which are red.
+        All may have one colour, but for walls that mirrors and what moves add, which are red.
         """
         if number < 0:
-            return cls.plain(look.NOTHING)
+            return cls(look.NOTHING, look.NOTHING[:, :3])
         last = run.snapshot_after(sys.maxsize)
         frame = np.tile(structures.origin, 2)
         drawn, whole = (run.maps[k].segments - frame for k in (number, last))
@@ -214,13 +209,11 @@ class DrawnMap:
             # What was found at once has one colour, half-way between what is earlier and later.
             ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
             colours = look.found_colours(0.5 * ranks / max(1, len(order)))
-        if structures.mirrors.any():
-            # A wall may go on into its reflection.
-            drawn, owner = _pieces(drawn)
+        if structures.mirrors.any() or (run.obstacles and run.knows_truth):
+            # A wall may go on into its reflection, or to where a robot was.
+            drawn, owner, false = false_pieces(drawn, structures.tree)
             colours = colours[owner]
-            middles = shapely.points(0.5 * (drawn[:, :2] + drawn[:, 2:]))
-            near, _ = structures.tree.query(middles, "dwithin", distance=FALSE_FROM)
-            colours[np.setdiff1d(np.arange(len(drawn)), near)] = look.FALSE_COLOUR
+            colours[false] = look.FALSE_COLOUR
         return cls(drawn, colours)
 
     def lines(self, height: float, width: float) -> Lines:
@@ -259,25 +252,36 @@ class DrawnMap:
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
-        on_walls = {"predicate": "dwithin", "distance": tolerance}
-        ends = (shapely.points(place) for place in np.hsplit(self.segments, 2))
-        pairs = (structures.tree.query(places, **on_walls) for places in ends)
-        # What has both ends near one straight wall is near it all along.
-        start, end = (number * len(structures.segments) + wall for number, wall in pairs)
-        near = np.intersect1d(start, end) // max(1, len(structures.segments))
-        segments, colours = (
-            np.delete(each, near, axis=0) for each in (self.segments, self.colours)
-        )
-        pieces, owner = _pieces(segments)
-        middles = shapely.points(0.5 * (pieces[:, :2] + pieces[:, 2:]))
-        near, _ = structures.tree.query(middles, **on_walls)
-        loose = np.setdiff1d(np.arange(len(owner)), near)
+        pieces, owner, loose = false_pieces(self.segments, structures.tree, tolerance)
         a, b = (np.insert(place, 2, 0.0, axis=1) for place in np.hsplit(pieces[loose], 2))
         up = np.array([0.0, 0.0, _GHOST_HEIGHT])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
         strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
-        tints = np.repeat(colours[owner[loose]], 6, axis=0)
+        tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
         return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
+
+
+def false_pieces(
+    segments: Float, walls: shapely.STRtree, tolerance: float = FALSE_FROM
+) -> tuple[Float, Int, Int]:
+    """Segments (n, 4) in parts (p, 4), the segment of each, and those parts that lie off all walls.
+
+    Only what is farther from a wall than a tolerance [m] is cut into pieces.
+    """
+    on_walls = {"predicate": "dwithin", "distance": tolerance}
+    ends = (shapely.points(places) for places in np.hsplit(segments, 2))
+    # What has both ends near one straight wall is near it all along.
+    start, end = (
+        number * len(walls) + wall
+        for number, wall in (walls.query(places, **on_walls) for places in ends)
+    )
+    near = np.unique(np.intersect1d(start, end) // max(1, len(walls)))
+    far = np.delete(np.arange(len(segments)), near)
+    pieces, owner = _pieces(segments[far])
+    middles = shapely.points(0.5 * (pieces[:, :2] + pieces[:, 2:]))
+    others, _ = walls.query(middles, **on_walls)
+    false = len(near) + np.setdiff1d(np.arange(len(owner)), others)
+    return np.concatenate([segments[near], pieces]), np.append(near, far[owner]), false
 
 
 def _pieces(segments: Float) -> tuple[Float, Int]:

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import LEFT, Float, directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
-from lrf3d.studio.scene.glass import Panes, bounced, glass_beams, met_glass
+from lrf3d.studio.scene.found import lost_after
+from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
@@ -36,10 +37,11 @@ from lrf3d.studio.scene.shapes import (
     single,
     together,
 )
+from lrf3d.studio.scene.shots import PROOF
 from lrf3d.studio.scene.stage.exposure import WAVE_GAP, LiveExposure
 from lrf3d.studio.scene.stage.stage import Stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, outlines_of
-from lrf3d.studio.scene.subject import subject_of
+from lrf3d.studio.scene.subject import beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, Timeline, drive_keys, obstacle_keys
 
 # Optional layers; a disabled layer is neither built nor drawn.
@@ -81,6 +83,12 @@ _TRAIL_FADE = 15.0
 
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
+
+# Half the width of the ribbons along walls that the map misses, in the distance of the eye.
+_RIBBON = 0.004
+
+# Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
+_SPOT = 0.1, (6.0, 12.0)
 
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
@@ -201,6 +209,9 @@ class Scene:
     ) -> list[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
         beams, hits, lamp = self._beams_at(moment)
+        telling = [*self._telling_beams(moment, view.shot)]
+        if telling and view.shot == PROOF:
+            beams = None
         drawn = self._snapshot(moment)
         now = moment.time - self.timeline.start
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
@@ -218,8 +229,9 @@ class Scene:
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
-            *self._telling_beams(moment),
+            *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
+            ("map", "lost", self._lost(moment, view)),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -355,20 +367,35 @@ class Scene:
             points = points._replace(places=places)
         return lines, points, light
 
-    def _telling_beams(self, moment: Moment) -> Iterator[tuple[str, str, Lines | None]]:
-        """Beams at glass, and one that a mirror turns; in a drive by hand, all beams are equal."""
+    def _telling_beams(self, moment: Moment, shot: str) -> Iterator[tuple[str, str, Lines | None]]:
+        """Beams at glass and reflectors, and one that a mirror turns; by hand, all are equal."""
         if self.live or not moment.scanning:
             return
         apex = self.run.lasers[0].placed(moment.pose)[:2] - self.origin
-        if self.structures.glass.any():
-            ends, back = met_glass(self.run, moment.scan)
-            yield "beams", "glass beams", glass_beams(apex, ends - self.origin, back, self._height)
+        told = beams_told(self.run, moment, self.timeline.playback, shot)
+        for number, beams in enumerate(told):
+            lines = some_beams(apex, beams, self.origin, self._height)
+            yield "beams", f"telling beams {number}", lines
         aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)
         if aim is not None:
             scan = unrolled(self.run.scans_at(moment.scan)[0])
             scan = replace(scan, pose=np.array(scan.pose) - self._frame)
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
+
+    def _lost(self, moment: Moment, view: Look) -> Soft | None:
+        """Ribbons along the walls that the map misses in the end, which nothing hides."""
+        # Robots share their walls.
+        if view.shot != "end" or self._robots:
+            return None
+        run: Any = self.run
+        lost = lost_after(run, moment.mapped) - np.tile(self.origin, 2)
+        start, end = np.hsplit(lost, 2)
+        aside = _RIBBON * view.away * directions(lost) @ LEFT
+        quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
+        corners = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
+        colours = np.tile([*look.FALSE_COLOUR, 1.0], (2 * len(lost), 3, 1))
+        return Soft(single(corners.reshape(-1, 3, 3)), single(colours), on_top=True)
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""
@@ -391,7 +418,8 @@ class Scene:
     ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
 
-        Where its walls and its robot have colours, no others are drawn. Lost walls (n, 4) are red.
+        Where its walls and its robot have colours, no others are drawn but those of a team. Lost
+        walls (n, 4) are red.
         """
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
@@ -404,8 +432,9 @@ class Scene:
             now = moment.time - self.timeline.start
             trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
             others = []
-            tints = single(np.tile(tint, (len(walls.starts), 1)))
-            walls = walls._replace(colours=tints, width=_CLEARER * walls.width)
+            walls = walls._replace(width=_CLEARER * walls.width)
+            if self.team[self.run] is None:
+                walls = walls._replace(colours=single(np.tile(tint, (len(walls.starts), 1))))
         red = np.tile(look.FALSE_COLOUR, (len(lost), 1))
         start, end = np.hsplit(lost - np.tile(self.origin, 2), 2)
         robot = bodies.flat_dart(pose, dart, 0.0, colours[1] if colours else look.ROBOT)
@@ -420,6 +449,14 @@ class Scene:
             view.lens(pose[:2]),
             tuple((f"plan {name}", mark) for name, mark in marks if mark),
             self.exposure.clock(moment.now, self.timeline.playback),
+        )
+
+    def spots(self, places: Float) -> Points:
+        """Places in the world (n, 2) as points of the inset."""
+        level = np.insert(places - self.origin, 2, 0.0, axis=1)
+        colours = np.tile([*look.EMBER, 1.0], (len(level), 1))
+        return Points(
+            single(level), single(colours), single(0.0 * level[:, :2]), *_SPOT, glows=False
         )
 
     def inset_view(self, *shape: float, turns: bool = False, compared: bool = False) -> InsetView:

@@ -3,30 +3,24 @@
 A run and a moment of it enter, lines of text leave.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
-from lrf3d.mapping.line_map import GLASS
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.found import found_after
-from lrf3d.studio.scene.glass import (
-    BACK_COLOUR,
-    THROUGH_COLOUR,
-    TURNED_COLOUR,
-    counts_at_glass,
-    met_glass,
-)
+from lrf3d.studio.scene.found import false_after, false_words, found_after, lost_after
+from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
-from lrf3d.studio.scene.shapes import Label
-from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
+from lrf3d.studio.scene.shapes import NAMED, Label
+from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting
 
 # Kinds of panels: all numbers, or three facts.
@@ -69,7 +63,8 @@ def _mapped(run: Run, scan: int) -> str:
     found = found_after(run, scan)
     if not len(found):
         return f"{counted(len(run.map_after(scan)), 'segment')} mapped"
-    return f"{found.sum()} of {counted(len(found), 'wall')} found"
+    false = false_words(false_after(run, scan))
+    return f"{found.sum()} of {counted(len(found), 'wall')} found{false}"
 
 
 def _closing(run: Run, moment: Moment, playback: float) -> str:
@@ -98,8 +93,19 @@ def has_card(run: Run, moment: Moment, view: Look) -> bool:
     return view.shot == "end" or (view.shot == "whole" and moment.mapped == len(run) - 1)
 
 
-def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool = False) -> Label:
-    """The panel of a moment through a look; at the end of a story the card."""
+def panel(
+    run: Run,
+    moment: Moment,
+    view: Look,
+    playback: float,
+    *,
+    full: bool = False,
+    robots: Sequence[str] = (),
+) -> Label:
+    """The panel of a moment through a look; at the end of a story the card.
+
+    Robots have names where each has a map, the run's own first.
+    """
     if has_card(run, moment, view):
         return _CARDS.of(run, partial(_card, run, playback))
     head, *said = view.said or [""]
@@ -108,7 +114,10 @@ def panel(run: Run, moment: Moment, view: Look, playback: float, *, full: bool =
         said = _numbers(run, moment, playback)
         said += [run.map_after(moment.mapped).counts] * bool(run.maps)
     said = said or [_passed(run, moment, playback, head, view.shot)]
-    others = [*((words, _PALE) for words in said), *_trails(run, moment, playback)]
+    others = [
+        *((words, _PALE) for words in said),
+        *_trails(run, moment, view.shot, playback, robots),
+    ]
     return _label([(head, _INK), *others], _FULL_SIZE if full else _SIZE)
 
 
@@ -150,11 +159,14 @@ def _card(run: Run, playback: float) -> Label:
         rest = ""
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
+        found += false_words(false_after(run, len(run) - 1))
         rest = f"what it never saw stays dark  ·  {objects}"
-    alone, *loops = _drifted(run, playback) or [("", _INK)]
-    others = [*loops, *((words, _PALE) for words in _glass_words(run))] or [(rest, _PALE)]
-    # What a drive without its laser comes to is the point of a film of SLAM.
-    return _label([alone, (found, _PALE if alone[0] else _INK), *others], _SIZE)
+    lost = len(lost_after(run, len(run) - 1))
+    missed = [(f"{NAMED} {lost} missed", _whole(look.FALSE_COLOUR))] * bool(lost)
+    said = [(subject_of(run, playback).found, _INK), (rest, _PALE)]
+    first, *others = _drifted(run, playback) or said
+    # What the film is about comes first.
+    return _label([first, (found, _PALE if first[0] else _INK), *missed, *others], _SIZE)
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
@@ -167,40 +179,29 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
     return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 
 
-def _glass_words(run: Run) -> list[str]:
-    """Words on what the glass of a run's world did to its beams and its map."""
-    through, back, *_ = counts_at_glass(run)
-    if not through + back:
-        return []
-    panes = int((run.map.kinds == GLASS).sum())
-    known = f"{counted(panes, 'pane')} found" if panes else "none is known as glass"
-    share = 100.0 * through / (through + back)
-    return [f"{share:.0f} % of the beams at glass went through  ·  {known}"]
-
-
-def _trails(run: Run, moment: Moment, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
+def _trails(
+    run: Run, moment: Moment, shot: str, playback: float, robots: Sequence[str]
+) -> list[tuple[str, tuple[int, int, int]]]:
     """The names of trails and of single beams in their colours, and how far trails are apart."""
     found = [
         (f"━ {name}  {apart}", look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR)
         for name, apart in estimate_words(run, moment.scan)
     ]
-    if robots := robots_of(run.obstacles):
-        colours = [look.TRAIL_COLOUR, *(colour for _, colour in robots)]
-        found += [(f"━ robot {number}", colour) for number, colour in enumerate(colours, 1)]
+    if others := robots_of(run.obstacles):
+        colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
+        names = robots or ["this robot", *["another robot"] * len(others)]
+        found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
-    found += _beams(run, moment, playback) if moment.mapped >= 0 else []
+    found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
     return [(words.rstrip(), _whole(colour)) for words, colour in found]
 
 
-def _beams(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:
     """The names of single beams, and their colours."""
-    found = list[tuple[str, look.Colour]]()
-    if moment.scanning and counts_at_glass(run).back:
-        _, back = met_glass(run, moment.scan)
-        found.append((f"━ {counted(int((~back).sum()), 'beam')} through glass", THROUGH_COLOUR))
-        found.append((f"━ {back.sum()} back from it", BACK_COLOUR))
+    beams = beams_told(run, moment, playback, shot)
+    found = [(f"━ {each.words}", each.colour) for each in beams]
     if subject_of(run, playback).aim_at(moment.time) is not None:
         found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
         found.append(("━ where the laser takes it to go", look.FALSE_COLOUR))

@@ -1,9 +1,9 @@
 """The shots of a film: which parts of a run it shows, chosen by how much happens there.
 
 A film takes about fifteen seconds, however long the run is. It opens in the dark before the run and
-shows the first scan; then it shows the parts of the run in which most happens, and what it is about
-in slow motion. It ends on a turn about the whole world, in which the rest of the run completes the
-map in fast motion. A short run is shown without gaps.
+shows the first scan; then it shows the parts of the run in which most happens and, last and in slow
+motion, what it is about. It ends on a turn about the whole world, in which the rest of the run
+completes the map in fast motion. A short run is shown without gaps.
 """
 
 from itertools import pairwise
@@ -32,13 +32,13 @@ OPENING = 1.2
 _FIRST_SHARE = 0.4
 
 # Time for which the camera rises to the whole world [s of the film].
-RISE = 1.4
+RISE = 3.2
 
 # Time for which it shows the whole world [s of the film].
-CLOSING = 5.0
+CLOSING = 3.2
 
 # Part of that in which the rest of the run completes the map [s of the film].
-FILLING = 2.6
+FILLING = 0.8
 
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
@@ -49,19 +49,24 @@ SHOTS = ("chase", "close")
 # The shot of what the film is about.
 PROOF = "proof"
 
-# How much longer that takes than others, and how much less of the run it shows if it can.
+# How much longer that takes than others.
 _SLOWER = 1.8
-_SHORTER = 0.6
+
+# How much of the run it shows, if it can [s of a film that is not slower].
+_PROVEN = 0.8
 
 # Share of that shot which comes before its moment.
-_BEFORE = 0.75
+_BEFORE = 0.6
 
 # Rounding of its moment [s].
 _ROUNDING = 1e-6
 
+# Largest share of a short run, after its first scan, that is shown before the camera rises.
+_LATEST = 0.9
+
 # Share of the run in which the shots are chosen, unless its moment comes later: the rest is seen
 # from above.
-_CHOSEN = 0.4
+_CHOSEN = 0.6
 
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
@@ -70,7 +75,7 @@ _MOMENTS = 400
 _SNAPSHOTS = 120
 
 # Weight of turning relative to walls that enter the map.
-_TURNING = 0.6
+_TURNING = 0.1
 
 
 class Shot(NamedTuple):
@@ -98,30 +103,37 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     moment = subject_of(timeline.run, playback).moment
     proven = -np.inf if moment is None else moment - _ROUNDING
     longer = (_SLOWER - 1.0) * (proven > opened)
+    # A proof takes its time from the rise and from what follows.
     filling = scale * FILLING / (1.0 + longer)
-    free = max(length - fixed, scale * _SHOT) + scale * FILLING - filling
+    rise = scale * RISE / (1.0 + longer)
+    spared = scale * (FILLING + RISE) - filling - rise
+    free = max(length - fixed, scale * _SHOT) + spared
     count = max(1, round(free / _SHOT - longer))
+    if longer:
+        # As many come before it as there is time for.
+        before = np.arange(count)
+        times = free * before / (before + 1.0 + longer) + _BEFORE * _PROVEN
+        count = max(1, int((times <= (proven - opened) / playback).sum()))
     each = free / (count + longer)
-    rise = scale * RISE
     closing = scale * (CLOSING - FILLING) + filling
-    shown = count * each + rise + filling
+    part = min(each, _PROVEN) if longer else each
+    shown = (count - 1) * each + part + rise + filling
     if lasts <= first + shown:
-        # The whole run is shown, at its playback speed.
-        share = (lasts - first) / shown
-        each, rise, filling = share * each, share * rise, share * filling
+        # The whole run is shown, at its playback speed; the shots reach the moment.
+        left = lasts - first
+        wished = min((proven - opened) / playback + _ROUNDING, _LATEST * left)
+        reached = max(left * (1.0 - (rise + filling) / shown), wished)
+        each = part = reached / count
+        share = (left - reached) / (rise + filling)
+        rise, filling = share * rise, share * filling
         starts = first + each * np.arange(count)
     else:
         starts = _starts(timeline, first, each, count, proven if longer else None)
     starts = timeline.start + playback * starts
-    ends = starts + playback * each
-    proves = (starts < proven) & (proven <= ends)
+    proves = (starts < proven) & (proven <= starts + playback * each)
+    ends = starts + playback * np.where(proves, part, each)
     names = np.where(proves, PROOF, np.resize(SHOTS, count)).tolist()
     takes = each * np.where(proves, _SLOWER, 1.0)
-    if lasts > first + shown:
-        # The moment stays in its place.
-        spare = (1.0 - _SHORTER) * playback * each * proves
-        starts += _BEFORE * spare
-        ends -= (1.0 - _BEFORE) * spare
     opening = scale * OPENING
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
@@ -140,7 +152,7 @@ def _starts(
 ) -> Float:
     """Start times (count,) of the shots of a length [s of the film] in which most happens.
 
-    One of them is that of a moment [s].
+    The last one is that of a moment [s].
     """
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
@@ -149,25 +161,20 @@ def _starts(
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
     # Each shot has its own part of the run, and much of the run remains after the last one.
-    latest = max(_CHOSEN * lasts, first + count * each)
+    latest = min(max(_CHOSEN * lasts, first + count * each), lasts - each)
+    proof = list[float]()
     if moment is not None:
-        wished = (moment - timeline.start) / timeline.playback - _BEFORE * each
-        wished = np.clip(wished, first, lasts - each)
-        latest = max(latest, wished)
-        off = moments - wished
-        happens[np.abs(off) < each] = 0.0
-        inside = (moments >= first) & (moments <= lasts - each)
-        nearest = int(np.argmin(np.where(inside, np.abs(off), np.inf)))
-        moments[nearest] -= off[nearest]
-        happens[nearest] = np.inf
-    bounds = np.linspace(first, min(latest, lasts - each), count + 1)
-    starts = np.zeros(count)
-    free = first
-    for number, (low, high) in enumerate(pairwise(bounds)):
-        within = (moments >= max(low, free)) & (moments <= high)
-        starts[number] = max(moments[np.argmax(np.where(within, happens, -1.0))], free)
-        free = starts[number] + each
-    return starts
+        wished = (moment - timeline.start) / timeline.playback - _BEFORE * min(each, _PROVEN)
+        proof.append(min(max(wished, first), lasts - each))
+        latest = proof[0] - each
+    # Each has the same part of the time that is left between them.
+    left = np.linspace(first, latest - each * (count - len(proof) - 1), count - len(proof) + 1)
+    starts = list[float]()
+    for number, (low, high) in enumerate(pairwise(left)):
+        begun = moments - each * number
+        within = (begun >= low) & (begun <= high)
+        starts.append(max(moments[np.argmax(np.where(within, happens, -1.0))], low + each * number))
+    return np.array([*starts, *proof])
 
 
 def _news(timeline: Timeline, times: Float) -> Float:

@@ -48,6 +48,9 @@ _SWAY = np.radians(9.0)
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
 _END_DRIFT = np.radians(7.0)
 
+# How steeply the camera may look down at the end [rad].
+_STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
+
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
 
@@ -65,7 +68,7 @@ _FARTHEST = 300.0
 _DARK_HALF = 0.8
 
 # Bonus for a picture full of walls that are in the map, which have their colours.
-_MAPPED = 1.2
+_MAPPED = 2.2
 
 # Share of the robot, over the time of a shot, that walls may hide.
 _TOO_MUCH = 0.05
@@ -76,9 +79,6 @@ _HIDDEN = 6.0
 # Bonus for the nearest camera of a shot, and for the farthest of the opening.
 _FAVOURED = 0.25
 
-# How far the dark becomes dusk once the first scan has been seen, of what it is at the end.
-_DUSK = 0.5
-
 # What is said after the title.
 _LIT = "Light shows what its laser has met"
 
@@ -88,6 +88,10 @@ _LEAPS = 1.1
 # How steeply the camera of the proof looks down [rad].
 _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
 
+# From where it looks along what is seen from its side [rad].
+_ASIDE = np.radians([-45.0, -135.0])
+_PROVES_ASIDE = np.radians([34.0, 44.0])
+
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
 
@@ -95,7 +99,7 @@ _ROOM = 1.5
 _FIELD = float(np.radians(46.0))
 
 # Share of the picture's height below it that text takes.
-_TEXT = 0.3
+_TEXT = 0.22
 
 
 # How many times as fast as the rest a rise is from which on it says so.
@@ -128,7 +132,7 @@ _BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0))
 _UP = -0.25
 
 # Share of the rise in which walls sink to where they are cut.
-_SINKS = 0.5
+_SINKS = 0.2
 
 
 class _Take(NamedTuple):
@@ -162,12 +166,13 @@ class Story:
         self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
         # How many robots the shots show by turns.
         self.robots = 1
+        # The aspect of the picture when the map beside it has left; 0 if that stays.
+        self.widens = 0.0
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
         # There it comes to rest.
-        steep = structures.setting.steep_end
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, steep)
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, _STEEPS)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -183,23 +188,20 @@ class Story:
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
         track, _, above = self._track(number, aspect)
-        said = self._said(number, time)
-        if shot.name == "opening":
-            share = max(time - self._timeline.start, 0.0) / max(
-                shot.end - self._timeline.start, TINY
-            )
-            dusk = _DUSK * float(_eased(share))
-            return track.look(time, cuts=True, dusk=dusk, shot="wave", said=said)
-        # The rise shows the whole world: the dark leaves.
-        passed = (time - shot.start) / max(shot.end - shot.start, TINY)
-        share = float(_eased({"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)))
+        # Before the run starts all is dark.
+        begins = max(shot.start, self._timeline.start)
+        passed = (time - begins) / max(shot.end - begins, TINY)
+        # The rise shows the whole world, which is then its own map.
+        risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
+        share = float(_eased(risen))
         return track.look(
             time,
             cuts=True,
-            above=above * max(1.0 - share / _SINKS, 0.0),
-            dusk=_DUSK + (1.0 - _DUSK) * share,
-            shot=shot.name,
-            said=said,
+            above=above * max(1.0 - risen / _SINKS, 0.0),
+            dusk=float(_eased(passed)) if shot.name == "opening" else 1.0,
+            inset=1.0 - share * bool(self.widens),
+            shot="wave" if shot.name == "opening" else shot.name,
+            said=self._said(number, time),
             robot=self._robot(number),
         )
 
@@ -207,23 +209,23 @@ class Story:
         """What is said first of a shot by its number: its subject, or that the film leaps."""
         shot = self.shots[number]
         subject = self._subject
-        passed = (time - shot.start) / self._timeline.playback
+        share = (time - shot.start) / max(shot.end - shot.start, TINY)
+        passed = share * shot.length
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
         if shot.name == "proof":
-            proof = subject.proof if time < subject.until else subject.after
-            return (proof, *told) if proof else ()
+            return (subject.proof if time < subject.until else subject.after, *told)
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         if self.leaps and shot.name == "rise" and rushes:
             told = ("fast forward",)
-        return ("", *told) if told else ()
+        return ("", *told)
 
     def _robot(self, number: int) -> int:
-        """Which robot a shot by its number follows: the first one proves, others take turns."""
+        """Which robot a shot by its number follows: the first one opens and proves."""
         name = self.shots[number].name
-        return (number - 1) % self.robots if name in SHOTS else 0
+        return number % self.robots if name in SHOTS else 0
 
     def _leap(self, number: int) -> tuple[str, ...]:
         """How much of the run is left out before a shot by its number, if that is noticed."""
@@ -241,11 +243,12 @@ class Story:
         # The turn about the whole is even, however fast the run is played.
         turned = self._begins[number] - self._begins[-3] + np.linspace(0.0, shot.length, count)
         turned = self._timeline.end + self._timeline.playback * turned
-        whole = self._whole.track(aspect).at(turned)._replace(times=times)
+        wide = self.widens or aspect
+        whole = self._whole.track(wide).at(turned)._replace(times=times)
         if shot.name == "whole":
             return _Take(whole)
         if shot.name == "end":
-            plan = self._plan.track(aspect).at(turned)
+            plan = self._plan.track(wide).at(turned)
             return _Take(self._between(whole, plan, _eased(np.linspace(0.0, 1.0, count))))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
@@ -294,7 +297,10 @@ class Story:
         shown = np.concatenate([around, self._subject.places - self._timeline.origin])
         corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
-        for turn, steep in product(2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES):
+        sides, steeps = 2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES
+        if self._subject.along is not None:
+            sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
+        for turn, steep in product(sides, steeps):
             there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))

@@ -9,21 +9,35 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import Float
+from lrf3d.base.text import counted
+from lrf3d.geometry.lines import LEFT, Float, Int
+from lrf3d.mapping.line_map import GLASS, MIRROR
 from lrf3d.studio.scene.drift import Drift
-from lrf3d.studio.scene.glass import counts_at_glass
-from lrf3d.studio.scene.marks import FALSE_FROM, DrawnMap
+from lrf3d.studio.scene.found import false_walls
+from lrf3d.studio.scene.glass import (
+    EARLY,
+    GlassCounts,
+    TellingBeams,
+    counts_at_glass,
+    met_reflectors,
+    telling_beams,
+)
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.stage.structures import Structures
-from lrf3d.studio.scene.timeline import FIRST
+from lrf3d.studio.scene.timeline import FIRST, Moment
 
 # Time for which the title stands [s of the film].
 TITLE_TIME = 3.0
 
-# Number of map snapshots that are searched for false rooms, at most.
+# Number of maps or scans that are searched, at most.
 _COMPARED = 120
 
-# Share of the false pieces, or of the hits at glass, that the picture shows: the nearest.
+# Times around the moment at which robots meet [s].
+_AROUND = np.array([-1.0, 0.0, 1.0])
+
+# Shots that show the whole.
+_FROM_AFAR = ("rise", "whole", "end")
+
+# Share of the pieces of false walls that the picture shows: the nearest.
 _NEAR = 0.8
 
 
@@ -43,10 +57,22 @@ class Subject(NamedTuple):
     after: str = ""
     # Where a mirror makes a laser see a wall (2,), in the world [m].
     aim: Float | None = None
+    # What of it is found in the end.
+    found: str = ""
+    # Whether the beams that tell it are drawn, and counted.
+    told: bool = False
+    # The direction of what is seen from its side [rad], with the robot on its right.
+    along: float | None = None
 
     def aim_at(self, time: float) -> Float | None:
         """That place, as long as the map holds the wall."""
         return self.aim if time < self.until else None
+
+
+def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[TellingBeams]:
+    """The beams of a moment that tell the subject; from afar they would hide the map."""
+    told = moment.scanning and shot not in _FROM_AFAR and subject_of(run, playback).told
+    return telling_beams(run, moment.scan) if told else []
 
 
 # The subjects of the runs that were asked for last: up to eight may be side by side.
@@ -54,14 +80,15 @@ _FOUND = Latest(8)
 
 
 def subject_of(run: Shown, playback: float) -> Subject:
-    """The first that a run has of a closed loop, a false room, glass, and other robots."""
+    """The first that a run has of a closed loop, a false room, other robots, glass, reflectors."""
     return _FOUND.of((run, playback), partial(_subject, run, playback))
 
 
 def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
-    found = _loop(run, playback) or _false_room(run, since) or _glass(run) or _fleet(run)
+    found = _loop(run, playback) or _false_room(run, since) or _robots(run, since)
+    found = found or _glass(run) or _reflectors(run, since)
     usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
     return found or Subject(usual if run.knows_truth else "A recorded drive, mapped by its laser")
 
@@ -81,32 +108,66 @@ def _loop(run: Shown, playback: float) -> Subject | None:
 def _false_room(run: Shown, since: float) -> Subject | None:
     """The last map that holds half of what a mirror has added to it since a time [s]."""
     materials = filter(None, run.world.materials)
-    mirrors = any(one.mirrors and not one.passes for one in materials)
-    if not (mirrors and run.knows_truth and len(run.maps)):
+    if not any(one.mirrors and not one.passes for one in materials):
         return None
-    structures = Structures.from_run(run)
+    scans, false, held = _false_walls(run, since)
+    if not len(held):
+        return None
+    last = held[-1]
+    left = np.append(scans, len(run.trajectory.times))[last + 1] - 1
+    known = float(run.trajectory.times[left])
+    near = _nearest(run, left, false[last])
+    mirrors = int((run.maps[-1].kinds == MIRROR).sum())
+    kept = "a false room is left" if len(false[-1]) else "no false room is left"
+    return Subject(
+        "In a mirror, a laser sees a false room",
+        known,
+        near,
+        "The red room is only a reflection",
+        known,
+        "The same room, mirrored: so this is a mirror" * bool(mirrors),
+        near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))],
+        f"{counted(mirrors, 'mirror')} found, {kept}",
+    )
+
+
+def _robots(run: Shown, since: float) -> Subject | None:
+    """Other robots, and the first map after a time [s] that takes one of them for a wall."""
+    others = [each.path for each in run.obstacles if each.is_robot]
+    if not others:
+        return None
+    scans, false, held = _false_walls(run, since)
+    if not len(held):
+        count = "Two" if len(others) == 1 else 1 + len(others)
+        return Subject(f"{count} robots map apart; together they find more")
+    first = held[0]
+    entered = float(run.trajectory.times[scans[first]])
+    # Where they come from, and go to.
+    there = np.array([path.at(entered + _AROUND)[:, :2] for path in others])
+    nearest = there[np.argmin(np.hypot(*(there[:, 1] - false[first].mean(axis=0)).T))]
+    return Subject(
+        "To a laser, another robot is a wall",
+        entered,
+        np.vstack([_nearest(run, scans[first], false[first]), nearest]),
+        "Here two robots meet",
+        entered,
+        "The red wall is only the other robot",
+    )
+
+
+def _false_walls(run: Shown, since: float) -> tuple[Int, list[Float], Int]:
+    """The first scans (m,) with the maps since a time [s], and where they have false walls (n, 2).
+
+    Third, which of the maps have at least half as many as any. None without the truth.
+    """
     times = run.trajectory.times
     first = run.snapshot_after(int(np.searchsorted(times, since)))
     compared = np.linspace(max(first, 0), len(run.maps) - 1, _COMPARED).astype(int)
-    numbers = np.unique(compared).tolist()
-    frame = np.tile(structures.origin, 2)
-    false = [
-        DrawnMap.plain(run.maps[number].segments - frame).ghosts(structures, FALSE_FROM).corners
-        for number in numbers
-    ]
-    counts = np.array([len(corners) for corners in false])
-    last = int(np.flatnonzero(2 * counts >= counts.max())[-1])
-    if not counts[last]:
-        return None
-    held = sum(run.snapshot_after(scan) <= numbers[last] for scan in range(len(times)))
-    known = float(times[held - 1])
-    title = "In a mirror, a laser sees a false room"
-    places = false[last].reshape(-1, 3)[:, :2] + structures.origin
-    near = _nearest(run, held - 1, places)
-    aim = near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))]
-    knows = "mirror" in run.maps[min(numbers[last] + 1, len(run.maps) - 1)].kinds
-    after = "The same room, mirrored: so this is a mirror" * knows
-    return Subject(title, known, near, "The red room is only a reflection", known, after, aim)
+    numbers = np.unique(compared) if run.knows_truth and len(run.maps) else compared[:0]
+    found = [false_walls(run, number)[1] for number in numbers.tolist()]
+    most = max([1, *(len(places) for places in found)])
+    scans = np.searchsorted([run.snapshot_after(scan) for scan in range(len(times))], numbers)
+    return scans, found, np.flatnonzero([2 * len(places) >= most for places in found])
 
 
 def _nearest(run: Shown, scan: int, places: Float) -> Float:
@@ -116,21 +177,58 @@ def _nearest(run: Shown, scan: int, places: Float) -> Float:
 
 
 def _glass(run: Shown) -> Subject | None:
-    """The scan of which the most beams come back from glass."""
+    """The scan of which the most beams meet glass, and some come back from it."""
     counts = counts_at_glass(run)
     if not 0 < counts.back < counts.through:
         return None
+    # The pane is seen from the robot's side, and beyond it as much as before it.
+    start, end = counts.pane.reshape(2, 2)
+    across = (end - start) / np.hypot(*(end - start)) @ LEFT
+    robot = run.trajectory.poses[counts.scan, :2]
+    before = (robot - start) @ across * across
+    along = float(np.arctan2(*(before @ LEFT)[::-1]))
     return Subject(
         "Glass lets most of a laser's beams through",
         float(run.trajectory.times[counts.scan]),
-        _nearest(run, counts.scan, counts.ends),
-        "Blue went through the pane, red came back",
+        np.array([robot - 2.0 * before]),
+        "Blue goes through the pane, white comes back",
+        found=_glass_words(run, counts),
+        told=True,
+        along=along,
     )
 
 
-def _fleet(run: Shown) -> Subject | None:
-    """Other robots: the shots show them by turns."""
-    count = 1 + sum(each.is_robot for each in run.obstacles)
-    if count == 1:
+def _glass_words(run: Shown, counts: GlassCounts) -> str:
+    """What the glass of a run's world did to its beams and its map."""
+    panes = int((run.maps[-1].kinds == GLASS).sum()) if len(run.maps) else 0
+    known = f"{counted(panes, 'pane')} found" if panes else "none is known as glass"
+    share = 100.0 * counts.through / (counts.through + counts.back)
+    return f"{share:.0f} % of the beams at glass went through  ·  {known}"
+
+
+def _reflectors(run: Shown, since: float) -> Subject | None:
+    """The scan that sees the most reflectors after a time [s], much brighter than all else."""
+    if not any(one.retro > 1.0 for one in filter(None, run.world.materials)):
         return None
-    return Subject(f"{'Two' if count == 2 else count} robots drive; each maps what it sees")
+    times = run.trajectory.times
+    late = np.flatnonzero((times > since) & (times < EARLY * times.max())).tolist()
+    late = late[:: 1 + len(late) // _COMPARED]
+    seen = [met_reflectors(run, number) for number in late]
+    counts = [len(each) for each in seen]
+    if not any(counts):
+        return None
+    most = int(np.argmax(counts))
+    scan = run.scans_at(late[most])[0]
+    if scan.intensities is None:
+        return None
+    light = scan.intensities[scan.hits]
+    brighter = np.median(light[seen[most]]) / np.median(np.delete(light, seen[most]))
+    words = f"{brighter:.0f} × as bright as walls"
+    return Subject(
+        "To a laser, reflectors outshine all else",
+        float(times[late[most]]),
+        _nearest(run, late[most], scan.points()[seen[most]]),
+        f"Reflectors: {words}",
+        found=f"{counted(counts[most], 'reflector')} at once, {words}",
+        told=True,
+    )

@@ -11,7 +11,7 @@ from lrf3d.studio.scene import moments
 from lrf3d.studio.scene.camera import CameraPath
 from lrf3d.studio.scene.cameras import Fixed, chase, orbit, overview, top
 from lrf3d.studio.scene.moments import Scene
-from lrf3d.studio.scene.shots import CLOSING, OPENING, plan_shots
+from lrf3d.studio.scene.shots import CLOSING, FILLING, OPENING, plan_shots
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.story import Story
@@ -57,21 +57,23 @@ def test_the_whole_world_is_shown_above_the_text(make, camera, aspect):
         assert max(np.ptp(places[:, 0]), np.ptp(places[:, 1])) > 1.05
 
 
-def test_a_story_begins_at_the_robot_in_the_dark_and_ends_with_the_whole_in_dusk():
+def test_a_story_begins_at_the_robot_in_the_dark_and_ends_with_the_whole_without_the_map():
     timeline, structures, story = told(city_run(seconds=60.0), 2.0)
     first = story.look(timeline.start - 2.0 * OPENING, 1.5)
     assert first.shot == "wave" and first.dusk == 0.0
     robot = timeline.poses(np.array([timeline.start]))[0, :2] - timeline.origin
     assert np.abs(seen(first, np.array([[*robot, 0.35]]), 1.5)).max() < 0.3 and first.away < 3.0
-    held = [story.look(timeline.end + 2.0 * (CLOSING - before), 1.5) for before in (3.0, 0.1)]
-    assert all(look.shot == "end" for look in held)
-    assert [look.dusk for look in held] == [1.0, 1.0]
-    assert (np.abs(seen(held[1], level(structures.places), 1.5)) < 1.0).all()
+    story.widens = 1.9
+    turned = CLOSING - FILLING
+    held = [story.look(timeline.end + 2.0 * share * turned, 1.5) for share in (0.1, 1.0)]
+    assert [(look.shot, look.inset) for look in held] == [("end", 0.0)] * 2
+    shown = np.abs(seen(held[1], level(structures.places), 1.9))
+    assert (shown < 1.0).all() and shown.max(axis=0).min() > 0.65
 
 
 @pytest.mark.parametrize(
     ("seconds", "length", "takes"),
-    [(4, 15, 7.0), (20, 15, 10.3), (400, 15, 15), (400, 40, 40), (400, 6, 6)],
+    [(4, 15, 5.3), (20, 15, 9.1), (400, 15, 15), (400, 40, 40), (400, 6, 6)],
 )
 def test_a_story_takes_a_length_and_its_shots_go_on_in_time(seconds, length, takes):
     timeline = Timeline(city_run(seconds=float(seconds)), playback=4.0)

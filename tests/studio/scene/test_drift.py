@@ -10,7 +10,7 @@ import lrf3d
 from lrf3d.geometry.pose import compose
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import Drift
-from lrf3d.studio.scene.glass import Panes, at_glass, bounced, glass_beams, met_glass
+from lrf3d.studio.scene.glass import Panes, at_glass, bounced, some_beams, telling_beams
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
@@ -90,6 +90,40 @@ def test_the_legend_counts_all_beams_at_glass_of_which_some_are_drawn():
     legend = " ".join(said(run, time=run.trajectory.times[0]))
     assert through + back > 50
     assert f"{through} beams through glass" in legend and f"{back} back from it" in legend
-    ends, came = met_glass(run, 0)
-    assert len(ends) == through + back and came.sum() == back
-    assert 10 < len(glass_beams(np.zeros(2), ends, came, 0.3).starts) <= 20
+    beams = telling_beams(run, 0)
+    assert [len(each.ends) for each in beams] == [through, back]
+    drawn = [some_beams(np.zeros(2), each, np.zeros(2), 0.3) for each in beams]
+    assert all(1 < len(lines.starts) <= 6 for lines in drawn)
+
+
+@pytest.mark.parametrize(
+    ("material", "beams", "title"),
+    [("retro-reflector", ["back from 1 reflector"], "reflectors"), ("brick", [], "has never seen")],
+)
+def test_reflectors_are_the_subject_and_their_beams_are_told_from_near(material, beams, title):
+    walls = [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0], [2, 1, 2, 3]]
+    world = lrf3d.World(walls, [0, 0, 0, 0, 1], materials=["brick", material])
+    times = np.arange(0.0, 20.0, 2.0)
+    drive = lrf3d.Trajectory(times, [(1.0, 1.0 + 0.1 * time, 0.0) for time in times])
+    run = lrf3d.simulate(world, drive, noise=None, rng=0)
+    subject = subject_of(run, 1.0)
+    assert title in subject.title and (subject.moment is not None) == bool(beams)
+    legend = " ".join(said(run, time=8.0))
+    assert [each.words for each in telling_beams(run, 4)] == beams
+    assert all(words in legend for words in beams)
+    assert "reflector" not in " ".join(said(run, "rise", time=8.0))
+
+
+def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
+    run = room_run()
+    path = lrf3d.Trajectory([0.0, 9.0], [(4.0, 3.0, 0.0)] * 2)
+    other = lrf3d.DynamicObstacle([[0, 0], [1, 0], [0, 1]], path, is_robot=True)
+    wrong = replace(run.map, segments=0.1 * run.map.segments + 3.0)
+    assert subject_of(replace(run, obstacles=(other,)), 0.1).title.startswith("Two robots")
+    last = len(run) - 1
+    met = replace(run, obstacles=(other,), maps=(run.map, wrong), snapshot_scans=(0, last))
+    subject = subject_of(met, 0.1)
+    assert subject.moment == subject.until == run.trajectory.times[last]
+    assert (np.abs(subject.places - 3.0) < 1.5).all()
+    assert ["━ this robot", "━ another robot"] == [*said(met)[-2:]]
+    assert f", {len(run.map)} false" in said(met, "end", time=run.trajectory.times[last])[0]

@@ -47,7 +47,7 @@ def test_while_a_map_grows_the_walls_found_are_counted_and_without_the_truth_its
     run = city_run()
     maps = (replace(run.map, segments=run.map.segments + 9.0), run.map)
     grows = replace(run, maps=maps, snapshot_scans=(0, len(run) - 1))
-    assert said(grows)[0] == "0 of 14 walls found"
+    assert said(grows)[0] == "0 of 14 walls found, 16 false"
     recorded = said(estimated(run, (0.0, 0.0, 0.0)))
     assert recorded[0] == f"{len(run.map)} segments mapped"
 
@@ -74,7 +74,7 @@ def test_the_card_of_several_robots_counts_the_walls_of_all_also_where_no_map_fi
     view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot)
     head, *each = film._label(film.timeline.moment(film.timeline.end), view).text
     assert not film.maps and head.startswith("2 maps together: ")
-    assert [words[:9] for words in each] == ["Robot 1: ", "Robot 2: "]
+    assert [words[:14] for words in each] == ["Robot 1 alone:", "Robot 2 alone:"]
 
 
 def test_a_panel_of_another_kind_is_refused():
